@@ -1,0 +1,32 @@
+# Two commands do everything on a fresh machine: `make ablation` and `make test`.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+export OPENBLAS_NUM_THREADS = 1
+export OMP_NUM_THREADS = 1
+
+.PHONY: ablation test test-slow lint clean
+
+ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
+	$(BIN)/qlearn ablate --out results/ablation
+
+test: $(READY)  ## the tests, without the slow ones
+	$(BIN)/python -m pytest -q -n auto
+
+test-slow: $(READY)  ## every test
+	$(BIN)/python -m pytest -q -n auto -m "slow or not slow"
+
+lint: $(READY)  ## ruff and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+$(READY): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "Python 3.11 or later is needed; name one with: make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+clean:
+	rm -rf .venv results .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,0 +1,61 @@
+"""elicit: learn the values of an ordinal scale by asking which of two bags of outcomes is better."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from elicit.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide
+from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+
+if TYPE_CHECKING:
+    from elicit.bradley_terry import BradleyTerryComparator
+    from elicit.choose import choose
+    from elicit.log import AnswerLog
+    from elicit.polytope import PolytopeComparator
+    from elicit.tutor import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
+
+_LATER = {  # imported when first used, so that `import elicit` stays light
+    "AnswerLog": "elicit.log",
+    "BradleyTerryComparator": "elicit.bradley_terry",
+    "BradleyTerryTutor": "elicit.tutor",
+    "FlippingTutor": "elicit.tutor",
+    "PolytopeComparator": "elicit.polytope",
+    "ReplayTutor": "elicit.tutor",
+    "TruthfulTutor": "elicit.tutor",
+    "Tutor": "elicit.tutor",
+    "choose": "elicit.choose",
+}
+
+__all__ = [
+    "AlwaysAsk",
+    "Answer",
+    "AnswerLog",
+    "Answers",
+    "BradleyTerryComparator",
+    "BradleyTerryTutor",
+    "Comparator",
+    "Dominance",
+    "FlippingTutor",
+    "InconsistentAnswers",
+    "PolytopeComparator",
+    "Query",
+    "ReplayTutor",
+    "StaleAnswer",
+    "Tier",
+    "TruthfulTutor",
+    "Tutor",
+    "Verdict",
+    "choose",
+    "decide",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        value = getattr(import_module(_LATER[name]), name)
+        globals()[name] = value  # a submodule of the same name (choose) must not take its place
+        return value
+    raise AttributeError(f"module 'elicit' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

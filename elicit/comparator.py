@@ -1,0 +1,148 @@
+"""The Comparator protocol, the one table from signs to verdicts, and the two comparators that learn nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit.query import Answers, Verdict
+from elicit.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
+
+Verdicts = NDArray[np.int8]
+
+
+class Tier(IntEnum):
+    """Who settled a comparison."""
+
+    EQUAL = 0  # the vectors are the same
+    DOMINANCE = 1  # eq. (4): true for every scale
+    SCREEN = 2  # a cheap proof from the answers
+    LP = 3  # the linear programs over K_t
+    MODEL = 4  # a statistical model
+    KNOWN = 5  # this very pair was answered before
+    INDIFFERENT = 6  # both signs possible, but too close to matter
+    GUESS = 7  # the question budget is spent: the sign at the comparator's best scale
+    TUTOR = 8  # asked
+
+
+@runtime_checkable
+class Comparator(Protocol):
+    """What is known of the scale so far. A frozen value: ``update`` returns a new one."""
+
+    @property
+    def k(self) -> int:
+        """Number of levels."""
+
+    @property
+    def values(self) -> Floats:
+        """(k,) best single guess at the scale, from 0 to 1."""
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) int8 on differences d (n, k)."""
+
+    def update(self, answers: Answers) -> Comparator:
+        """A comparator that also knows these answers; this one still answers as before."""
+
+
+class Decisions(NamedTuple):
+    """Verdicts (n,) int8 and the tier (n,) int8 that decided each (meaningless where UNKNOWN)."""
+
+    verdicts: Verdicts
+    tiers: NDArray[np.int8]
+
+
+def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
+    """``comparator.compare(d)`` with the tiers; a comparator may have a ``decide(d)`` that knows
+    them, for any other what is not equal or dominated counts as MODEL."""
+    own = getattr(comparator, "decide", None)
+    if own is not None:
+        result: Decisions = own(d)
+        return result
+    verdicts = np.asarray(comparator.compare(d), dtype=np.int8)
+    plain = dominance(tail_sums(as_vectors(d, comparator.k)))
+    return Decisions(verdicts, dominance_tiers(plain, Tier.MODEL))
+
+
+def dominance_tiers(codes: Verdicts, otherwise: Tier) -> NDArray[np.int8]:
+    """EQUAL or DOMINANCE where ``scale.dominance`` decided, else the given tier."""
+    tiers: NDArray[np.int8] = np.where(codes == 0, Tier.EQUAL, np.where(codes == 2, otherwise, Tier.DOMINANCE)).astype(
+        np.int8
+    )
+    return tiers
+
+
+def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -> Verdicts:
+    """The only table from the signs of the least and the greatest plausible d.e to a verdict."""
+    out = np.full(np.shape(least), Verdict.UNKNOWN, dtype=np.int8)
+    out[(least >= 0) & (greatest > 0)] = Verdict.BETTER
+    out[(greatest <= 0) & (least < 0)] = Verdict.WORSE
+    out[(least == 0) & (greatest == 0)] = Verdict.EQUAL
+    return out
+
+
+def check_levels(k: int) -> int:
+    """k as an int, at least 2; raises ValueError."""
+    if isinstance(k, bool) or not isinstance(k, (int, float, np.integer)) or not 2 <= k < np.inf or int(k) != k:
+        raise ValueError(f"k, the number of levels, must be a whole number of at least 2, not {k!r}")
+    return int(k)
+
+
+def check_answers(answers: Answers, k: int) -> Answers:
+    """Raise ValueError where the answers are not about k levels."""
+    if answers.k != k:
+        raise ValueError(f"these answers are about {answers.k} levels, but this comparator has k = {k}")
+    return answers
+
+
+@dataclass(frozen=True)
+class _Unlearning:
+    """Only the order of the levels is known, and no answer changes that."""
+
+    k: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "k", check_levels(self.k))
+
+    @property
+    def values(self) -> Floats:
+        """(k,) the centre of K_0: equal gaps."""
+        return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """Least and greatest d.e (n,) over every ordered scale."""
+        return order_bounds(tail_sums(as_vectors(d, self.k)), 0.0)
+
+
+class Dominance(_Unlearning):
+    """Eq. (4) alone: decides what holds for every scale, and needs no answers."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) by first-order stochastic dominance."""
+        return dominance(tail_sums(as_vectors(d, self.k)))
+
+    def update(self, answers: Answers) -> Dominance:
+        """Itself: answers teach it nothing."""
+        check_answers(answers, self.k)
+        return self
+
+
+class AlwaysAsk(_Unlearning):
+    """UNKNOWN for every difference but 0. With a truthful tutor it is the oracle baseline."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """EQUAL where the tail sums are all zero, else UNKNOWN (n,)."""
+        t = tail_sums(as_vectors(d, self.k))
+        out: Verdicts = np.where((t == 0).all(axis=1), Verdict.EQUAL, Verdict.UNKNOWN).astype(np.int8)
+        return out
+
+    def update(self, answers: Answers) -> AlwaysAsk:
+        """Itself: answers teach it nothing."""
+        check_answers(answers, self.k)
+        return self

@@ -1,0 +1,162 @@
+"""What passes between learner, tutor and comparator: Verdict, Query, Answer, Answers, and errors."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit.scale import Floats, as_vectors
+
+
+class Verdict(IntEnum):
+    """How a left vector compares with a right one."""
+
+    WORSE = -1
+    EQUAL = 0
+    BETTER = 1
+    UNKNOWN = 2
+
+    @property
+    def flipped(self) -> Verdict:
+        """The same statement with left and right exchanged."""
+        return self if self is Verdict.UNKNOWN else Verdict(-self)
+
+
+class StaleAnswer(ValueError):
+    """The caller's fault: there is no such pending query (answered already, or of another run)."""
+
+
+class InconsistentAnswers(ValueError):
+    """No scale satisfies the answers.
+
+    ``answers`` is a minimal contradictory set as (row, id) pairs: drop any one of them and the rest
+    are consistent. ``margin`` says whether the margin eta is a culprit, that is, whether these
+    answers would be consistent with a margin of zero.
+    """
+
+    def __init__(self, message: str, answers: Sequence[tuple[int, str]], margin: bool) -> None:
+        super().__init__(message)
+        self.answers = tuple(answers)
+        self.margin = margin
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """Which of two share vectors is better? ``left`` and ``right`` (k,); ``about`` is for people only."""
+
+    id: str
+    left: Floats
+    right: Floats
+    about: str = ""
+
+    def __post_init__(self) -> None:
+        left, right = np.asarray(self.left, float), np.asarray(self.right, float)
+        if left.ndim != 1 or left.shape != right.shape:
+            raise ValueError(f"a query compares two vectors of shape (k,), not {left.shape} with {right.shape}")
+        pair = as_vectors(np.stack([left, right]), name="a query's vectors")
+        pair.flags.writeable = False
+        object.__setattr__(self, "left", pair[0])
+        object.__setattr__(self, "right", pair[1])
+
+    @property
+    def d(self) -> Floats:
+        """left - right (k,)."""
+        return self.left - self.right
+
+    @staticmethod
+    def make(fingerprint: str, number: int, left: Floats, right: Floats, about: str = "") -> Query:
+        """A query whose id is a hash of the problem, its running number and the two vectors."""
+        digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
+        digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
+        digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
+        return Query(digest.hexdigest(), left, right, about)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A tutor's answer, in terms of ``query.left``; None means "cannot tell". ``swapped`` records
+    that the pair was shown right to left (``verdict`` is already turned back)."""
+
+    query: Query
+    verdict: Verdict | None
+    swapped: bool = False
+
+    def __post_init__(self) -> None:
+        if self.verdict is None:
+            return
+        if self.verdict == Verdict.UNKNOWN:
+            raise ValueError("an answer cannot be UNKNOWN: use None where the tutor cannot tell")
+        object.__setattr__(self, "verdict", Verdict(self.verdict))
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row."""
+
+    d: Floats
+    y: NDArray[np.int8]
+    ids: tuple[str, ...] = field(default=())
+
+    def __init__(self, d: ArrayLike, y: ArrayLike, ids: Sequence[str] | None = None) -> None:
+        rows = as_vectors(d).copy() if np.size(d) else np.array(d, dtype=np.float64)
+        if rows.ndim != 2:
+            raise ValueError(f"no answers still need a shape: give d of shape (0, k), not {rows.shape}")
+        signs = np.atleast_1d(np.asarray(y))
+        if signs.shape != (len(rows),):
+            raise ValueError(f"y must have one entry a row of d: {len(rows)} rows, but y has shape {signs.shape}")
+        bad = ~np.isin(signs, (-1, 0, 1))
+        if bad.any():
+            raise ValueError(f"y must be -1, 0 or +1, but row {int(np.argmax(bad))} is {signs[np.argmax(bad)]}")
+        names = tuple(str(i) for i in (ids if ids is not None else range(len(rows))))
+        if len(names) != len(rows):
+            raise ValueError(f"ids must have one entry a row of d: {len(rows)} rows, {len(names)} ids")
+        codes = signs.astype(np.int8)
+        rows.flags.writeable = codes.flags.writeable = False
+        object.__setattr__(self, "d", rows)
+        object.__setattr__(self, "y", codes)
+        object.__setattr__(self, "ids", names)
+
+    @staticmethod
+    def none(k: int) -> Answers:
+        """No answers yet, over k levels."""
+        return Answers(np.empty((0, k)), np.empty(0, dtype=np.int8))
+
+    @staticmethod
+    def of(answers: Sequence[Answer], k: int) -> Answers:
+        """The decided ones of a list of answers; "cannot tell" teaches a comparator nothing."""
+        told = [a for a in answers if a.verdict is not None]
+        if not told:
+            return Answers.none(k)
+        for answer in told:
+            if len(answer.query.left) != k:
+                found = len(answer.query.left)
+                raise ValueError(f"query {answer.query.id} is about {found} levels, but the answers are about {k}")
+        return Answers(
+            np.stack([a.query.d for a in told]), [int(a.verdict or 0) for a in told], [a.query.id for a in told]
+        )
+
+    @property
+    def k(self) -> int:
+        """Number of levels."""
+        return int(self.d.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.d)
+
+    def __add__(self, other: Answers) -> Answers:
+        if other.k != self.k:
+            raise ValueError(f"these answers are about {other.k} levels, not {self.k}")
+        both = object.__new__(Answers)  # the parts are valid, so checking the whole again would only cost time
+        for name, joined in (("d", np.concatenate([self.d, other.d])), ("y", np.concatenate([self.y, other.y]))):
+            joined.flags.writeable = False
+            object.__setattr__(both, name, joined)
+        object.__setattr__(both, "ids", self.ids + other.ids)
+        return both
+
+    def __getitem__(self, rows: slice) -> Answers:
+        return Answers(self.d[rows], self.y[rows], self.ids[rows])

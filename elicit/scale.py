@@ -1,0 +1,101 @@
+"""The ordinal scale in its simple coordinates: gaps of the scale and tail sums of a difference.
+
+A scale e_1 < ... < e_k is normalised to e_1 = 0 and e_k = 1. Its gaps g_j = e_{j+1} - e_j (k-1 of
+them) lie in a simplex, and for a difference d of two share vectors d.e = t.g, where t_j is the sum
+of d_i over i > j. In these coordinates dominance (eq. 4) is t >= 0 and an answer is a cut t.g >= 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+_HUGE = 2.0**960  # sums of differences below this cannot overflow
+
+
+def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
+    """Validate (n, k) finite floats; one vector (k,) becomes (1, k). Raises ValueError."""
+    try:
+        a = np.atleast_2d(np.asarray(vectors, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must be numbers of shape (n, k): {error}") from None
+    if a.ndim != 2 or (k is not None and a.shape[1] != k) or a.shape[1] < 2:
+        want = "(n, k) with k >= 2" if k is None else f"(n, {k}), one column a level"
+        raise ValueError(f"{name} must have shape {want}, not {np.shape(vectors)}")
+    if not np.isfinite(a).all():
+        row, column = (int(i) for i in np.argwhere(~np.isfinite(a))[0])
+        raise ValueError(f"{name} must be finite, but row {row}, level {column + 1} is {a[row, column]}")
+    return a
+
+
+def tail_sums(d: Floats) -> Floats:
+    """t (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
+
+    Plain sequential sums from the best level down, so that every caller rounds alike. Rows with
+    entries beyond 2^960 are first scaled by a power of two, which changes no sign.
+    """
+    top = d[..., :0:-1]
+    largest = np.abs(top).max(axis=-1, keepdims=True, initial=0.0)
+    if largest.size and largest.max() > _HUGE:
+        top = np.where(largest > _HUGE, top * 2.0**-64, top)
+    t: Floats = np.cumsum(top, axis=-1)[..., ::-1]
+    return t
+
+
+def dominance(t: Floats) -> NDArray[np.int8]:
+    """Eq. (4) on tail sums t (n, k-1): 1 where left dominates, -1 where right does, 0 where they
+    are equal, 2 where neither dominates (the codes of ``Verdict``)."""
+    up, down = (t >= 0).all(axis=-1), (t <= 0).all(axis=-1)
+    codes: NDArray[np.int8] = np.where(up & down, 0, np.where(up, 1, np.where(down, -1, 2))).astype(np.int8)
+    return codes
+
+
+def dot(t: Floats, g: Floats) -> Floats:
+    """t.g (n,) of t (n, k-1) and g (k-1,), summed in order: a row's result does not depend on its
+    neighbours, as it can with BLAS."""
+    total: Floats = np.zeros(t.shape[:-1])
+    for j in range(t.shape[-1]):
+        total = total + t[..., j] * g[..., j]
+    return total
+
+
+def normalise(values: ArrayLike) -> Floats:
+    """The scale (k,) as (values - values[0]) / (values[-1] - values[0]). Raises ValueError unless
+    values are k >= 2 finite, strictly increasing numbers."""
+    v = as_vectors(values, name="values")[0] if np.ndim(values) == 1 else None
+    if v is None:
+        raise ValueError(f"values must have shape (k,) with k >= 2, not {np.shape(values)}")
+    rises = v[1:] > v[:-1]
+    if not rises.all():
+        j = int(np.argmin(rises))
+        raise ValueError(
+            f"values must increase from the worst level to the best, but value {j + 1} is {v[j]:g} "
+            f"and value {j + 2} is {v[j + 1]:g}"
+        )
+    half = v * 0.5  # halves cannot overflow on subtraction
+    spread = half[-1] - half[0]
+    e: Floats = (half - half[0]) / (spread if spread > 0 else 1.0)
+    if not (np.diff(e) > 0).all():
+        raise ValueError(f"values {v} are too close together to be told apart once normalised to 0..1")
+    return e
+
+
+def gaps(values: ArrayLike) -> Floats:
+    """The gaps g (k-1,) of a scale, normalised to total 1."""
+    steps: Floats = np.diff(normalise(values))
+    return steps
+
+
+def values_of(g: Floats) -> Floats:
+    """The scale e (k,) of gaps g (k-1,): 0, g_1, g_1 + g_2, ..."""
+    e: Floats = np.concatenate([[0.0], np.cumsum(g)])
+    return e
+
+
+def order_bounds(t: Floats, margin: float) -> tuple[Floats, Floats]:
+    """Least and greatest d.e (n,) over K_0 = {g >= margin, sum g = 1}, in closed form."""
+    p = t.shape[-1]
+    base = margin * t.sum(axis=-1)
+    free = 1.0 - p * margin
+    return base + free * t.min(axis=-1), base + free * t.max(axis=-1)

@@ -1,0 +1,262 @@
+"""Conformance tests for your own comparator or tutor: run them in your test suite.
+
+    from elicit.testing import check_comparator, check_tutor
+
+    def test_mine() -> None:
+        check_comparator(MyComparator(k=5))
+
+Each raises AssertionError with what was asked, what came back, and what the contract says.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from elicit.comparator import AlwaysAsk, Comparator, decide
+from elicit.query import Answer, Answers, Query, Verdict
+from elicit.scale import Floats, dominance, tail_sums
+from elicit.tutor import Tutor
+
+_TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
+
+
+def check_comparator(comparator: Comparator, seed: int = 0) -> None:
+    """Check the whole ``Comparator`` contract, on the comparator as it is and after some answers.
+
+    The answers are those of a tutor whose scale is ``comparator.values``. ``AlwaysAsk`` is the one
+    comparator that may leave dominance undecided. Raises AssertionError.
+    """
+    _say(isinstance(comparator, Comparator), "it must have k, values, bounds, compare and update")
+    k = comparator.k
+    _say(isinstance(k, (int, np.integer)) and k >= 2, f"k must be a whole number of at least 2, not {k!r}")
+    d = sample_differences(k, seed)
+    _check_values(comparator)
+    _check_shapes(comparator, d)
+    _check_errors(comparator, d)
+    _check_verdicts(comparator, d)
+    _check_bounds(comparator, d)
+    learned = _check_update(comparator, d)
+    _check_values(learned)
+    _check_verdicts(learned, d)
+    _check_bounds(learned, d)
+
+
+def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> None:
+    """Check that a tutor answers queries about k levels as the contract says.
+
+    truthful=True also demands what only a tutor without errors does: the same answer to the same
+    pair, the mirrored one to the mirrored pair, and never one against dominance. Not for a
+    ReplayTutor, which knows only the queries of its log. Raises AssertionError.
+    """
+    d = sample_differences(k, seed)
+    pairs = [(np.clip(row, 0.0, None), np.clip(-row, 0.0, None)) for row in d]
+    queries = [Query.make("check_tutor", i, left, right) for i, (left, right) in enumerate(pairs)]
+    codes = [_ask(tutor, query) for query in queries]
+    same = Query.make("check_tutor", -1, pairs[-1][0], pairs[-1][0])
+    verdict = _ask(tutor, same)
+    _say(verdict in (None, Verdict.EQUAL), f"two identical vectors are EQUAL, but it says {verdict!r}")
+    if truthful:
+        plain = dominance(tail_sums(d))
+        for i, (query, code) in enumerate(zip(queries, codes, strict=True)):
+            again = _ask(tutor, query)
+            _say(again == code, f"a truthful tutor repeats itself, but on {query.d} it says {code!r}, then {again!r}")
+            mirrored = _ask(tutor, Query.make("mirrored", i, query.right, query.left))
+            want = None if code is None else code.flipped
+            _say(
+                mirrored == want, f"left and right exchanged, {code!r} on {query.d} must become {want!r}: {mirrored!r}"
+            )
+            against = code is not None and plain[i] in (-1, 1) and code != plain[i]
+            _say(not against, f"every scale ranks {query.d} as {Verdict(plain[i])!r}, but it says {code!r}")
+    signs = getattr(tutor, "signs", None)
+    if signs is not None:
+        many = signs(d)
+        _say(
+            many.shape == (len(d),) and many.dtype == np.int8, f"signs must be (n,) int8, not {many.shape} {many.dtype}"
+        )
+        _say(bool(np.isin(many, (-1, 0, 1)).all()), f"signs must be -1, 0 or 1, not {many}")
+        if truthful:
+            _same("signs(d)", many, "asking one by one", np.array([0 if c is None else c for c in codes]), d)
+    rate = getattr(tutor, "realised_error_rate", 0.0)
+    _say(0 <= rate <= 1, f"after some answers realised_error_rate must lie between 0 and 1, not {rate}")
+
+
+def sample_differences(k: int, seed: int = 0) -> Floats:
+    """Differences d (n, k) of share vectors on which comparators go wrong: smooth and sparse ones, near
+    and exact ties, single steps, dominated pairs, zero, and lengths from tiny to large."""
+    rng = np.random.default_rng(seed)
+
+    def shares(concentration: float, n: int) -> Floats:
+        drawn: Floats = rng.dirichlet(np.full(k, concentration), n)
+        return drawn
+
+    counts = rng.multinomial(4, np.full(k, 1.0 / k), 16) / 4.0
+    steps = np.eye(k)[1:] - np.eye(k)[:-1]
+    better = np.sort(rng.random((4, k)), axis=1)
+    return np.concatenate(
+        [
+            shares(1.0, 12) - shares(1.0, 12),
+            shares(0.2, 6) - shares(0.2, 6),
+            counts[:8] - counts[8:],
+            steps,
+            -steps,
+            better - better.mean(axis=1, keepdims=True),
+            1e-9 * (shares(1.0, 3) - shares(1.0, 3)),
+            1e4 * (shares(1.0, 3) - shares(1.0, 3)),
+            np.zeros((1, k)),
+        ]
+    )
+
+
+def _say(condition: bool, message: str) -> None:
+    if not condition:
+        raise AssertionError(message)
+
+
+def _same(what: str, found: Any, than: str, wanted: Any, d: Floats) -> None:
+    differ = np.flatnonzero(np.asarray(found) != np.asarray(wanted))
+    if len(differ):
+        i = differ[0]
+        raise AssertionError(f"{what} must agree with {than}, but on d = {d[i]} it is {found[i]}, not {wanted[i]}")
+
+
+def _near(what: str, found: Floats, wanted: Floats, d: Floats) -> None:
+    apart = np.abs(np.nan_to_num(found) - np.nan_to_num(wanted)) > _TOLERANCE * np.abs(d).sum(axis=1)
+    if apart.any():
+        i = int(np.argmax(apart))
+        raise AssertionError(f"{what}: on d = {d[i]} found {found[i]}, not {wanted[i]}")
+
+
+def _check_values(comparator: Comparator) -> None:
+    values, k = np.asarray(comparator.values), comparator.k
+    _say(values.shape == (k,), f"values must have shape ({k},), not {values.shape}")
+    ends = abs(values[0]) <= 1e-9 and abs(values[-1] - 1) <= 1e-9
+    _say(bool(ends), f"values must run from 0 to 1, not {values}")
+    _say(bool((np.diff(values) >= 0).all()), f"values must not decrease: {values}")
+    _say(bool((comparator.values == values).all()), "values must be the same each time")
+
+
+def _check_shapes(comparator: Comparator, d: Floats) -> None:
+    k = comparator.k
+    for rows in (d, d[:1], d[:0]):
+        verdicts = comparator.compare(rows)
+        right = verdicts.shape == (len(rows),) and verdicts.dtype == np.int8
+        _say(right, f"compare of d {rows.shape} must be ({len(rows)},) int8, not {verdicts.shape} {verdicts.dtype}")
+        for bound in comparator.bounds(rows):
+            right = bound.shape == (len(rows),) and bound.dtype == np.float64
+            _say(right, f"bounds of d {rows.shape} must be ({len(rows)},) float64, not {bound.shape} {bound.dtype}")
+    _say(comparator.compare(d[0]).shape == (1,), f"compare must take one difference ({k},) as (1, {k})")
+    verdicts, tiers = decide(comparator, d)
+    _same("decide(d)", verdicts, "compare(d)", comparator.compare(d), d)
+    _say(tiers.shape == (len(d),), f"the tiers of decide must have shape ({len(d)},), not {tiers.shape}")
+
+
+def _check_errors(comparator: Comparator, d: Floats) -> None:
+    k = comparator.k
+    bad = {"too many levels": np.zeros((2, k + 1)), "three axes": np.zeros((1, 2, k))}
+    for value in (np.nan, np.inf):
+        bad[f"{value}"] = np.where(np.arange(k) == k - 1, value, d[:2])
+    for method in (comparator.compare, comparator.bounds):
+        for what, rows in bad.items():
+            _raises(method, rows, f"{method.__name__} of differences with {what}")
+    _raises(comparator.update, Answers.none(k + 1), f"update with answers about {k + 1} levels")
+
+
+def _raises(function: Any, argument: Any, what: str) -> None:
+    try:
+        function(argument)
+    except ValueError:
+        return
+    except Exception as error:
+        raise AssertionError(f"{what} must raise ValueError, not {type(error).__name__}: {error}") from error
+    raise AssertionError(f"{what} must raise ValueError")
+
+
+def _check_verdicts(comparator: Comparator, d: Floats) -> None:
+    given = d.copy()
+    given.flags.writeable = False
+    verdicts = comparator.compare(given)
+    known = np.isin(verdicts, list(Verdict))
+    _say(bool(known.all()), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
+    plain = dominance(tail_sums(d))
+    if isinstance(comparator, AlwaysAsk):
+        plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
+    settled = plain != Verdict.UNKNOWN
+    _same("a verdict", verdicts[settled], "dominance, which holds for every scale", plain[settled], d[settled])
+    _same("compare", comparator.compare(d), "the same call before", verdicts, d)
+    mirrored = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
+    _same("compare(-d)", comparator.compare(-d), "-compare(d)", mirrored, d)
+    for power in (-30, 1, 30):
+        scaled = comparator.compare(d * 2.0**power)
+        _same(f"compare(2^{power} d), which has the same sign,", scaled, "compare(d)", verdicts, d)
+    single = np.concatenate([comparator.compare(row) for row in d])
+    _same("a row compared alone", single, "the same row in a batch", verdicts, d)
+    shuffled = np.random.default_rng(1).permutation(len(d))
+    _same("a shuffled batch", comparator.compare(d[shuffled]), "the batch", verdicts[shuffled], d[shuffled])
+    moved = d.copy()
+    moved[:, 0] += 1.0
+    _same("compare with another level 1", comparator.compare(moved), "compare(d), for e_1 = 0,", verdicts, d)
+
+
+def _check_bounds(comparator: Comparator, d: Floats) -> None:
+    low, high = comparator.bounds(d)
+    _say(not (np.isnan(low) | np.isnan(high)).any(), "bounds must not be nan; nothing known is -inf and inf")
+    room = _TOLERANCE * np.abs(d).sum(axis=1)
+    zero = (tail_sums(d) == 0).all(axis=1)
+    _say(bool(((low == 0) & (high == 0))[zero].all()), "bounds of two identical vectors must be 0 and 0")
+    verdicts = comparator.compare(d)
+    wrong = {
+        "lo <= hi": low > high + room,
+        "BETTER goes with lo >= 0": (verdicts == Verdict.BETTER) & (low < -room),
+        "WORSE goes with hi <= 0": (verdicts == Verdict.WORSE) & (high > room),
+        "EQUAL goes with bounds of 0": (verdicts == Verdict.EQUAL) & ((low < -room) | (high > room)),
+    }
+    if not isinstance(comparator, AlwaysAsk):
+        wrong["UNKNOWN goes with lo <= 0 <= hi"] = (verdicts == Verdict.UNKNOWN) & ((low > room) | (high < -room))
+    for rule, rows in wrong.items():
+        if rows.any():
+            i = int(np.argmax(rows))
+            raise AssertionError(
+                f"{rule}, but on d = {d[i]} bounds are {low[i]}, {high[i]} and compare says {Verdict(verdicts[i])!r}"
+            )
+    mirrored_low, mirrored_high = comparator.bounds(-d)
+    _near("the lower bound of -d must be minus the upper bound of d", mirrored_low, -high, d)
+    _near("the upper bound of -d must be minus the lower bound of d", mirrored_high, -low, d)
+    for j, name in enumerate(("lower", "upper")):
+        single = np.array([comparator.bounds(row)[j][0] for row in d])
+        _near(f"the {name} bound of a row alone must be that in a batch", single, (low, high)[j], d)
+        _near(f"the {name} bound of 2d must be twice that of d", comparator.bounds(2 * d)[j], 2 * (low, high)[j], d)
+
+
+def _check_update(comparator: Comparator, d: Floats) -> Comparator:
+    """A comparator that has learned what a tutor of its best guess says; checked against the old one."""
+    before, bounds, values = comparator.compare(d), comparator.bounds(d), comparator.values.copy()
+    told = d[before == Verdict.UNKNOWN][:12]
+    y = np.sign(tail_sums(told) @ np.diff(values)).astype(np.int8)
+    told, y = told[y != 0], y[y != 0]
+    answers = Answers(told, y, [f"check {i}" for i in range(len(y))]) if len(y) else Answers.none(comparator.k)
+    learned = comparator.update(answers)
+    _say(isinstance(learned, Comparator), f"update must return a comparator, not {type(learned).__name__}")
+    _say(learned.k == comparator.k, f"update must keep k = {comparator.k}, not make it {learned.k}")
+    _same("after update, the old comparator's compare", comparator.compare(d), "what it said before", before, d)
+    for old, new in zip(bounds, comparator.bounds(d), strict=True):
+        _near("after update, the old comparator's bounds must be what they were", new, old, d)
+    _say(bool((comparator.values == values).all()), "update must not change the old comparator's values")
+    one_by_one = comparator
+    for i in range(len(answers)):
+        one_by_one = one_by_one.update(answers[i : i + 1])
+    after = learned.compare(d)
+    _same("answers told one by one", one_by_one.compare(d), "the same told together", after, d)
+    _same("compare after no answers", learned.update(Answers.none(comparator.k)).compare(d), "before", after, d)
+    return learned
+
+
+def _ask(tutor: Tutor, query: Query) -> Verdict | None:
+    before = query.left.copy(), query.right.copy()
+    answer = tutor(query)
+    _say(isinstance(answer, Answer), f"a tutor must return an elicit.Answer, not {type(answer).__name__}")
+    _say(answer.query.id == query.id, f"the answer to query {query.id} names another one: {answer.query.id}")
+    kept = (query.left == before[0]).all() and (query.right == before[1]).all()
+    _say(bool(kept), f"a tutor must not change the query's vectors, but it did in {query.id}")
+    return answer.verdict

@@ -1,0 +1,201 @@
+"""The command ``qlearn``. Everything heavy is imported by the command that needs it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+_EXTRAS = ("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm")
+QUICK: dict[str, Any] = {
+    "problems": ["random"], "states": 15, "actions": 3, "levels": 4, "seeds": 2, "steps": 400, "tolerance": 0.02,
+    "max_sweeps": 150, "max_queries": 150, "n_boot": 20,
+}  # fmt: skip
+PAPER: dict[str, Any] = {"seeds": 20, "steps": 100_000, "n_boot": 200, "refit_growth": 0.0}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line (default: ``sys.argv``) and return the exit code. Bad options end in SystemExit(2)."""
+    options = vars(_parser().parse_args(argv))
+    command: Callable[[dict[str, Any]], int] = options.pop("command")
+    return command(options)
+
+
+def _ablate(options: dict[str, Any]) -> int:
+    quick, paper, out = (options.pop(name) for name in ("quick", "paper", "out"))
+    settings = (QUICK if quick else PAPER if paper else {}) | options
+    try:
+        from tqdm import tqdm
+
+        from qlearn.ablation import KEYS, Interrupted, ablate, summarise
+        from qlearn.plot import LEGEND, plot_ablation, table
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in _EXTRAS:
+            raise
+        return _fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
+    try:  # before the runs, not after minutes of them
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return _fail(f"cannot make the directory --out {out}: {error.strerror}")
+
+    bar = tqdm(desc="ablation", unit="run", disable=None)
+
+    def show(done: int, total: int) -> None:
+        bar.total = total
+        bar.update(done - bar.n)
+
+    code = 0
+    try:
+        with bar:
+            frame = ablate(progress=show, **settings)
+    except Interrupted as stopped:
+        frame, code = stopped.frame, 130
+        print(f"interrupted: keeping the {len(frame)} runs that had finished", file=sys.stderr)
+        if frame.empty:
+            return code
+    except (ImportError, ValueError) as error:  # no tables of ICU-Sepsis; options that do not go together
+        return _fail(str(error))
+
+    times = [*KEYS, "seconds"]
+    frame[times].to_csv(out / "times.csv", index=False, lineterminator="\n")
+    frame.drop(columns="seconds").to_csv(out / "runs.csv", index=False, lineterminator="\n")
+    summary = summarise(frame)
+    defaults = DEFAULTS | settings
+    size = "{states} states, {actions} actions, {levels} levels".format(**defaults)
+    names = {"random": f"random MDP ({size})"}
+    figure = plot_ablation(summary, max_queries=defaults["max_queries"], names=names)
+    figure.savefig(out / "ablation.png", dpi=150)
+    print(table(summary, names), LEGEND, sep="\n\n")
+    print(f"\n{out / 'runs.csv'} (a row a run), {out / 'times.csv'} and {out / 'ablation.png'} written")
+    return code
+
+
+def _fail(message: str) -> int:
+    print(f"qlearn: {message}", file=sys.stderr)
+    return 1
+
+
+def _number(kind: type[int] | type[float], holds: Callable[[float], bool], wanted: str) -> Callable[[str], float]:
+    """An argparse type: finite numbers of a kind for which something holds."""
+
+    def parse(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not (math.isfinite(value) and holds(value)):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
+        return value
+
+    return parse
+
+
+_COUNT = _number(int, lambda n: n >= 1, "a whole number of at least 1")
+_FROM_0 = _number(int, lambda n: n >= 0, "a whole number of at least 0")
+_LEVELS = _number(int, lambda n: 2 <= n <= 100, "a whole number from 2 to 100")
+_SHARE = _number(float, lambda x: 0 <= x <= 1, "a number from 0 to 1")
+_INNER = _number(float, lambda x: 0 < x < 1, "a number strictly between 0 and 1")
+_DISCOUNT = _number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 1")
+_ERROR_RATE = _number(float, lambda x: 0 <= x < 0.5, "a number of at least 0 and below 0.5")
+_POSITIVE = _number(float, lambda x: x > 0, "a number above 0")
+_SCALE = _number(float, lambda x: x >= 0, "a number of at least 0")
+_PROBLEMS, _LEARNERS = ("random", "icu"), ("q-learning", "ivi")
+_COMPARATORS = ("always", "polytope", "ensemble", "box")
+# By group, option: (argparse keywords, default, help). The defaults are those of qlearn.ablation, said again here
+# because --help would take a second if it had to import it.
+_OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
+    "the sweep": {
+        "problems": ({"nargs": "+", "choices": _PROBLEMS}, _PROBLEMS, "random MDPs, ICU-Sepsis"),
+        "learners": ({"nargs": "+", "choices": _LEARNERS}, _LEARNERS, "Q-learning, interactive value iteration"),
+        "comparators": (
+            {"nargs": "+", "choices": _COMPARATORS},
+            _COMPARATORS,
+            "always ask, polytope, Bradley-Terry ensemble and box",
+        ),
+        "error_rates": (
+            {"nargs": "+", "type": _ERROR_RATE},
+            (0.0, 0.05, 0.15),
+            "the tutor's chance of a wrong answer; 0 is truthful",
+        ),
+        "noise": (
+            {"choices": ("flip", "logistic")},
+            "flip",
+            "errors however clear the case (flip), or near ties mostly, set to the same mean rate (logistic)",
+        ),
+        "audit": ({"type": _SHARE}, 0.05, "share of decided pairs put to the tutor in the audited runs; 0: none"),
+        "seeds": ({"type": _COUNT}, 3, "number of seeds"),
+        "seed": ({"type": _FROM_0}, 0, "the first seed"),
+        "max_queries": ({"type": _FROM_0}, 2000, "question budget; beyond it the best guess decides"),
+    },
+    "the random MDP": {
+        "states": ({"type": _COUNT}, 100, "number of states"),
+        "actions": ({"type": _COUNT}, 5, "number of actions"),
+        "levels": ({"type": _LEVELS}, 10, "number of levels"),
+        "discount": ({"type": _DISCOUNT}, 0.95, "discount factor (ICU-Sepsis: 0.99)"),
+    },
+    "Q-learning": {
+        "steps": ({"type": _COUNT}, 20_000, "number of steps"),
+        "epsilon": (
+            {"type": _SHARE},
+            1.0,
+            "chance of a random action; at 1 all comparators see the same transitions",
+        ),
+        "indifference": ({"type": _SHARE}, 0.0, "undecided pairs this close count as equal (share of range)"),
+    },
+    "value iteration": {
+        "tolerance": ({"type": _POSITIVE}, 0.005, "policy loss aimed at (share of range)"),
+        "max_sweeps": ({"type": _COUNT}, 200, "stop there; a tutor who errs anew each time keeps it going"),
+    },
+    "Bradley-Terry": {
+        "precision": ({"type": _SCALE}, 300.0, "the prior's, logits per unit of d.e"),
+        "n_boot": ({"type": _COUNT}, 50, "number of resamples"),
+        "level": ({"type": _INNER}, 0.95, "confidence level"),
+        "refit_growth": ({"type": _SCALE}, 0.05, "growth of the answers between two fits; 0: fit at each"),
+    },
+}
+DEFAULTS = {name: default for group in _OPTIONS.values() for name, (_, default, _) in group.items()}
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser("qlearn", description="Reinforcement learning with ordinal rewards and a tutor.")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    ablation = commands.add_parser(
+        "ablate",
+        help="compare the comparators: what they cost in questions and in policy loss, and where they break",
+        description="Run comparators x learners x tutors x problems over several seeds with common random numbers. "
+        "Prints a table and writes runs.csv (one row a run), times.csv and ablation.png. Runs.csv is the same "
+        "for the same options on any number of processes. Ctrl-C keeps what has finished.",
+    )
+    ablation.set_defaults(command=_ablate)
+    ablation.add_argument(
+        "--out", type=Path, default=Path("results/ablation"), metavar="DIR", help="directory to write to [%(default)s]"
+    )
+    ablation.add_argument(
+        "--jobs", type=_COUNT, default=-1, metavar="N", help="number of processes, one thread each [one a core]"
+    )
+    size = ablation.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="a tiny setting, to see that it works (seconds)")
+    size.add_argument(
+        "--paper",
+        action="store_true",
+        help="the paper's 1e5 steps and 20 runs; 200 resamples, fitted anew at every answer (takes many hours)",
+    )
+    for title, options in _OPTIONS.items():
+        group = ablation.add_argument_group(title)
+        for name, (keywords, default, text) in options.items():
+            stated = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in _as_tuple(default))
+            metavar: Any = {} if "choices" in keywords else {"metavar": "N" if isinstance(default, int) else "X"}
+            flag = f"--{name.replace('_', '-')}"
+            group.add_argument(flag, default=argparse.SUPPRESS, help=f"{text} [{stated}]", **keywords, **metavar)
+    return parser
+
+
+def _as_tuple(default: Any) -> tuple[Any, ...]:
+    return default if isinstance(default, tuple) else (default,)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

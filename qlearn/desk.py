@@ -1,0 +1,286 @@
+"""The desk between a learner and what settles its comparisons: comparator, earlier answers, budget, tutor.
+
+A learner asks the desk to judge differences, says which judgements it acted on, and gets back verdicts
+or the word that the tutor must be asked. Here lives everything that is the same for every learner:
+indifference, the question budget, audits, "cannot tell", never asking a pair twice, and the counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.comparator import Comparator, Decisions, Tier, decide
+from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.scale import Floats, dot, tail_sums
+from elicit.seeds import Seed, fold, key_of, pair_codes, uniform
+from qlearn.learner import Audit, OnConflict, Result, Status
+
+Watch = Callable[[Floats, Decisions], None]
+
+
+class Pending(NamedTuple):
+    """A query, the verdict that the answers imply where it is an audit (else None), and the tier it counts for."""
+
+    query: Query
+    expected: Verdict | None
+    tier: int
+
+
+class Desk:
+    """Settles differences for one learner and keeps its books."""
+
+    def __init__(
+        self,
+        comparator: Comparator,
+        fingerprint: str,
+        *,
+        indifference: float,
+        max_queries: int | None,
+        audit: float,
+        batch: int,
+        seed: Seed,
+    ) -> None:
+        if not (np.isfinite(indifference) and indifference >= 0):
+            raise ValueError(f"indifference must be a number of at least 0, not {indifference!r}")
+        if max_queries is not None and (max_queries < 0 or int(max_queries) != max_queries):
+            raise ValueError(f"max_queries must be None or a whole number of at least 0, not {max_queries!r}")
+        if not 0 <= audit <= 1:
+            raise ValueError(f"audit, the share of settled pairs to ask about, must lie in 0..1, not {audit!r}")
+        if batch < 1 or int(batch) != batch:
+            raise ValueError(f"batch must be a whole number of at least 1, not {batch!r}")
+        self.comparator = comparator
+        self.batch = int(batch)
+        self.answers = Answers.none(comparator.k)
+        self.asked = 0
+        self.cannot_tell = 0
+        self.audits: list[Audit] = []
+        self.counts = np.zeros(len(Tier), dtype=np.int64)
+        self.watch: Watch | None = None
+        self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
+        self.pending: tuple[Pending, ...] = ()
+        self._fingerprint = fingerprint
+        self._indifference = float(indifference)
+        self._max_queries = max_queries
+        self._audit = float(audit)
+        self._key = key_of(seed)
+        self._number = 0
+        self._said: dict[bytes, int] = {}  # verdicts told, in the pair's canonical direction
+        self._binding: set[bytes] = set()  # pairs whose answer no model may overrule
+        self._guess: tuple[Comparator, Floats] | None = None
+
+    def judge(self, d: Floats) -> Decisions:
+        """Verdicts (n,) and tiers (n,) for differences d (n, k). UNKNOWN means: ask the tutor. Counts nothing."""
+        verdicts, tiers = decide(self.comparator, d)
+        if self._binding:
+            self._recall(d, verdicts, tiers, np.flatnonzero(tiers > Tier.DOMINANCE), binding=True)
+        if self._audit > 0:
+            self._pick_audits(d, verdicts, tiers)
+        rows = np.flatnonzero((verdicts == Verdict.UNKNOWN) & (tiers < AUDIT))
+        if not len(rows):
+            return Decisions(verdicts, tiers)
+        tiers[rows] = Tier.TUTOR
+        if self.signs is not None:
+            verdicts[rows] = self.signs(d[rows])
+            return Decisions(verdicts, tiers)
+        if self._said:
+            rows = self._recall(d, verdicts, tiers, rows, binding=False)
+        if self._indifference > 0 and len(rows):
+            low, high = self.comparator.bounds(d[rows])
+            close = (low >= -self._indifference) & (high <= self._indifference)
+            verdicts[rows[close]], tiers[rows[close]] = Verdict.EQUAL, Tier.INDIFFERENT
+            rows = rows[~close]
+        if self._max_queries is not None and self.asked >= self._max_queries and len(rows):
+            verdicts[rows], tiers[rows] = np.sign(dot(tail_sums(d[rows]), self._gaps())), Tier.GUESS
+        return Decisions(verdicts, tiers)
+
+    def commit(self, d: Floats, decisions: Decisions) -> None:
+        """Count judgements that the learner acted on."""
+        if not len(d):
+            return
+        self.counts += np.bincount(decisions.tiers, minlength=len(Tier))
+        if self.signs is not None:
+            self.asked = int(self.counts[Tier.TUTOR])
+        if self.watch is not None:
+            self.watch(d, decisions)
+
+    def consult(self, d: Floats) -> NDArray[np.int8]:
+        """An oracle's verdicts (n,), counted: the short way where it answers everything."""
+        assert self.signs is not None
+        verdicts = self.signs(d)
+        self.counts[Tier.TUTOR] += len(d)
+        self.asked += len(d)
+        if self.watch is not None:
+            self.watch(d, Decisions(verdicts, np.full(len(d), Tier.TUTOR, np.int8)))
+        return verdicts
+
+    def open(self, pairs: Sequence[tuple[Floats, Floats, str]], decisions: Decisions) -> tuple[Query, ...]:
+        """Make the pending queries of (left, right, about), judged UNKNOWN."""
+        pending = []
+        for (left, right, about), tier in zip(pairs, decisions.tiers, strict=True):
+            query = Query.make(self._fingerprint, self._number, left, right, about)
+            self._number += 1
+            expected = Verdict(int(decide(self.comparator, query.d).verdicts[0])) if tier >= AUDIT else None
+            pending.append(Pending(query, expected, int(tier) % AUDIT))
+        self.pending = tuple(pending)
+        return self.ask()
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries."""
+        return tuple(p.query for p in self.pending)
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
+        """Take answers to pending queries: the verdict by query id ("cannot tell" is EQUAL: the incumbent
+        stays; of an audit it is what the answers imply), and the answers dropped as contradictory. Where it
+        raises, nothing has changed."""
+        if on_conflict not in ("raise", "drop"):
+            raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
+        answers = tuple(answers)  # a generator can be read only once
+        waiting = {p.query.id: p for p in self.pending}
+        for answer in answers:
+            if answer.query.id not in waiting:
+                raise StaleAnswer(
+                    f"no pending query has the id {answer.query.id!r}: it was answered already or belongs to another "
+                    "run; answer what ask() returns now"
+                )
+            if not _same(answer.query, waiting[answer.query.id].query):
+                raise StaleAnswer(
+                    f"the answer with the id {answer.query.id!r} is about other vectors than the pending query of that "
+                    "id; answer the very query that ask() returned (were its numbers rounded on the way?)"
+                )
+        ids = [answer.query.id for answer in answers]
+        if len(set(ids)) < len(ids):
+            raise StaleAnswer(f"two answers to one query: {sorted(i for i in ids if ids.count(i) > 1)[0]!r}")
+        comparator, used, dropped = self._learn(answers, on_conflict)
+        settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
+        verdicts = [_settle(answer, asked, unused, comparator) for answer, asked, unused in settled]
+        # from here on nothing can fail but the watcher, which comes last
+        self.comparator, self.answers = comparator, self.answers + used
+        seen = []
+        for (answer, (query, expected, tier), unused), verdict in zip(settled, verdicts, strict=True):
+            del waiting[query.id]
+            self.cannot_tell += answer.verdict is None
+            if expected is None:
+                self.asked += 1
+            else:
+                self.audits.append(Audit(query, expected, answer.verdict))
+            name, sign = _name(tail_sums(query.d))
+            said = verdict if answer.verdict is None else answer.verdict
+            self._said[name] = sign * said
+            if said == Verdict.EQUAL or unused:
+                self._binding.add(name)
+            if expected is not None and verdict != expected:
+                tier = int(Tier.KNOWN)  # by the audit's answer, not by what the answers before it implied
+            self.counts[tier] += 1
+            seen.append((query.d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8))))
+        self.pending = tuple(waiting.values())
+        if self.watch is not None:
+            for d, decisions in seen:
+                self.watch(d[None, :], decisions)
+        return {answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)}, dropped
+
+    def next_batch(self, d: Floats) -> list[int]:
+        """Which of the differences d (n, k), judged UNKNOWN, to ask about now: the first ones, as many as batch
+        and budget allow, and of several rows about one pair only the first."""
+        room = self.batch if self._max_queries is None else max(1, min(self.batch, self._max_queries - self.asked))
+        chosen: dict[bytes, int] = {}
+        for row, t in enumerate(tail_sums(d)):
+            if len(chosen) == room:
+                break
+            chosen.setdefault(_name(t)[0], row)
+        return list(chosen.values())
+
+    def result(
+        self, *, policy: NDArray[np.int64], q: Floats, status: Status, tiers: NDArray[np.int64], rounds: int
+    ) -> Result:
+        """The Result of a learner that stands here."""
+        return Result(
+            policy=policy,
+            q=q,
+            status=status,
+            asked=self.asked,
+            decided={tier.name.lower(): int(n) for tier, n in zip(Tier, tiers, strict=True)},
+            comparator=self.comparator,
+            answers=self.answers,
+            audits=tuple(self.audits),
+            cannot_tell=self.cannot_tell,
+            rounds=rounds,
+        )
+
+    def _learn(
+        self, answers: Sequence[Answer], on_conflict: OnConflict
+    ) -> tuple[Comparator, Answers, tuple[Answer, ...]]:
+        k = self.comparator.k
+        try:
+            together = Answers.of(answers, k)
+            return self.comparator.update(together), together, ()
+        except InconsistentAnswers:
+            if on_conflict == "raise":
+                raise
+            if len(answers) == 1:
+                return self.comparator, Answers.none(k), tuple(answers)
+        comparator, used, dropped = self.comparator, Answers.none(k), []
+        for answer in answers:
+            row = Answers.of([answer], k)
+            try:
+                comparator = comparator.update(row)
+                used = used + row
+            except InconsistentAnswers:
+                dropped.append(answer)
+        return comparator, used, tuple(dropped)
+
+    def _recall(
+        self, d: Floats, verdicts: NDArray[np.int8], tiers: NDArray[np.int8], rows: NDArray[np.intp], binding: bool
+    ) -> NDArray[np.intp]:
+        """Settle rows whose very pair was answered before; returns the others."""
+        left = []
+        for row, t in zip(rows, tail_sums(d[rows]), strict=True):
+            name, sign = _name(t)
+            if name in (self._binding if binding else self._said):
+                verdicts[row], tiers[row] = sign * self._said[name], Tier.KNOWN
+            else:
+                left.append(row)
+        return np.array(left, dtype=np.intp)
+
+    def _pick_audits(self, d: Floats, verdicts: NDArray[np.int8], tiers: NDArray[np.int8]) -> None:
+        """Turn a share of the pairs that answers decided into questions: a function of the key and the pair."""
+        by_answers = (tiers == Tier.SCREEN) | (tiers == Tier.LP) | (tiers == Tier.MODEL)
+        rows = np.flatnonzero(by_answers & (np.abs(verdicts) == 1))
+        # hashed once more: the code of a pair is the lesser of two hashes, hence not uniform itself
+        chance = uniform(fold(pair_codes(self._key, tail_sums(d[rows])), 0))
+        for row in rows[chance < self._audit]:
+            if _name(tail_sums(d[row]))[0] not in self._said:
+                verdicts[row], tiers[row] = Verdict.UNKNOWN, tiers[row] + AUDIT
+
+    def _gaps(self) -> Floats:
+        if self._guess is None or self._guess[0] is not self.comparator:
+            self._guess = (self.comparator, np.diff(self.comparator.values))
+        return self._guess[1]
+
+
+AUDIT = 16  # added to a tier: settled by answers, but the tutor is to confirm it
+
+
+def _settle(answer: Answer, asked: Pending, unused: bool, comparator: Comparator) -> Verdict:
+    """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an audit's answer that the
+    others allow, what the comparator makes of it."""
+    if answer.verdict is None:
+        return Verdict.EQUAL if asked.expected is None else asked.expected
+    if asked.expected is None or unused or answer.verdict is Verdict.EQUAL:
+        return answer.verdict
+    now = Verdict(int(decide(comparator, asked.query.d).verdicts[0]))
+    return answer.verdict if now is Verdict.UNKNOWN else now
+
+
+def _name(t: Floats) -> tuple[bytes, int]:
+    """A pair's bytes in its canonical direction (first non-zero tail sum positive), and whether it was turned."""
+    lead = t[np.flatnonzero(t)[0]] if t.any() else 1.0
+    sign = 1 if lead > 0 else -1
+    return (sign * t + 0.0).tobytes(), sign
+
+
+def _same(a: Query, b: Query) -> bool:
+    return bool(np.array_equal(a.left, b.left) and np.array_equal(a.right, b.right))

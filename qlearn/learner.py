@@ -1,0 +1,131 @@
+"""What every learner has in common: ask and tell, the loop that drives it, and its Result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.comparator import AlwaysAsk, Comparator
+from elicit.log import AnswerLog
+from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict
+from elicit.scale import Floats
+from elicit.tutor import Tutor
+
+OnConflict: TypeAlias = Literal["raise", "drop"]
+
+
+class Status(Enum):
+    """Where a learner stands, in sentences."""
+
+    WAITING = "not finished: it waits for the tutor; answer what ask() returns"
+    DONE = "finished: all steps are done"
+    CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
+    GUESSED = (
+        "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
+        "at the scale; raise max_queries"
+    )
+    SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
+
+
+@dataclass(frozen=True)
+class Audit:
+    """A comparison that the answers had settled, put to the tutor all the same."""
+
+    query: Query
+    expected: Verdict
+    answer: Verdict | None
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the tutor said the opposite of what the answers imply."""
+        return self.answer is not None and self.expected * self.answer == -1
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a learner knows so far. ``policy`` (S,) actions; ``q`` (S, A, k) shares; ``asked``: questions
+    to the tutor, audits not counted; ``decided``: comparisons by tier; ``rounds``: steps or sweeps done."""
+
+    policy: NDArray[np.int64]
+    q: Floats
+    status: Status
+    asked: int
+    decided: Mapping[str, int]
+    comparator: Comparator
+    answers: Answers
+    audits: tuple[Audit, ...]
+    cannot_tell: int
+    rounds: int
+
+    @property
+    def audited(self) -> int:
+        """How many settled comparisons were put to the tutor."""
+        return len(self.audits)
+
+    @property
+    def compared(self) -> int:
+        """All comparisons, whoever decided them."""
+        return sum(self.decided.values())
+
+
+class Learner(Protocol):
+    """A solver that stops when it needs the tutor."""
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries, the same until told; () when finished."""
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries; returns those that on_conflict="drop" left unused."""
+
+    def result(self) -> Result:
+        """The policy and the counts at any time."""
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged."""
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+
+
+def drive(
+    learner: Learner,
+    tutor: Tutor,
+    log: AnswerLog | None = None,
+    progress: Callable[[Result], None] | None = None,
+    on_conflict: OnConflict = "raise",
+) -> Result:
+    """Ask and tell until the learner has finished.
+
+    Every answer goes to ``log``; one that contradicts the others is marked unused there, and either
+    raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is
+    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor asks
+    so much that only counts are kept.
+    """
+    if on_conflict not in ("raise", "drop"):
+        raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
+    signs = getattr(tutor, "signs", None)
+    if isinstance(learner.comparator, AlwaysAsk) and signs is not None:
+        learner.consult(signs)
+    while queries := learner.ask():
+        answers = [tutor(query) for query in queries]
+        try:
+            dropped = learner.tell(answers, on_conflict)
+        except InconsistentAnswers:
+            _write(log, answers, answers)
+            raise
+        _write(log, answers, dropped)
+        if progress is not None:
+            progress(learner.result())
+    return learner.result()
+
+
+def _write(log: AnswerLog | None, answers: Sequence[Answer], unused: Sequence[Answer]) -> None:
+    if log is not None:
+        for answer in answers:
+            log.append(answer, used=not any(answer is other for other in unused))

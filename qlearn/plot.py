@@ -1,0 +1,172 @@
+"""What a person looks at after an ablation: one table to print and one figure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+NAMES = {
+    "random": "random MDP",
+    "icu": "ICU-Sepsis",
+    "q-learning": "Q-learning",
+    "ivi": "value iteration",
+    "always": "always ask",
+    "polytope": "polytope",
+    "ensemble": "Bradley-Terry ensemble",
+    "box": "Bradley-Terry box",
+}
+# Okabe and Ito's colours; the markers and line styles tell the same in grey
+_STYLES: dict[str, dict[str, Any]] = {
+    "always": {"color": "#000000", "marker": "D", "linestyle": (0, (1, 1.5))},
+    "polytope": {"color": "#D55E00", "marker": "s", "linestyle": "-"},
+    "ensemble": {"color": "#0072B2", "marker": "o", "linestyle": (0, (5, 1.5))},
+    "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
+}
+
+_HEADER = (
+    f"{'comparator':<10}{'errors':>7}{'questions':>15}{'% asked':>9}{'excess loss %':>15}{'wrong %':>9}"
+    f"{'after 1st':>11}  {'audits to contradiction':<24}notes"
+)
+LEGEND = """\
+errors       chance that the tutor answers wrongly
+questions    asked, mean over the seeds ± half the width of the 95% t-interval
+% asked      questions in percent of the comparisons that neither equality nor dominance settles
+excess loss  true policy loss beyond that of always asking a truthful tutor, paired by seed, mean over the states, in
+             percent of the value range
+wrong %      verdicts against the hidden scale, in percent of those that the comparator decided from answers
+after 1st    the same, after the tutor's first wrong answer
+audits to contradiction   in the audited runs: audits until one first contradicted the answers, (runs in which one did
+             / all), and in how many of those the audit itself was the wrong answer ("false")
+notes        in how many runs the question budget was spent, or the limit of sweeps reached"""
+
+
+def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None) -> str:
+    """The summary of ``ablation.summarise`` as text of at most 120 columns, by problem and learner; ``LEGEND``
+    explains the columns. ``names`` overrides ``NAMES``."""
+    shown = NAMES | dict(names or {})
+    audited = summary[summary.audit > 0].set_index(["problem", "learner", "comparator", "error_rate"])
+    lines = []
+    for (problem, learner), part in summary[summary.audit == 0].groupby(["problem", "learner"], sort=False):
+        lines += ["", f"{shown[str(problem)]}, {shown[str(learner)]}", _HEADER, "-" * len(_HEADER)]
+        for row in part.itertuples():
+            place = (problem, learner, row.comparator, row.error_rate)
+            lines.append(_line(row, audited.loc[[place]].iloc[0] if place in audited.index else None))
+    return "\n".join(lines[1:])
+
+
+def plot_ablation(
+    summary: pd.DataFrame, *, max_queries: int | None = None, names: Mapping[str, str] | None = None
+) -> Figure:
+    """One panel a problem and learner: questions asked against excess policy loss, a path over the error rates
+    for each comparator, with 95% t-intervals. Hollow markers: the budget was spent in at least one run.
+
+    ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget.
+    """
+    shown = NAMES | dict(names or {})
+    plain = summary[summary.audit == 0]
+    problems, learners = plain.problem.unique(), plain.learner.unique()
+    figure = Figure(figsize=(1.2 + 4.9 * len(learners), 1.7 + 3.5 * len(problems)), layout="constrained")
+    grid = figure.subplots(len(problems), len(learners), squeeze=False)
+    for i, problem in enumerate(problems):
+        for j, learner in enumerate(learners):
+            part = plain[(plain.problem == problem) & (plain.learner == learner)]
+            axes = grid[i][j]
+            _panel(axes, part, max_queries)
+            axes.set_title(f"{shown[problem]}: {shown[learner]}", fontsize=11)
+            if j == 0:
+                axes.set_ylabel("excess policy loss\n(% of the value range)")
+            if i == len(problems) - 1:
+                axes.set_xlabel("questions asked (log scale)")
+    drawn = [name for name in _STYLES if name in set(plain.comparator)]
+    handles = [Line2D([], [], label=shown[name], markersize=7, **_STYLES[name]) for name in drawn]
+    if (plain.budget_spent > 0).any():
+        hollow: dict[str, Any] = {"color": "0.35", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
+        handles.append(Line2D([], [], label="hollow: budget spent", markersize=7, **hollow))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    rates = ", ".join(f"{rate:.3g}" for rate in 100 * plain.error_rate.drop_duplicates())
+    figure.suptitle(
+        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one\n"
+        f"numbers at the markers: wrong answers of the tutor in percent ({rates}); lower left is better",
+        fontsize=11,
+    )
+    return figure
+
+
+def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
+    axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
+    for name, path in part.groupby("comparator", sort=False):
+        style = _STYLES[str(name)]
+        x, y = path.asked, 100 * path.excess_loss
+        axes.plot(x, y, color=style["color"], linestyle=style["linestyle"], linewidth=1.1, alpha=0.7, zorder=1)
+        for row in path.itertuples():
+            point: Any = row
+            at = (point.asked, 100 * point.excess_loss)
+            axes.errorbar(
+                *at,
+                xerr=[[min(_known(point.asked_half), at[0])], [_known(point.asked_half)]],
+                yerr=_known(100 * point.excess_loss_half),
+                color=style["color"],
+                marker=style["marker"],
+                markersize=6.5,
+                markerfacecolor="white" if point.budget_spent else style["color"],
+                elinewidth=0.8,
+                capsize=2,
+                zorder=2,
+            )
+            axes.annotate(
+                f"{100 * point.error_rate:.3g}",
+                at,
+                xytext=(5, 4),
+                textcoords="offset points",
+                fontsize=8,
+                color=style["color"],
+            )
+    axes.set_xscale("symlog", linthresh=10, linscale=0.6)
+    axes.set_xlim(left=0)
+    axes.grid(True, color="0.92", linewidth=0.7)
+    axes.set_axisbelow(True)
+    if max_queries is not None:
+        axes.axvline(max_queries, color="0.45", linestyle=(0, (2, 2)), linewidth=1, zorder=0)
+        axes.annotate(
+            "budget", (max_queries, 1), xycoords=("data", "axes fraction"), xytext=(3, -11),
+            textcoords="offset points", fontsize=8, color="0.35",
+        )  # fmt: skip
+
+
+def _line(row: Any, audited: Any) -> str:
+    contradiction = ""
+    if audited is not None:
+        found = int(audited.contradicted)
+        contradiction = f"none in {int(audited.runs)} runs"
+        if found:
+            false = f", {int(audited.audit_wrong)} false" if audited.audit_wrong else ""
+            contradiction = f"{audited.audits_to_contradiction:.0f} ({found}/{int(audited.runs)}{false})"
+    notes = [
+        f"{text} {int(count)}/{int(row.runs)}"
+        for count, text in ((row.budget_spent, "budget"), (row.sweep_limit, "sweeps"))
+        if count
+    ]
+    return (
+        f"{row.comparator:<10}{100 * row.error_rate:>6.3g}%{_with_half(row.asked, row.asked_half, 0):>15}"
+        f"{_number(row.asked_percent_open, 2):>9}{_with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2):>15}"
+        f"{_number(row.wrong_percent, 2):>9}{_number(row.wrong_percent_after, 2):>11}"
+        f"  {contradiction:<24}{' '.join(notes)}"
+    ).rstrip()
+
+
+def _number(x: float, digits: int) -> str:
+    return "" if math.isnan(x) else f"{round(x, digits) + 0.0:.{digits}f}"  # + 0.0: never -0.00
+
+
+def _with_half(mean: float, half: float, digits: int) -> str:
+    return _number(mean, digits) + ("" if math.isnan(half) else f" ± {half:.{digits}f}")
+
+
+def _known(half: float) -> float:
+    return 0.0 if math.isnan(half) else half

@@ -1,0 +1,207 @@
+"""Interactive Q-learning (Algorithm 1) with any comparator, as ask and tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.comparator import AlwaysAsk, Comparator, Tier
+from elicit.query import Answer, Query, Verdict
+from elicit.scale import Floats
+from elicit.seeds import Seed, fold, key_of, uniform
+from qlearn import kernel
+from qlearn.desk import Desk, Watch
+from qlearn.learner import OnConflict, Result, Status
+from qlearn.mdp import OrdinalMDP
+
+Start: TypeAlias = Literal["worst", "zero"]
+LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
+
+
+def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
+    """The default learning rate 1 / (1 + visits)^0.7 (Even-Dar and Mansour 2003), visits counted before."""
+    rates: Floats = np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
+    return rates
+
+
+class InteractiveQLearning:
+    """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
+
+    ``epsilon``: chance of a uniformly drawn action. ``learning_rate``: a constant in (0, 1], or a function
+    from the number of earlier visits of (s, a) to rates. ``start``: "worst" puts all mass on the worst
+    level, so that totals stay 1 and every question is well-posed; "zero" is the paper's line 4.
+    ``episode_length``: restart from the initial distribution after so many steps (terminal states
+    always restart). ``indifference``: an undecided pair whose bounds lie within it counts as equal.
+    ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``: share of
+    the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
+    run of Q-learning has one pair in question at a time.
+    """
+
+    def __init__(
+        self,
+        mdp: OrdinalMDP,
+        comparator: Comparator,
+        *,
+        steps: int = 100_000,
+        epsilon: float = 0.1,
+        learning_rate: LearningRate = polynomial_rate,
+        start: Start = "worst",
+        episode_length: int | None = None,
+        rng: Seed = 0,
+        max_queries: int | None = None,
+        indifference: float = 0.0,
+        audit: float = 0.0,
+        batch: int = 1,
+    ) -> None:
+        check_levels_agree(mdp, comparator)
+        if steps < 0 or int(steps) != steps:
+            raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
+        if not 0 <= epsilon <= 1:
+            raise ValueError(f"epsilon must lie in 0..1, not {epsilon!r}")
+        if episode_length is not None and (episode_length < 1 or int(episode_length) != episode_length):
+            raise ValueError(f"episode_length must be None or a whole number of at least 1, not {episode_length!r}")
+        if (mdp.initial[mdp.terminal] > 0).any():
+            raise ValueError(
+                "the initial distribution gives a terminal state a positive probability: nothing to learn there"
+            )
+        key = key_of(rng)
+        self._mdp = mdp
+        self._desk = Desk(
+            comparator,
+            f"{mdp.fingerprint}/q-learning/{key}",
+            indifference=indifference,
+            max_queries=max_queries,
+            audit=audit,
+            batch=batch,
+            seed=int(fold(key, kernel.AUDITS)),
+        )
+        self._model = _model(mdp, comparator, steps, epsilon, _rates(learning_rate, steps), episode_length, key)
+        self._state = _first_state(mdp, self._model, start)
+        self._verdict = int(Verdict.UNKNOWN)
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
+        if self._desk.pending:
+            return self._desk.ask()
+        with np.errstate(over="ignore"):  # the hash wraps around
+            while kernel.advance(self._state, self._model, self._verdict) != kernel.DONE:
+                self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
+                left, right, about = self._pair()
+                d = (left - right)[None, :]
+                if self._desk.signs is not None and not self._model.dominance:  # AlwaysAsk has no say
+                    self._verdict = int(self._desk.consult(d)[0])
+                    continue
+                decisions = self._desk.judge(d)
+                self._verdict = int(decisions.verdicts[0])
+                if self._verdict == Verdict.UNKNOWN:
+                    return self._desk.open([(left, right, about)], decisions)
+                self._desk.commit(d, decisions)
+        return ()
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take the answer to the pending query. Raises StaleAnswer, or InconsistentAnswers unless
+        ``on_conflict="drop"`` (then the answer settles its own pair only, and is returned)."""
+        verdicts, dropped = self._desk.tell(answers, on_conflict)
+        for verdict in verdicts.values():
+            self._verdict = int(verdict)
+        return dropped
+
+    def result(self) -> Result:
+        """The greedy policy and the counts so far."""
+        done = self._state.cursor[kernel.STEP] >= self._model.steps and not self._desk.pending
+        finished = Status.GUESSED if self._desk.counts[Tier.GUESS] else Status.DONE
+        tiers = self._desk.counts.copy()
+        tiers[[Tier.EQUAL, Tier.DOMINANCE]] += self._state.decided
+        return self._desk.result(
+            policy=self._state.best.copy(),
+            q=self._state.q.copy(),
+            status=finished if done else Status.WAITING,
+            tiers=tiers,
+            rounds=int(self._state.cursor[kernel.STEP]),
+        )
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Let ``signs`` answer from now on: counted, not logged."""
+        self._desk.signs = signs
+
+    def watch(self, watcher: Watch) -> None:
+        """Call ``watcher(d, decisions)`` for every comparison that neither equality nor dominance settled."""
+        self._desk.watch = watcher
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+        return self._desk.comparator
+
+    def _pair(self) -> tuple[Floats, Floats, str]:
+        cursor = self._state.cursor
+        s, position = cursor[kernel.STATE], cursor[kernel.POSITION]
+        challenger, incumbent = self._model.actions[s, position], self._state.best[s]
+        about = f"state {s}: action {challenger} (left) or action {incumbent} (right)?"
+        return self._state.q[s, challenger].copy(), self._state.q[s, incumbent].copy(), about
+
+
+def check_levels_agree(mdp: OrdinalMDP, comparator: Comparator) -> None:
+    """Raise ValueError where the MDP and the comparator differ in the number of levels."""
+    if mdp.k != comparator.k:
+        raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
+
+
+def _rates(learning_rate: LearningRate, steps: int) -> Floats:
+    visits = np.arange(max(1, steps))
+    rates = np.asarray(learning_rate(visits) if callable(learning_rate) else np.full(len(visits), learning_rate))
+    if rates.shape != visits.shape or not ((rates > 0) & (rates <= 1)).all():
+        wrong = (
+            f"shape {rates.shape}" if rates.shape != visits.shape else f"{rates[~((rates > 0) & (rates <= 1))][0]!r}"
+        )
+        raise ValueError(
+            "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,): "
+            f"for {len(visits)} steps it gives {wrong}"
+        )
+    return rates.astype(np.float64)
+
+
+def _model(
+    mdp: OrdinalMDP,
+    comparator: Comparator,
+    steps: int,
+    epsilon: float,
+    rates: Floats,
+    episode_length: int | None,
+    key: int,
+) -> kernel.Model:
+    return kernel.Model(
+        successors=mdp.successors.astype(np.int64),
+        cumulative=np.cumsum(mdp.probabilities, axis=2),
+        levels=mdp.levels.astype(np.int64),
+        actions=np.argsort(~mdp.admissible, axis=1, kind="stable"),
+        n_actions=mdp.admissible.sum(axis=1),
+        terminal=mdp.terminal,
+        initial=np.cumsum(mdp.initial),
+        rates=rates,
+        discount=mdp.discount,
+        epsilon=float(epsilon),
+        steps=int(steps),
+        episode_length=int(episode_length or 0),
+        dominance=not isinstance(comparator, AlwaysAsk),
+        key=np.uint64(key),
+    )
+
+
+def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:
+    if start not in ("worst", "zero"):
+        raise ValueError(f"start must be 'worst' or 'zero', not {start!r}")
+    n, m, k = mdp.n_states, mdp.n_actions, mdp.k
+    q = np.zeros((n, m, k))
+    q[:, :, 0] = start == "worst"  # Alg. 1, l. 4
+    for s in np.flatnonzero(mdp.terminal):  # a terminal state's value is its level, for ever
+        q[s] = np.eye(k)[model.levels[s, model.actions[s, 0]]]
+    pick = (uniform(fold(model.key, kernel.FIRST_BEST, np.arange(n))) * model.n_actions).astype(np.int64)
+    best = model.actions[np.arange(n), pick]  # Alg. 1, l. 5
+    cursor = np.zeros(7, dtype=np.int64)
+    cursor[kernel.POSITION] = kernel.IDLE
+    cursor[kernel.STATE] = kernel.draw(model.initial, float(uniform(fold(model.key, kernel.RESTART, 0))))
+    return kernel.State(q, best, np.zeros((n, m), np.int64), cursor, np.zeros(2, np.int64), np.zeros(k - 1))

@@ -1,0 +1,252 @@
+"""Algorithms 1 and 2 of the paper, line by line: slow, for reading beside it and for testing the real learners.
+
+A comment "Alg. 1, l. 9" stands on the very line that does what line 9 of Algorithm 1 says. Where the
+paper leaves something open, the choice is that of the whole package:
+
+- vectors are shares: counting vectors times 1 - discount. Line 4 starts from all mass on the worst
+  level (``start="zero"`` is the paper's), and a reward is 1 - discount at the level obtained;
+- the model M is a comparator: BETTER, WORSE and EQUAL are confident forecasts, UNKNOWN is an interval
+  [g - c, g + c] that contains 1/2. An empty B needs no case of its own;
+- where neither vector is better, the best action so far stays;
+- no pair is asked twice, and one that the tutor called equal stays equal, whatever M learns later
+  (only AlwaysAsk asks again, being the oracle);
+- random numbers are a hash of the key, a purpose and counters, as in ``elicit.seeds``;
+- a terminal state's value is its level for ever, and the next episode starts from ``mdp.initial``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit.comparator import AlwaysAsk, Comparator
+from elicit.query import Answer, Answers, Query, Verdict
+from elicit.scale import Floats, dominance, tail_sums
+from elicit.seeds import fold, uniform
+from elicit.tutor import Tutor
+from qlearn.kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
+from qlearn.mdp import OrdinalMDP
+
+
+class Learned(NamedTuple):
+    """Q-bar (S, A, k), or Q (S, A) where the scale is known; B(s) of each state; and every comparison of two
+    different actions as (state, challenger, best so far, best now)."""
+
+    q: Floats
+    best: list[int]
+    comparisons: list[tuple[int, int, int, int]]
+
+
+@dataclass
+class Told:
+    """The set B of the paper: the answers so far, and the verdict on each pair, in both directions."""
+
+    answers: list[Answer] = field(default_factory=list)
+    verdicts: dict[bytes, Verdict] = field(default_factory=dict)
+
+    def add(self, answer: Answer) -> None:
+        """One more answer. A tutor who cannot tell leaves the pair as it is, which is what EQUAL does."""
+        self.answers.append(answer)
+        verdict, t = answer.verdict or Verdict.EQUAL, tail_sums(answer.query.d)
+        self.verdicts[_bits(t)], self.verdicts[_bits(-t)] = verdict, verdict.flipped
+
+    def about(self, d: Floats) -> Verdict | None:
+        """What the tutor said of this very pair; None if it was not asked."""
+        return self.verdicts.get(_bits(tail_sums(d)))
+
+
+def get_best(
+    beta: Floats,
+    a: int,
+    beta_prime: Floats,
+    a_prime: int,
+    model: Comparator,
+    told: Told,
+    tutor: Tutor,
+    indifference: float = 0.0,
+) -> tuple[int, Comparator, Told]:
+    """Algorithm 2: the action with the better vector, a if that is ``beta`` and else a'; M and B after it."""
+    verdict = forecast(beta - beta_prime, model, told, indifference)  # Alg. 2, l. 1 to 4
+    if verdict is not Verdict.UNKNOWN:  # Alg. 2, l. 5
+        if verdict is Verdict.BETTER:  # Alg. 2, l. 6
+            return a, model, told  # Alg. 2, l. 7
+        return a_prime, model, told  # Alg. 2, l. 9
+    answer = tutor(Query.make("reference", len(told.answers), beta, beta_prime))  # Alg. 2, l. 11
+    told.add(answer)  # Alg. 2, l. 13 and 17
+    model = model.update(Answers.of([answer], model.k))  # Alg. 2, l. 14 and 18
+    if answer.verdict is Verdict.BETTER:  # Alg. 2, l. 12
+        return a, model, told  # Alg. 2, l. 15
+    return a_prime, model, told  # Alg. 2, l. 19
+
+
+def forecast(d: Floats, model: Comparator, told: Told, indifference: float) -> Verdict:
+    """M of Algorithm 2: BETTER, WORSE or EQUAL where that can be said without the tutor, else UNKNOWN."""
+    verdict = Verdict(int(model.compare(d)[0]))
+    if isinstance(model, AlwaysAsk):
+        return verdict
+    before = told.about(d)
+    if before is Verdict.EQUAL and dominance(tail_sums(d)) == Verdict.UNKNOWN:
+        return before
+    if verdict is not Verdict.UNKNOWN:
+        return verdict
+    if before is None and indifference > 0:
+        low, high = model.bounds(d)
+        return Verdict.EQUAL if low[0] >= -indifference and high[0] <= indifference else Verdict.UNKNOWN
+    return Verdict.UNKNOWN if before is None else before
+
+
+def interactive_q_learning(
+    mdp: OrdinalMDP,
+    comparator: Comparator,
+    tutor: Tutor,
+    *,
+    steps: int,
+    epsilon: float,
+    rates: Sequence[float] | Floats,
+    key: int,
+    start: str = "worst",
+    episode_length: int | None = None,
+) -> tuple[Learned, Comparator, Told]:
+    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``key``
+    is ``elicit.seeds.key_of`` of a seed. Returns Q-bar and B(s), then M and B."""
+    one, discount = np.eye(mdp.k), mdp.discount
+    model, told = comparator, Told()  # Alg. 1, l. 3
+    q = np.zeros((mdp.n_states, mdp.n_actions, mdp.k))  # Alg. 1, l. 4
+    q[:, :, 0] += start == "worst"
+    q[mdp.terminal] = one[mdp.final_level[mdp.terminal], None]
+    best = [pick(actions(mdp, s), key, FIRST_BEST, s) for s in range(mdp.n_states)]  # Alg. 1, l. 5
+    comparisons = []
+    walk = Walk(mdp, key, epsilon, episode_length)
+    for t in range(steps):  # Alg. 1, l. 1, 6, 16 and 17
+        s = walk.state
+        a = walk.choose(best[s], t)  # Alg. 1, l. 7
+        following, visit = walk.simulate(a)  # Alg. 1, l. 8
+        reward = (1 - discount) * one[mdp.levels[s, a]]  # Alg. 1, l. 2
+        delta = reward + (discount * q[following, best[following]] - q[s, a])  # Alg. 1, l. 9
+        q[s, a] += rates[visit] * delta  # Alg. 1, l. 10
+        challengers = [a] if a != best[s] else actions(mdp, s)  # Alg. 1, l. 11, 13 and 14
+        for other in challengers:
+            incumbent = best[s]
+            if other != incumbent:  # an action is as good as itself
+                best[s], model, told = get_best(  # Alg. 1, l. 12 and 15
+                    q[s, other], other, q[s, incumbent], incumbent, model, told, tutor
+                )
+                comparisons.append((s, other, incumbent, best[s]))
+    return Learned(q, best, comparisons), model, told  # Alg. 1, l. 18
+
+
+def scalar_q_learning(
+    mdp: OrdinalMDP,
+    values: ArrayLike,
+    *,
+    steps: int,
+    epsilon: float,
+    rates: Sequence[float] | Floats,
+    key: int,
+    episode_length: int | None = None,
+) -> Learned:
+    """Ordinary Q-learning on the true ``values`` (k,), with B(s) tracked as in Algorithm 1: what a learner
+    does that always asks a tutor who never errs. Q (S, A) is in shares of the value range, from 0 to 1."""
+    e = mdp.normalise(values)
+    q = np.zeros((mdp.n_states, mdp.n_actions))
+    q[mdp.terminal] = e[mdp.final_level[mdp.terminal], None]
+    best = [pick(actions(mdp, s), key, FIRST_BEST, s) for s in range(mdp.n_states)]
+    comparisons = []
+    walk = Walk(mdp, key, epsilon, episode_length)
+    for t in range(steps):
+        s = walk.state
+        a = walk.choose(best[s], t)
+        following, visit = walk.simulate(a)
+        reward = (1 - mdp.discount) * e[mdp.levels[s, a]]
+        q[s, a] += rates[visit] * (reward + mdp.discount * q[following, best[following]] - q[s, a])
+        for other in [a] if a != best[s] else actions(mdp, s):
+            incumbent = best[s]
+            if other != incumbent:
+                best[s] = other if q[s, other] > q[s, incumbent] else incumbent
+                comparisons.append((s, other, incumbent, best[s]))
+    return Learned(q, best, comparisons)
+
+
+def interactive_value_iteration(
+    mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, *, tolerance: float, indifference: float | None = None
+) -> tuple[Learned, Comparator, Told]:
+    """Value iteration on vectors, with getBest for the maximum of eq. (2) (Weng and Zanuttini 2013), one
+    comparison at a time. Returns the last sweep's Q-bar and best actions, then M and B."""
+    if indifference is None:
+        indifference = tolerance * (1 - mdp.discount) / 2
+    model, told = comparator, Told()
+    v = np.eye(mdp.k)[np.where(mdp.terminal, mdp.final_level, 0)]
+    best = [actions(mdp, s)[0] for s in range(mdp.n_states)]
+    comparisons = []
+    while True:
+        expected = (mdp.transitions @ v).reshape(mdp.n_states, mdp.n_actions, mdp.k)
+        q = (1 - mdp.discount) * mdp.vector_rewards() + mdp.discount * expected  # eq. (3)
+        q[mdp.terminal] = v[mdp.terminal, None]
+        for s in np.flatnonzero(~mdp.terminal).tolist():
+            for a in actions(mdp, s):
+                incumbent = best[s]
+                if a != incumbent:
+                    best[s], model, told = get_best(
+                        q[s, a], a, q[s, incumbent], incumbent, model, told, tutor, indifference
+                    )
+                    comparisons.append((s, a, incumbent, best[s]))
+        before, v = v, q[np.arange(mdp.n_states), best]
+        change = np.abs(tail_sums(v - before)).max()  # the greatest that any ordered scale can see
+        if mdp.discount * change < tolerance * (1 - mdp.discount) / 4:
+            return Learned(q, best, comparisons), model, told
+
+
+class Walk:
+    """Where the agent is, and the generative model of line 8."""
+
+    def __init__(self, mdp: OrdinalMDP, key: int, epsilon: float, episode_length: int | None) -> None:
+        self._mdp, self._key, self._epsilon, self._episode_length = mdp, key, epsilon, episode_length
+        self._visits = np.zeros((mdp.n_states, mdp.n_actions), dtype=int)
+        self._episode = self._age = 0
+        self.state = draw(mdp.initial, key, RESTART, 0)
+
+    def choose(self, best: int, t: int) -> int:
+        """The epsilon-greedy action in step t."""
+        explore = uniform(fold(self._key, EXPLORE, t)) < self._epsilon
+        return pick(actions(self._mdp, self.state), self._key, ACTION, t) if explore else best
+
+    def simulate(self, a: int) -> tuple[int, int]:
+        """Take action a: its successor, and how often a was taken here before. Moves on, or restarts."""
+        s, visit = self.state, int(self._visits[self.state, a])
+        self._visits[s, a] += 1
+        following = int(
+            self._mdp.successors[s, a, draw(self._mdp.probabilities[s, a], self._key, TRANSITION, s, a, visit)]
+        )
+        self.state, self._age = following, self._age + 1
+        if self._mdp.terminal[following] or self._age == self._episode_length:
+            self._episode, self._age = self._episode + 1, 0
+            self.state = draw(self._mdp.initial, self._key, RESTART, self._episode)
+        return following, visit
+
+
+def actions(mdp: OrdinalMDP, s: int) -> list[int]:
+    """The set A, as far as admissible in s."""
+    return [a for a in range(mdp.n_actions) if mdp.admissible[s, a]]
+
+
+def pick(options: list[int], key: int, *counters: int) -> int:
+    """One of the options, uniformly."""
+    return options[int(float(uniform(fold(key, *counters))) * len(options))]
+
+
+def draw(probabilities: NDArray[np.float64], key: int, *counters: int) -> int:
+    """The first index at which the running sum of the probabilities exceeds a random number."""
+    u, total = float(uniform(fold(key, *counters))), 0.0
+    for i, p in enumerate(probabilities):
+        total += p
+        if total > u:
+            return i
+    return int(np.flatnonzero(probabilities)[-1])  # rounding: they sum to a little less than 1
+
+
+def _bits(t: Floats) -> bytes:
+    return (t + 0.0).tobytes()  # + 0.0 turns -0.0 into 0.0

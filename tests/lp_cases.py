@@ -1,0 +1,593 @@
+"""Random and adversarial polytopes, and an exact second opinion on them that shares no code with elicit.
+
+A ``Case`` is a set of answers that some hidden scale satisfies exactly, with differences to ask about. ``Region``
+states its polytope in rationals, from the tail sums of the float differences. ``Oracle`` gives least t.g over it:
+HiGHS proposes a basis, which is verified in rationals (primal and dual feasibility); where that fails, a primal
+simplex method on the dual program, in exact integers, decides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import highspy
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Rationals = list[Fraction]
+TIE_BAND = Fraction(1e-9)
+
+
+# ---- the region in rationals ------------------------------------------------------------------------------------
+
+
+def tails(d: Sequence[float]) -> tuple[list[float], int]:
+    """The float tail sums (k-1,) of d (k,), best level first to be added, and the power of two that they were
+    divided by to keep sums of numbers beyond 2^960 from overflowing."""
+    top = [float(x) for x in d[1:]]
+    shift = 64 if max((abs(x) for x in top), default=0.0) > 2.0**960 else 0
+    total, out = 0.0, []
+    for x in reversed(top):
+        total += x * 2.0**-shift
+        out.append(total)
+    return out[::-1], shift
+
+
+def exact(numbers: Sequence[float]) -> Rationals:
+    return [Fraction(float(x)) for x in numbers]
+
+
+def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+@dataclass
+class Region:
+    """{g : g >= margin, sum g = 1, rows g >= rhs} in Fractions; each row's largest entry is of order 1."""
+
+    p: int
+    margin: Fraction
+    rows: list[Rationals]
+    rhs: Rationals
+
+    def add(self, row: Rationals, limit: Fraction) -> None:
+        size = max(map(abs, row), default=Fraction(0))
+        unit = Fraction(2) ** math.frexp(float(size))[1] if float(size) > 2.0**-1000 else (size or Fraction(1))
+        self.rows.append([x / unit for x in row])
+        self.rhs.append(limit / unit)
+
+    def contains(self, g: Rationals) -> bool:
+        rows = all(dot(row, g) >= limit for row, limit in zip(self.rows, self.rhs, strict=True))
+        return sum(g) == 1 and min(g) >= self.margin and rows
+
+
+def region_of(
+    k: int,
+    margin: float,
+    prior: tuple[Floats, Floats] | None,
+    d: Floats,
+    y: Sequence[int],
+    only: Sequence[int] | None = None,
+) -> Region:
+    """K_t of answers (d, y), or of those numbered ``only``."""
+    p = k - 1
+    region = Region(p, Fraction(1, p) if margin == 1.0 / p else Fraction(margin), [], [])
+    if prior is not None:
+        for a, b in zip(*prior, strict=True):
+            t, shift = tails(a)
+            region.add(exact(t), Fraction(float(b)) / 2**shift)
+    for i in range(len(y)) if only is None else only:
+        t, shift = tails(d[i])
+        if not any(t):
+            continue
+        band = -TIE_BAND * sum(map(abs, exact(d[i]))) / 2**shift if y[i] == 0 else Fraction(0)
+        for sign in (1, -1) if y[i] == 0 else (int(y[i]),):
+            region.add([sign * x for x in exact(t)], band)
+    return region
+
+
+# ---- the second opinion -----------------------------------------------------------------------------------------
+
+
+class Oracle:
+    """Least t.g over one region, exactly. ``verified`` and ``from_scratch`` count which method decided."""
+
+    def __init__(self, region: Region) -> None:
+        self.region = region
+        self.verified = self.from_scratch = 0
+        self._rows = np.array([[float(x) for x in row] for row in region.rows]).reshape(-1, region.p)
+        self._rhs = np.array([float(x) for x in region.rhs])
+        self._model = self._highs()
+
+    def least(self, t: Rationals) -> Fraction:
+        """The exact optimum of min t.g. Raises ValueError where the region is empty."""
+        size = max(map(abs, t))
+        if size == 0:
+            return Fraction(0)
+        unit = [x / size for x in t]
+        value = self._verify(unit, self._basis(unit))
+        if value is not None:
+            self.verified += 1
+        else:
+            self.from_scratch += 1
+            value = least_from_scratch(unit, self.region)
+        if value is None:
+            raise ValueError("the region is empty")
+        return value * size
+
+    def range(self, t: Rationals) -> tuple[Fraction, Fraction]:
+        """Least and greatest t.g."""
+        return self.least(t), -self.least([-x for x in t])
+
+    def highs(self, t: Rationals) -> float:
+        """HiGHS's own value of the optimum."""
+        self._basis(t)
+        return float(self._model.getInfo().objective_function_value)
+
+    def _highs(self) -> highspy.Highs:
+        region, inf = self.region, highspy.kHighsInf
+        p, m = region.p, len(region.rows)
+        h = highspy.Highs()
+        h.setOptionValue("output_flag", False)
+        h.setOptionValue("presolve", "off")
+        h.setOptionValue("threads", 1)
+        h.setOptionValue("primal_feasibility_tolerance", 1e-10)
+        h.setOptionValue("dual_feasibility_tolerance", 1e-10)
+        lp = highspy.HighsLp()
+        lp.num_col_, lp.num_row_ = p, m + 1
+        lp.col_cost_ = np.zeros(p)
+        lp.col_lower_, lp.col_upper_ = np.full(p, float(region.margin)), np.full(p, inf)
+        lp.row_lower_ = np.concatenate([[1.0], self._rhs])
+        lp.row_upper_ = np.concatenate([[1.0], np.full(m, inf)])
+        matrix = np.concatenate([np.ones((1, p)), self._rows])
+        lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
+        lp.a_matrix_.start_ = np.arange(m + 2) * p
+        lp.a_matrix_.index_ = np.tile(np.arange(p), m + 1)
+        lp.a_matrix_.value_ = matrix.ravel()
+        h.passModel(lp)
+        return h
+
+    def _basis(self, t: Rationals) -> tuple[list[int], list[int]]:
+        """(gaps that are basic, rows that are active) as HiGHS ends."""
+        p = self.region.p
+        self._model.changeColsCost(p, np.arange(p, dtype=np.int32), np.array([float(x) for x in t]))
+        self._model.run()
+        basis = self._model.getBasis()
+        basic = highspy.HighsBasisStatus.kBasic
+        columns = [j for j, s in enumerate(basis.col_status) if s == basic]
+        rows = [i - 1 for i, s in enumerate(basis.row_status) if s != basic and i > 0]
+        return columns, rows
+
+    def _verify(self, t: Rationals, basis: tuple[list[int], list[int]]) -> Fraction | None:
+        """The value at the basis if it is a feasible and optimal one in rationals, else None."""
+        region, (free, active) = self.region, basis
+        if len(free) != len(active) + 1:
+            return None
+        fixed = [j for j in range(region.p) if j not in set(free)]
+        matrix = [[Fraction(1)] * len(free)] + [[region.rows[i][j] for j in free] for i in active]
+        at_margin = [sum((region.rows[i][j] for j in fixed), Fraction(0)) * region.margin for i in active]
+        limits = [1 - len(fixed) * region.margin]
+        limits += [region.rhs[i] - m for i, m in zip(active, at_margin, strict=True)]
+        x = solve_exactly(matrix, limits)
+        y = solve_exactly([list(column) for column in zip(*matrix, strict=True)], [t[j] for j in free])
+        if x is None or y is None or min(y[1:], default=Fraction(0)) < 0 or min(x) < region.margin:
+            return None
+        g = [region.margin] * region.p
+        for j, value in zip(free, x, strict=True):
+            g[j] = value
+        for j in fixed:
+            if t[j] - y[0] - sum(w * region.rows[i][j] for w, i in zip(y[1:], active, strict=True)) < 0:
+                return None
+        slack = self._rows @ np.array([float(v) for v in g]) - self._rhs
+        for i in np.flatnonzero(slack < 1e-6):  # rows are of order 1: the others hold beyond doubt
+            if dot(region.rows[i], g) < region.rhs[i]:
+                return None
+        return Fraction(dot(t, g))
+
+
+def whole(numbers: Sequence[Fraction]) -> tuple[list[int], int]:
+    """Fractions as integers over one denominator."""
+    unit = math.lcm(*(x.denominator for x in numbers))
+    return [x.numerator * (unit // x.denominator) for x in numbers], unit
+
+
+def solve_exactly(matrix: list[Rationals], right: Rationals) -> Rationals | None:
+    """x with matrix x = right by fraction-free elimination (Bareiss 1968); None where singular."""
+    n = len(matrix)
+    work = [whole([*row, b])[0] for row, b in zip(matrix, right, strict=True)]
+    last = 1
+    for c in range(n):
+        pivot = next((i for i in range(c, n) if work[i][c]), None)
+        if pivot is None:
+            return None
+        work[c], work[pivot] = work[pivot], work[c]
+        head = work[c]
+        for i in range(n):
+            if i != c:
+                row, factor = work[i], work[i][c]
+                work[i] = [(head[c] * a - factor * b) // last for a, b in zip(row, head, strict=True)]
+        last = head[c]
+    return [Fraction(row[n], row[i]) for i, row in enumerate(work)]
+
+
+def least_from_scratch(t: Rationals, region: Region) -> Fraction | None:
+    """Least t.g over the region; None where it is empty.
+
+    The dual program, with h = g - margin >= 0, sum h = F, rows h >= r: maximise F mu + r.y subject to
+    mu + y rows <= t, y >= 0. Primal simplex on it, in integers over one denominator, from y = 0 and mu = min t.
+    """
+    p, m, low = region.p, len(region.rows), min(t)
+    total = 1 - p * region.margin
+    limits = [limit - region.margin * sum(row) for row, limit in zip(region.rows, region.rhs, strict=True)]
+    # columns: mu+, mu-, the multipliers, the slacks, the right-hand side; last row: the objective
+    tableau = np.zeros((p + 1, m + p + 3), dtype=object)
+    unit_t = whole([x - low for x in t])[1]
+    for j in range(p):
+        tableau[j, 0], tableau[j, 1], tableau[j, 2 + m + j] = 1, -1, 1
+        tableau[j, -1] = int((t[j] - low) * unit_t)
+    common = math.lcm(total.denominator, *(x.denominator for x in limits))
+    for i, row in enumerate(region.rows):
+        ints, unit = whole([*row, limits[i] * common])
+        tableau[:p, 2 + i], tableau[p, 2 + i] = ints[:-1], ints[-1]
+        assert unit >= 1
+    tableau[p, 0], tableau[p, 1] = int(total * common), -int(total * common)
+    basis = list(range(2 + m, 2 + m + p))
+    denominator, steps = 1, 0
+    while True:
+        gains = tableau[p, :-1]
+        rising = [c for c in range(m + p + 2) if gains[c] > 0]
+        if not rising:
+            return low * total + Fraction(-tableau[p, -1], denominator * common * unit_t) + region.margin * sum(t)
+        # the best relative gain at first, then the first (Bland 1977), which ends
+        size = [max(abs(tableau[i, c]) for i in range(p)) or 1 for c in rising] if steps < 20 * p else []
+        entering = (
+            max(zip(rising, size, strict=True), key=lambda cs: (gains[cs[0]] << 64) // cs[1])[0] if size else rising[0]
+        )
+        steps += 1
+        column = tableau[:p, entering]
+        ratios = [(Fraction(tableau[i, -1], column[i]), basis[i], i) for i in range(p) if column[i] > 0]
+        if not ratios:
+            return None
+        leaving = min(ratios)[2]
+        head, pivot = tableau[leaving].copy(), tableau[leaving, entering]
+        tableau = (tableau * pivot - np.outer(tableau[:, entering], head)) // denominator
+        tableau[leaving] = head
+        denominator = pivot
+        basis[leaving] = entering
+
+
+def is_empty(region: Region) -> bool:
+    """Whether no g satisfies the region's constraints."""
+    return least_from_scratch([Fraction(0)] * region.p, region) is None
+
+
+def verdict(least: Fraction, greatest: Fraction) -> int:
+    """The verdict of exact extremes: 1 better, -1 worse, 0 equal, 2 unknown."""
+    if least == greatest == 0:
+        return 0
+    if least >= 0:
+        return 1
+    return -1 if greatest <= 0 else 2
+
+
+# ---- cases ------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Case:
+    """Answers that the hidden gaps ``truth`` satisfy exactly, and differences ``ask`` (q, k)."""
+
+    kind: str
+    k: int
+    margin: float
+    prior: tuple[Floats, Floats] | None
+    d: Floats
+    y: NDArray[np.int8]
+    ask: Floats
+    truth: Rationals
+
+    def region(self) -> Region:
+        return region_of(self.k, self.margin, self.prior, self.d, list(self.y))
+
+
+Rng = np.random.Generator
+
+
+def from_tails(t: Sequence[float]) -> Floats:
+    """A difference (k,) whose tail sums are t exactly, for t of few bits: level 1 makes the total 0."""
+    t = np.asarray(t, dtype=np.float64)
+    d = np.append(t[:-1] - t[1:], t[-1]) if len(t) > 1 else t.copy()
+    out = np.concatenate([[-float(np.sum(d))], d])
+    assert tails(out)[0] == list(t)
+    return out
+
+
+def shares(rng: Rng, k: int, n: int, spread: float = 0.7) -> Floats:
+    out: Floats = rng.dirichlet(np.full(k, spread), size=n) - rng.dirichlet(np.full(k, spread), size=n)
+    return out.reshape(n, k)
+
+
+def draw_truth(rng: Rng, p: int) -> Rationals:
+    weights = [int(x) for x in np.ceil(rng.dirichlet(np.full(p, rng.choice([0.3, 1.0, 5.0]))) * 1000)]
+    return [Fraction(w, sum(weights)) for w in weights]
+
+
+def sign_of(d: Sequence[float], truth: Rationals) -> int:
+    value = dot(exact(tails(d)[0]), truth)
+    return (value > 0) - (value < 0)
+
+
+def answered(rng: Rng, d: Floats, truth: Rationals) -> NDArray[np.int8]:
+    """Truthful answers; an exact tie is answered -1, 0 or +1, all of which are true."""
+    return np.array([sign_of(row, truth) or int(rng.integers(-1, 2)) for row in d], dtype=np.int8)
+
+
+def below(x: Fraction) -> float:
+    """The greatest float that is at most x."""
+    f = float(x)
+    return f if Fraction(f) <= x else math.nextafter(f, -math.inf)
+
+
+def tie_with(rng: Rng, truth: Rationals) -> Floats:
+    """A difference of few bits that is exactly 0 under the truth; no difference where the truth has too many bits."""
+    unit = math.lcm(*(g.denominator for g in truth))
+    weights = [int(g * unit) for g in truth]
+    t = np.zeros(len(truth))
+    if len(truth) > 1 and max(weights) < 2**50:
+        a, b = rng.choice(len(truth), 2, replace=False)
+        t[a], t[b] = weights[b], -weights[a]
+    return from_tails(t)
+
+
+def random_margin(rng: Rng, truth: Rationals) -> float:
+    least = below(min(truth))
+    return float(rng.choice([0.0, min(1e-6, least), least / 2, least]))
+
+
+def questions(rng: Rng, d: Floats, truth: Rationals, count: int) -> Floats:
+    """What is asked: fresh differences, cuts and what lies close to them, combinations, ties, and nothing."""
+    p = len(truth)
+    k = p + 1
+
+    def cut() -> Floats:
+        return np.array(d[rng.integers(len(d))]) if len(d) else shares(rng, k, 1)[0]
+
+    def near() -> Floats:
+        return cut() + 10.0 ** rng.uniform(-16, -6) * rng.normal(size=k) * (np.abs(cut()).max() or 1.0)
+
+    def combination() -> Floats:
+        some = rng.integers(len(d), size=rng.integers(1, 5)) if len(d) else []
+        signs = [sign_of(d[i], truth) or 1 for i in some]
+        weights = rng.integers(1, 4, size=len(some)) if rng.random() < 0.5 else rng.random(len(some))
+        total = np.zeros(k)
+        for i, s, w in zip(some, signs, weights, strict=True):
+            total = total + s * w * d[i] / (np.abs(d[i]).max() or 1.0)
+        return total if rng.random() < 0.5 else -total
+
+    makers: list[Callable[[], Floats]] = [
+        lambda: shares(rng, k, 1)[0],
+        lambda: shares(rng, k, 1)[0],
+        lambda: shares(rng, k, 1)[0] * 10.0 ** rng.integers(-15, 2),
+        cut,
+        lambda: -cut() * 2.0 ** rng.integers(-30, 30),
+        lambda: cut() * 3.0,
+        near,
+        near,
+        combination,
+        combination,
+        lambda: tie_with(rng, truth),
+        lambda: np.eye(k)[rng.integers(k)] - np.eye(k)[rng.integers(k)],
+        lambda: np.zeros(k),
+    ]
+    with np.errstate(all="ignore"):
+        made = [makers[rng.integers(len(makers))]() for _ in range(count)]
+    return np.array([one if np.isfinite(one).all() else cut() for one in made])
+
+
+def _case(
+    kind: str, rng: Rng, truth: Rationals, margin: float, d: Floats, asks: int, y: NDArray[np.int8] | None = None
+) -> Case:
+    d = np.asarray(d, dtype=np.float64).reshape(-1, len(truth) + 1)
+    y = answered(rng, d, truth) if y is None else y
+    return Case(kind, len(truth) + 1, margin, None, d, y, questions(rng, d, truth, asks), truth)
+
+
+def plain(rng: Rng, k: int, n: int, asks: int) -> Case:
+    truth = draw_truth(rng, k - 1)
+    return _case("plain", rng, truth, random_margin(rng, truth), shares(rng, k, n), asks)
+
+
+def duplicated(rng: Rng, k: int, n: int, asks: int) -> Case:
+    truth = draw_truth(rng, k - 1)
+    base = shares(rng, k, n // 4 + 1)
+    d = np.concatenate([base, base, 2 * base, -3 * base, np.zeros((2, k)), 1e-12 * base])
+    return _case("duplicated", rng, truth, random_margin(rng, truth), d[rng.permutation(len(d))][: n + 1], asks)
+
+
+def parallel(rng: Rng, k: int, n: int, asks: int) -> Case:
+    truth = draw_truth(rng, k - 1)
+    base = shares(rng, k, 3)[rng.integers(3, size=n + 2)]
+    tiny = 10.0 ** rng.uniform(-16, -6, size=(len(base), 1)) * rng.normal(size=base.shape)
+    return _case("parallel", rng, truth, random_margin(rng, truth), base + tiny, asks)
+
+
+def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """Ties, told as opposite answers, hold K_t to a flat: to a single point where there are k - 2 of them."""
+    weights = [int(w) for w in rng.integers(1, 60, size=k - 1)]
+    truth = [Fraction(w, sum(weights)) for w in weights]
+    ties = []
+    for j in range(1, k - 1):
+        t = np.zeros(k - 1)
+        t[0], t[j] = weights[j], -weights[0]
+        ties.append(from_tails(t))
+    ties = ties[: int(rng.integers(1, k - 1))] if k > 2 and rng.random() < 0.4 else ties
+    d = np.array([s * t for t in ties for s in (1, -1)] or [np.zeros(k)])
+    y = np.ones(len(d), dtype=np.int8)
+    more = shares(rng, k, min(n, 10))
+    d, y = np.concatenate([d, more]), np.concatenate([y, answered(rng, more, truth)])
+    return _case("pinned", rng, truth, random_margin(rng, truth), d, asks, y)
+
+
+def tied(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """Answers "equal": to exact ties and to pairs inside the band of 1e-9 |d|_1."""
+    weights = [int(w) for w in rng.integers(1, 60, size=k - 1)]
+    truth = [Fraction(w, sum(weights)) for w in weights]
+    ties = np.array([tie_with(rng, truth) for _ in range(int(rng.integers(1, 5)))])
+    ties = ties + (rng.random() < 0.7) * 1e-10 * rng.uniform(-1, 1, size=ties.shape) * np.abs(ties).max()
+    more = shares(rng, k, min(n, 30))
+    y = np.concatenate([np.zeros(len(ties), dtype=np.int8), answered(rng, more, truth)])
+    d = np.concatenate([ties, more])
+    for i in range(len(ties)):
+        value = abs(dot(exact(tails(d[i])[0]), truth))
+        if value > TIE_BAND * sum(map(abs, exact(d[i]))):
+            y[i] = sign_of(d[i], truth)
+    return _case("tied", rng, truth, random_margin(rng, truth), d, asks, y)
+
+
+def opposite(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """Opposite answers to one pair of shares: the truth lies exactly on the cut."""
+    for _ in range(100):
+        d = shares(rng, k, 1)[0]
+        t = exact(tails(d)[0])
+        a, b = draw_truth(rng, k - 1), draw_truth(rng, k - 1)
+        high, low = dot(t, a), dot(t, b)
+        if high > 0 > low:
+            truth = [(high * v - low * u) / (high - low) for u, v in zip(a, b, strict=True)]
+            more = shares(rng, k, min(n, 20))
+            both = np.array([d, d] if rng.random() < 0.5 else [d, -d])
+            y = np.array([1, -1] if (both[1] == d).all() else [1, 1], dtype=np.int8)
+            all_d = np.concatenate([both, more])
+            return _case(
+                "opposite", rng, truth, min(1e-6, below(min(truth))), all_d, asks,
+                np.concatenate([y, answered(rng, more, truth)]),
+            )  # fmt: skip
+    return plain(rng, k, n, asks)
+
+
+def touching(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """An answer whose cut meets K_0 in one vertex, or (k > 3, half the time) in an edge."""
+    p = k - 1
+    q = int(rng.integers(5, 11))
+    best = [int(j) for j in rng.choice(p, 2 if p > 2 and rng.random() < 0.5 else 1, replace=False)]
+    # with margin 2^-q, t.g at the vertex of a best gap is (sum of the others' t + (2^q - p + 1) t_best) / 2^q
+    others = [j for j in range(p) if j not in best]
+    t = np.zeros(p)
+    t[best] = 1.0
+    need = 2**q - p + len(best)
+    for _ in range(need) if others else ():
+        t[rng.choice(others)] -= 1
+    if not others:
+        t[:] = 0.0
+    share = int(rng.integers(0, 2**q - p + 1)) if len(best) == 2 else 0
+    weights = [1] * p
+    weights[best[0]] += 2**q - p - share
+    weights[best[-1]] += share
+    truth = [Fraction(w, 2**q) for w in weights]
+    d = np.concatenate([[from_tails(t)], shares(rng, k, min(n, 10))])
+    return _case("touching", rng, truth, 2.0**-q, d, asks, np.append(np.int8(1), answered(rng, d[1:], truth)))
+
+
+def with_prior(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """Prior inequalities A e >= b of all sizes, half of them tight at the truth."""
+    truth = draw_truth(rng, k - 1)
+    a = rng.normal(size=(int(rng.integers(1, 8)), k)) * 10.0 ** rng.integers(-5, 6)
+    if rng.random() < 0.5:
+        a = rng.integers(-2, 3, size=a.shape).astype(float)
+    values = [dot(exact(tails(row)[0]), truth) for row in a]
+    size = np.abs(a).max(axis=1)
+    b = np.array([below(v - Fraction(float(s * rng.choice([0, 0.1])))) for v, s in zip(values, size, strict=True)])
+    case = _case("prior", rng, truth, random_margin(rng, truth), shares(rng, k, min(n, 60)), asks)
+    case.prior = (a, b)
+    return case
+
+
+def closed_gaps(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """Margin 0 and a truth with gaps of 0, which answers against dominance show."""
+    truth = draw_truth(rng, k - 1)
+    dead = rng.random(k - 1) < 0.4
+    dead[rng.integers(k - 1)] = False
+    kept = sum((g for g, gone in zip(truth, dead, strict=True) if not gone), Fraction(0))
+    truth = [Fraction(0) if gone else g / kept for g, gone in zip(truth, dead, strict=True)]
+    flat = np.array([from_tails(np.where(np.arange(k - 1) == j, 1.0, 0.0)) for j in np.flatnonzero(dead)])
+    more = shares(rng, k, min(n, 30))
+    y = np.concatenate([-np.ones(len(flat), dtype=np.int8), answered(rng, more, truth)])
+    case = _case("closed", rng, truth, 0.0, np.concatenate([flat.reshape(-1, k), more]), asks, y)
+    for i in range(asks // 2):
+        case.ask[i] = from_tails(rng.integers(0, 2, size=k - 1).astype(float))
+    return case
+
+
+def equal_gaps(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """A margin of 1/(k-1): K_0 is one point."""
+    truth = [Fraction(1, k - 1)] * (k - 1)
+    case = _case("equal gaps", rng, truth, 1.0 / (k - 1), shares(rng, k, min(n, 30)), asks)
+    case.ask[0] = from_tails(rng.permutation(np.append(np.zeros(k - 1), [1.0, -1.0]))[: k - 1])
+    return case
+
+
+def extreme(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """Differences as large and as small as floats can be."""
+    truth = draw_truth(rng, k - 1)
+    d = shares(rng, k, min(n, 40) + 1)
+    exponents = rng.choice([1020, 990, 0, -900, -1060, -1073], size=(len(d), 1))
+    d = np.ldexp(np.where(exponents > 1000, d / 4, d), exponents)
+    case = _case("extreme", rng, truth, random_margin(rng, truth), d, asks)
+    powers = rng.choice([1.7e308, 1e300, 1e-12, 1e-300, 1e-320], size=(asks // 2, 1))
+    case.ask[: asks // 2] = shares(rng, k, asks // 2) / 2 * powers
+    return case
+
+
+def thin(rng: Rng, k: int, n: int, asks: int) -> Case:
+    """K_t between a cut and one nearly opposite to it."""
+    case = opposite(rng, k, n, asks)
+    if case.kind != "opposite":
+        return case
+    t = np.array(tails(case.d[0])[0])
+    width = 10.0 ** rng.uniform(-14, -7)
+    # t.g >= 0 and (t - width).g <= 0: for g of total 1 this leaves a slab of that width
+    case.d = np.concatenate([case.d[:1], [from_tails_nearly(t - width)], case.d[2:]])
+    case.y = np.array([1, sign_of(case.d[1], case.truth) or -1, *case.y[2:]], dtype=np.int8)
+    case.ask[0] = case.d[1]
+    case.kind = "thin"
+    return case
+
+
+def from_tails_nearly(t: Floats) -> Floats:
+    """A difference with tail sums t up to rounding."""
+    d = np.append(t[:-1] - t[1:], t[-1]) if len(t) > 1 else t.copy()
+    out: Floats = np.concatenate([[-float(np.sum(d))], d])
+    return out
+
+
+KINDS: tuple[Callable[[Rng, int, int, int], Case], ...] = (
+    plain,
+    plain,
+    plain,
+    duplicated,
+    parallel,
+    pinned,
+    tied,
+    opposite,
+    touching,
+    with_prior,
+    closed_gaps,
+    equal_gaps,
+    extreme,
+    thin,
+)
+
+
+def cases(
+    seed: int | list[int], count: int, asks: int = 4, most_levels: int = 25, most_answers: int = 300
+) -> Iterator[Case]:
+    """``count`` cases, the kinds in turn; small k and n are drawn more often, since they cost less."""
+    for i in range(count):
+        rng = np.random.default_rng([*np.atleast_1d(seed), i])
+        k = 2 + int((most_levels - 1) * rng.random() ** 2)
+        n = int((most_answers + 1) * rng.random() ** 3)
+        yield KINDS[i % len(KINDS)](rng, k, n, asks)

@@ -1,0 +1,144 @@
+"""What passes between learner, tutor and comparator keeps its meaning, and cannot be changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+
+LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
+
+
+def test_verdicts():
+    assert [int(v) for v in (Verdict.WORSE, Verdict.EQUAL, Verdict.BETTER, Verdict.UNKNOWN)] == [-1, 0, 1, 2]
+    assert Verdict.BETTER.flipped is Verdict.WORSE
+    assert Verdict.EQUAL.flipped is Verdict.EQUAL
+    assert Verdict.UNKNOWN.flipped is Verdict.UNKNOWN
+
+
+def test_a_query_keeps_its_own_copy():
+    left = np.array(LEFT)
+    query = Query("q", left, RIGHT)
+    left[0] = 9
+    assert query.left.tolist() == LEFT
+    assert query.d.tolist() == [0.25, -0.5, 0.25]
+    assert query.about == ""
+    for array in (query.left, query.right):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(AttributeError):
+        query.left = left
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "complaint"),
+    [
+        ([1, 0], [1, 0, 0], r"\(2,\) with \(3,\)"),
+        ([[1, 0]], [[1, 0]], r"\(1, 2\)"),
+        ([1, np.nan], [1, 0], "finite"),
+        ([1], [0], "k >= 2"),
+        (["x", 0], [1, 0], "x"),
+    ],
+)
+def test_bad_queries(left, right, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Query("q", left, right)
+
+
+def test_ids_depend_on_all_that_makes_a_query():
+    ids = {
+        Query.make(*arguments).id
+        for arguments in [
+            ("problem", 0, LEFT, RIGHT),
+            ("other", 0, LEFT, RIGHT),
+            ("problem", 1, LEFT, RIGHT),
+            ("problem", 10, LEFT, RIGHT),
+            ("problem", 0, RIGHT, LEFT),
+            ("problem", 0, LEFT, LEFT),
+        ]
+    }
+    assert len(ids) == 6
+    assert Query.make("problem", 0, LEFT, RIGHT).id == Query.make("problem", 0, np.array(LEFT), np.array(RIGHT)).id
+    assert Query.make("problem", 0, LEFT, RIGHT, "a").id == Query.make("problem", 0, LEFT, RIGHT, "b").id
+
+
+def test_answers_to_one_query():
+    query = Query("q", LEFT, RIGHT)
+    assert Answer(query, 1).verdict is Verdict.BETTER
+    assert Answer(query, None).verdict is None
+    assert Answer(query, Verdict.WORSE, swapped=True).swapped
+    with pytest.raises(ValueError, match="None where the tutor cannot tell"):
+        Answer(query, Verdict.UNKNOWN)
+    with pytest.raises(ValueError, match="5"):
+        Answer(query, 5)
+
+
+def test_rows_of_answers():
+    answers = Answers([[1, -1, 0], [0, 1, -1]], [1, -1], ["a", "b"])
+    assert answers.k == 3
+    assert len(answers) == 2
+    assert answers.d.dtype == np.float64
+    assert answers.y.dtype == np.int8
+    assert Answers([1, -1, 0], 0).y.tolist() == [0]
+    assert Answers([[1, -1, 0]], [1]).ids == ("0",)
+    assert Answers([[1, -1, 0]], [1], [7]).ids == ("7",)
+    both = answers + answers[1:]
+    assert both.ids == ("a", "b", "b")
+    assert both.y.tolist() == [1, -1, -1]
+    assert both.d.tolist() == [[1, -1, 0], [0, 1, -1], [0, 1, -1]]
+    assert len(Answers.none(4)) == 0
+    assert Answers.none(4).k == 4
+    assert len(Answers.none(3) + answers) == 2
+
+
+def test_answers_keep_their_own_copy():
+    d, y = np.array([[1.0, -1, 0]]), np.array([1], dtype=np.int8)
+    answers = Answers(d, y)
+    d[0, 0], y[0] = 9, -1
+    assert answers.d.tolist() == [[1, -1, 0]]
+    assert answers.y.tolist() == [1]
+    for array in (answers.d, answers.y):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("d", "y", "ids", "complaint"),
+    [
+        ([[1, 2, 3]], [2], None, "row 0 is 2"),
+        ([[1, 2, 3]], [0.5], None, "row 0 is 0.5"),
+        ([[1, 2, 3]], [None], None, "row 0 is None"),
+        ([[1, 2, 3]], [1, 1], None, "1 rows"),
+        ([[1, 2, 3]], [1], ["a", "b"], "2 ids"),
+        ([[1, 2, np.nan]], [1], None, "finite"),
+        ([], [], None, r"\(0, k\)"),
+    ],
+)
+def test_bad_answers(d, y, ids, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Answers(d, y, ids)
+
+
+def test_gathering_answers_drops_the_undecided():
+    queries = [Query(f"q{i}", LEFT, RIGHT) for i in range(3)]
+    told = [Answer(queries[0], Verdict.WORSE), Answer(queries[1], None), Answer(queries[2], Verdict.EQUAL)]
+    answers = Answers.of(told, 3)
+    assert answers.ids == ("q0", "q2")
+    assert answers.y.tolist() == [-1, 0]
+    assert answers.d.tolist() == [queries[0].d.tolist()] * 2
+    assert len(Answers.of([told[1]], 3)) == len(Answers.of([], 3)) == 0
+    with pytest.raises(ValueError, match="q0 is about 3 levels, but the answers are about 4"):
+        Answers.of(told, 4)
+    with pytest.raises(ValueError, match="3 levels, not 4"):
+        Answers.none(4) + answers
+
+
+def test_errors_say_whose_fault_it_is():
+    conflict = InconsistentAnswers("no scale", [(0, "a"), (3, "b")], margin=True)
+    assert conflict.answers == ((0, "a"), (3, "b"))
+    assert conflict.margin
+    assert str(conflict) == "no scale"
+    assert isinstance(conflict, ValueError)
+    assert issubclass(StaleAnswer, ValueError)
+    assert not issubclass(StaleAnswer, InconsistentAnswers)
