@@ -131,20 +131,20 @@ class BradleyTerryComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k): dominance first, then BETTER or WORSE where the whole region agrees."""
+        return self.decide(d).verdicts
+
+    def decide(self, d: ArrayLike) -> Decisions:
+        """``compare`` and the tier that decided each row: EQUAL, DOMINANCE or MODEL."""
         rows = as_vectors(d, self.k)
         verdicts = dominance(tail_sums(rows))
-        undecided = np.flatnonzero(verdicts == _UNKNOWN)
+        tiers = dominance_tiers(verdicts, Tier.MODEL)
+        undecided = (verdicts == _UNKNOWN).nonzero()[0]
         region = self._model.region
         if region is not None and undecided.size:
             lo, hi = region.extremes(_in_range(rows[undecided])[0])
             verdicts[undecided[lo > 0]] = _BETTER
             verdicts[undecided[hi < 0]] = _WORSE
-        return verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """``compare`` and the tier that decided each row: EQUAL, DOMINANCE or MODEL."""
-        plain = dominance(tail_sums(as_vectors(d, self.k)))
-        return Decisions(self.compare(d), dominance_tiers(plain, Tier.MODEL))
+        return Decisions(verdicts, tiers)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """lo, hi (n,) of d.e over the region, in units of the point estimate's theta_k (eq. 6 without the

@@ -72,10 +72,8 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
 
 def dominance_tiers(codes: Verdicts, otherwise: Tier) -> NDArray[np.int8]:
     """EQUAL or DOMINANCE where ``scale.dominance`` decided, else the given tier."""
-    tiers: NDArray[np.int8] = np.where(codes == 0, Tier.EQUAL, np.where(codes == 2, otherwise, Tier.DOMINANCE)).astype(
-        np.int8
-    )
-    return tiers
+    by_code = np.array([Tier.EQUAL, Tier.DOMINANCE, otherwise, Tier.DOMINANCE], dtype=np.int8)
+    return by_code[codes]  # -1, worse, is the last
 
 
 def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -> Verdicts:

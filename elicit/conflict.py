@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from elicit.query import Answers, InconsistentAnswers
@@ -27,22 +29,38 @@ def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
     return owners
 
 
-def raise_conflict(region: Region, proof: Vertex, answers: Answers) -> None:
-    """Raise InconsistentAnswers with a minimal set of the answers that empty the region."""
-    owners = minimal_conflict(region, proof)
-    keep = np.isin(region.owner, owners) | (region.owner < 0)
-    without_margin = region.take(keep, margin=0.0)
-    margin = region.margin > 0 and is_empty(without_margin) is None
-    named = [(row, answers.ids[row]) for row in owners]
-    listed = ", ".join(f"row {row} (id {name})" for row, name in named)
-    cause = (
-        f" With a margin of 0 they would be consistent: the margin {region.margin:g} is above the least gap they allow."
-        if margin
-        else ""
-    )
-    raise InconsistentAnswers(
-        f"no scale satisfies these {len(named)} answers together: {listed}. Each is needed for the contradiction: "
-        f"drop or correct one of them.{cause}",
-        named,
-        margin,
-    )
+class Contradiction(InconsistentAnswers):
+    """The answers leave the region empty. The minimal set is found when it is first looked at: a learner that
+    drops the latest answer needs only to know that there is a contradiction."""
+
+    def __init__(self, region: Region, proof: Vertex, answers: Answers) -> None:
+        ValueError.__init__(self)
+        self._found: tuple[Region, Vertex, Answers] | str = (region, proof, answers)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("answers", "margin"):
+            raise AttributeError(name)
+        str(self)
+        return self.__dict__[name]
+
+    def __str__(self) -> str:
+        if not isinstance(self._found, str):
+            region, proof, answers = self._found
+            owners = minimal_conflict(region, proof)
+            keep = np.isin(region.owner, owners) | (region.owner < 0)
+            self.answers = tuple((row, answers.ids[row]) for row in owners)
+            self.margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
+            listed = ", ".join(f"row {row} (id {name})" for row, name in self.answers)
+            self._found = (
+                f"no scale satisfies these {len(owners)} answers together: {listed}. Each is needed for the "
+                "contradiction: drop or correct one of them."
+            )
+            if self.margin:
+                self._found += (
+                    f" With a margin of 0 they would be consistent: the margin {region.margin:g} is above the least "
+                    "gap they allow."
+                )
+        return self._found
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return InconsistentAnswers, (str(self), self.answers, self.margin)

@@ -179,7 +179,8 @@ def _unit_rows(d: Floats, name: str) -> tuple[Floats, Floats, NDArray[np.int64]]
 def answer_rows(answers: Answers, first: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Rows, right-hand sides and owners of the cuts: y t.g >= 0, and for y = 0 the band on both sides."""
     t, d, _ = _unit_rows(answers.d, "the answers")
-    band = -TIE_BAND * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND)  # |t.g| <= 1 at this scale
+    # |t.g| <= 1 at this scale; a little wider, so that rounding cannot exclude what the band allows
+    band = -TIE_BAND * (1 + 1e-14) * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND)
     rows, rhs, owner = [], [], []
     for i, y in enumerate(answers.y):
         if not t[i].any():

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from elicit.query import Verdict
 from elicit.scale import Floats, order_bounds
 from elicit.simplex import Region, rounding
+from elicit.vertices import MOST as _MOST_VERTICES
 from elicit.vertices import Vertices
 
 _MOST_POINTS = 64
 _SMALL = 2.0**-500  # a product of two numbers above this cannot underflow
 _MOST_ROWS = 64  # rows proven in rationals; the rows of the region always stay
-_CHUNK = 1 << 20  # pairs of a difference and a row looked at together
+_CHUNK = 1 << 20  # numbers in a working array
 
 
 _UNKNOWN, _UNSETTLED = np.int8(Verdict.UNKNOWN), np.int8(3)
@@ -110,7 +111,7 @@ class Proofs:
         """Marks rows t (n, p) with t >= lambda w for a known row w and some lambda >= 0, and rows that a
         known vertex proves."""
         out = np.zeros(len(t), dtype=bool)
-        step = max(1, _CHUNK // (self.rows.size + 1))
+        step = max(1, _CHUNK // ((len(self.rows) + _MOST_VERTICES) * t.shape[1]))
         for first in range(0, len(t), step):
             part = slice(first, first + step)
             out[part] = self._dominates_some(t[part])

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 _HUGE = 2.0**960  # sums of differences below this cannot overflow
+_CODES = np.array([2, 1, -1, 0], dtype=np.int8)  # by whether all are >= 0, and (counting twice) all <= 0
 
 
 def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
     """Validate (n, k) finite floats; one vector (k,) becomes (1, k). Raises ValueError."""
     try:
-        a = np.atleast_2d(np.asarray(vectors, dtype=np.float64))
+        a = np.asarray(vectors, dtype=np.float64)
+        a = a if a.ndim == 2 else np.atleast_2d(a)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} must be numbers of shape (n, k): {error}") from None
     if a.ndim != 2 or (k is not None and a.shape[1] != k) or a.shape[1] < 2:
@@ -32,22 +34,23 @@ def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Flo
 def tail_sums(d: Floats) -> Floats:
     """t (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
 
-    Plain sequential sums from the best level down, so that every caller rounds alike. Rows with
-    entries beyond 2^960 are first scaled by a power of two, which changes no sign.
+    Plain sequential sums from the best level down, so that every caller rounds alike. Rows whose
+    sums would overflow are first scaled by a power of two, which changes no sign.
     """
     top = d[..., :0:-1]
-    largest = np.abs(top).max(axis=-1, keepdims=True, initial=0.0)
-    if largest.size and largest.max() > _HUGE:
-        top = np.where(largest > _HUGE, top * 2.0**-64, top)
-    t: Floats = np.cumsum(top, axis=-1)[..., ::-1]
-    return t
+    with np.errstate(over="ignore", invalid="ignore"):
+        t: Floats = np.cumsum(top, axis=-1)
+    if not np.isfinite(t).all():
+        largest = np.abs(top).max(axis=-1, keepdims=True, initial=0.0)
+        t = np.cumsum(np.where(largest > _HUGE, top * 2.0**-64, top), axis=-1)
+    return t[..., ::-1]
 
 
 def dominance(t: Floats) -> NDArray[np.int8]:
     """Eq. (4) on tail sums t (n, k-1): 1 where left dominates, -1 where right does, 0 where they
     are equal, 2 where neither dominates (the codes of ``Verdict``)."""
-    up, down = (t >= 0).all(axis=-1), (t <= 0).all(axis=-1)
-    codes: NDArray[np.int8] = np.where(up & down, 0, np.where(up, 1, np.where(down, -1, 2))).astype(np.int8)
+    up, down = t.min(axis=-1, initial=0.0) >= 0, t.max(axis=-1, initial=0.0) <= 0
+    codes: NDArray[np.int8] = _CODES[up.astype(np.intp) + 2 * down]
     return codes
 
 

@@ -56,11 +56,12 @@ def name_code(name: str) -> int:
     return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little")
 
 
-def pair_codes(key: int, t: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """A hash (n,) of each unordered pair, given by its tail sums t (n, p): t and -t get the same."""
-    bits = (t + 0.0).view(np.uint64)  # + 0.0 turns -0.0 into 0.0
-    mirrored = (0.0 - t).view(np.uint64)
-    forward = backward = np.full(len(t), key, dtype=np.uint64)
-    for j in range(t.shape[1]):
-        forward, backward = fold(forward, bits[:, j]), fold(backward, mirrored[:, j])
-    return np.minimum(forward, backward)
+def unordered_pairs(key: Any, t: NDArray[np.float64]) -> tuple[NDArray[np.int8], NDArray[np.uint64]]:
+    """For pairs given by their tail sums t (n, p): which way round each is (n,), +1 or -1 (0 where t = 0),
+    and a hash (n,) of (key, the unordered pair): t and -t get the same."""
+    first = (t != 0).argmax(axis=1)
+    orientation = np.sign(t[np.arange(len(t)), first]).astype(np.int8)
+    # adding 0.0 turns -0.0 into 0.0, whose bits differ
+    canonical = np.ascontiguousarray(t * orientation[:, None] + 0.0).view(np.uint64)
+    entries = fold(fold(key, np.arange(t.shape[1])), canonical)
+    return orientation, fold(key, np.add.reduce(entries, axis=1))

@@ -136,13 +136,12 @@ def minimise_exactly(t: Floats, region: Region) -> Vertex:
         if entering is None:
             break
         w, prices = corner.row(entering)[0] @ corner.inverse, goals[: 1 if by_index else 2] @ corner.inverse
-        keys = {
-            i: [*(prices[:, i + 1] * Fraction(1, w[i + 1])), c] for i, c in enumerate(corner.active) if w[i + 1] > 0
-        }
+        active = corner.active
+        keys = {i: [*(prices[:, i + 1] * Fraction(1, w[i + 1])), c] for i, c in enumerate(active) if w[i + 1] > 0}
         if not keys:  # row = sum of w_i * active_i with w_i <= 0: it can nowhere reach its limit
-            blamed = [c for i, c in enumerate(corner.active) if w[i + 1] < 0] + [entering]
+            blamed = [c for i, c in enumerate(active) if w[i + 1] < 0] + [entering]
             support = tuple(sorted(c - p for c in blamed if c >= p))
-            return Vertex(End.EMPTY, Fraction(0), np.full(p, Fraction(0)), weights, tuple(corner.active), support)
+            return Vertex(End.EMPTY, Fraction(0), np.full(p, Fraction(0)), weights, tuple(active), support)
         corner.pivot(entering, min(keys, key=keys.__getitem__))
     for c, weight in zip(corner.active, (goal @ corner.inverse)[1:], strict=True):
         if c >= p:
@@ -231,8 +230,7 @@ def _constraints(region: Region) -> tuple[Floats, Floats]:
 def _tie_break(p: int) -> Floats:
     """A second objective (p,), which decides where the first is indifferent: without it, differences with
     many equal tail sums stall the method (Charnes 1952)."""
-    scrambled: Floats = np.asarray((np.arange(1, p + 1) * 40503 % 65536) / 65536.0)
-    return scrambled
+    return np.asarray((np.arange(1, p + 1) * 40503 % 65536) / 65536.0)
 
 
 def _order_vertex(best: int, p: int, one: Any) -> tuple[list[int], Numbers]:

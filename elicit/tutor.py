@@ -19,7 +19,7 @@ from scipy.special import expit
 from elicit.log import Entry
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats, as_vectors, dot, gaps, normalise, tail_sums
-from elicit.seeds import Seed, fold, key_of, name_code, uniform
+from elicit.seeds import Seed, fold, key_of, name_code, uniform, unordered_pairs
 
 Signs = NDArray[np.int8]
 _PURPOSE = name_code("errors of a simulated tutor")
@@ -119,7 +119,7 @@ class _Erring(_Simulated):
         self._asked: dict[int, int] = {}
 
     def _answer(self, t: Floats, truth: Signs, size: Floats) -> Signs:
-        orientation, pairs = _unordered(t, self._key)
+        orientation, pairs = unordered_pairs(self._key, t)
         before = []
         for pair in pairs.tolist():
             before.append(self._asked.get(pair, 0))
@@ -277,16 +277,6 @@ def _exact_signs(t: Floats, g: Floats) -> tuple[Signs, Floats]:
         signs[i] = (exact > 0) - (exact < 0)
         size[i] = max(abs(float(exact)), 5e-324) if exact else 0.0
     return signs, size
-
-
-def _unordered(t: Floats, key: NDArray[np.uint64]) -> tuple[Signs, NDArray[np.uint64]]:
-    """For tail sums t (n, p): which way round each pair is (n,), +1 or -1 (0: identical vectors), and a
-    hash (n,) of the unordered pair."""
-    first = (t != 0).argmax(axis=1)
-    orientation = np.sign(np.take_along_axis(t, first[:, None], axis=1)[:, 0]).astype(np.int8)
-    # adding 0.0 turns -0.0 into 0.0, whose bits differ
-    canonical = np.ascontiguousarray((t * orientation[:, None] + 0.0).T).view(np.uint64)
-    return orientation, fold(np.full(len(t), key), *canonical)
 
 
 def _reference_sizes(values: ArrayLike, rate: float, reference: ArrayLike) -> Floats:

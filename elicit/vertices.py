@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from elicit.scale import Floats
 from elicit.simplex import Region, rounding
 
-_MOST = 192
+MOST = 192
 _NEARLY = 1e-12  # multipliers this far below zero are set to zero, which keeps the bound valid
 
 
@@ -45,9 +45,9 @@ class Vertices:
             return False
         if not self._bound(t, t @ inverse, rows, rhs) > 0:
             return False
-        self._inverses = np.concatenate([self._inverses[:, :, -_MOST + 1 :], inverse[:, :, None]], axis=2)
-        self._rows = np.concatenate([self._rows[-_MOST + 1 :], rows[None]])
-        self._rhs = np.concatenate([self._rhs[-_MOST + 1 :], rhs[None]])
+        self._inverses = np.concatenate([self._inverses[:, :, -MOST + 1 :], inverse[:, :, None]], axis=2)
+        self._rows = np.concatenate([self._rows[-MOST + 1 :], rows[None]])
+        self._rhs = np.concatenate([self._rhs[-MOST + 1 :], rhs[None]])
         return True
 
     def prove(self, t: Floats) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from elicit.comparator import Comparator, Decisions, Tier, decide
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.scale import Floats, dot, tail_sums
-from elicit.seeds import Seed, fold, key_of, pair_codes, uniform
+from elicit.seeds import Seed, key_of, uniform, unordered_pairs
 from qlearn.learner import Audit, OnConflict, Result, Status
 
 Watch = Callable[[Floats, Decisions], None]
@@ -249,9 +249,10 @@ class Desk:
         """Turn a share of the pairs that answers decided into questions: a function of the key and the pair."""
         by_answers = (tiers == Tier.SCREEN) | (tiers == Tier.LP) | (tiers == Tier.MODEL)
         rows = np.flatnonzero(by_answers & (np.abs(verdicts) == 1))
-        # hashed once more: the code of a pair is the lesser of two hashes, hence not uniform itself
-        chance = uniform(fold(pair_codes(self._key, tail_sums(d[rows])), 0))
-        for row in rows[chance < self._audit]:
+        if not len(rows):
+            return
+        _, codes = unordered_pairs(self._key, tail_sums(d[rows]))
+        for row in rows[uniform(codes) < self._audit]:
             if _name(tail_sums(d[row]))[0] not in self._said:
                 verdicts[row], tiers[row] = Verdict.UNKNOWN, tiers[row] + AUDIT
 

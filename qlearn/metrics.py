@@ -37,7 +37,7 @@ MEASURES = (
 )
 
 _BUFFER = 4096  # verdicts kept before they are judged: one exact judgement costs as much as thousands together
-_BY_ANSWERS = (Tier.SCREEN, Tier.LP, Tier.MODEL)
+_BY_ANSWERS = np.isin([*Tier], [Tier.SCREEN, Tier.LP, Tier.MODEL])  # by tier
 
 
 class VerdictCounts(NamedTuple):
@@ -72,7 +72,7 @@ class Watch:
 
     def __call__(self, d: Floats, decisions: Decisions) -> None:
         """Take the differences d (n, k) that a learner compared, and how each was decided."""
-        counted = np.isin(decisions.tiers, _BY_ANSWERS) & (np.abs(decisions.verdicts) == 1)
+        counted = _BY_ANSWERS[decisions.tiers] & (np.abs(decisions.verdicts) == 1)
         if counted.any():
             self._d.append(d[counted])
             self._said.append(decisions.verdicts[counted])

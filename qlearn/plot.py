@@ -10,6 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import StrMethodFormatter
 
 NAMES = {
     "random": "random MDP",
@@ -72,7 +74,7 @@ def plot_ablation(
     plain = summary[summary.audit == 0]
     problems, learners = plain.problem.unique(), plain.learner.unique()
     figure = Figure(figsize=(1.2 + 4.9 * len(learners), 1.7 + 3.5 * len(problems)), layout="constrained")
-    grid = figure.subplots(len(problems), len(learners), squeeze=False)
+    grid = figure.subplots(len(problems), len(learners), squeeze=False, sharex=True, sharey=True)
     for i, problem in enumerate(problems):
         for j, learner in enumerate(learners):
             part = plain[(plain.problem == problem) & (plain.learner == learner)]
@@ -80,15 +82,16 @@ def plot_ablation(
             _panel(axes, part, max_queries)
             axes.set_title(f"{shown[problem]}: {shown[learner]}", fontsize=11)
             if j == 0:
-                axes.set_ylabel("excess policy loss\n(% of the value range)")
+                axes.set_ylabel("excess policy loss\n(% of the value range; log scale beyond ±0.1)")
             if i == len(problems) - 1:
                 axes.set_xlabel("questions asked (log scale)")
+    grid[0][0].set_xlim(0, 2 * max(10, plain.asked.max()))
     drawn = [name for name in _STYLES if name in set(plain.comparator)]
     handles = [Line2D([], [], label=shown[name], markersize=7, **_STYLES[name]) for name in drawn]
     if (plain.budget_spent > 0).any():
         hollow: dict[str, Any] = {"color": "0.35", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
         handles.append(Line2D([], [], label="hollow: budget spent", markersize=7, **hollow))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, handlelength=3.2)
     rates = ", ".join(f"{rate:.3g}" for rate in 100 * plain.error_rate.drop_duplicates())
     figure.suptitle(
         "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one\n"
@@ -104,7 +107,10 @@ def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
         style = _STYLES[str(name)]
         x, y = path.asked, 100 * path.excess_loss
         axes.plot(x, y, color=style["color"], linestyle=style["linestyle"], linewidth=1.1, alpha=0.7, zorder=1)
-        for row in path.itertuples():
+        # labels below, above and beside their markers, which may lie on top of each other
+        aside = 13 if x.iloc[-1] >= x.iloc[0] else -13
+        around = ((0, -10), (0, 10), (aside, 3), (-aside, -3))
+        for i, row in enumerate(path.itertuples()):
             point: Any = row
             at = (point.asked, 100 * point.excess_loss)
             axes.errorbar(
@@ -113,22 +119,30 @@ def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
                 yerr=_known(100 * point.excess_loss_half),
                 color=style["color"],
                 marker=style["marker"],
-                markersize=6.5,
+                markersize=7,
                 markerfacecolor="white" if point.budget_spent else style["color"],
-                elinewidth=0.8,
+                ecolor=(style["color"], 0.45),
+                elinewidth=0.9,
                 capsize=2,
                 zorder=2,
             )
             axes.annotate(
                 f"{100 * point.error_rate:.3g}",
                 at,
-                xytext=(5, 4),
+                xytext=around[i % len(around)],
                 textcoords="offset points",
                 fontsize=8,
                 color=style["color"],
+                horizontalalignment="center",
+                verticalalignment="center",
+                path_effects=[withStroke(linewidth=2, foreground="white")],
+                zorder=3,
             )
-    axes.set_xscale("symlog", linthresh=10, linscale=0.6)
-    axes.set_xlim(left=0)
+    axes.set_xscale("symlog", linthresh=10, linscale=0.5)
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    axes.set_yscale("symlog", linthresh=0.1, linscale=0.5)
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.tick_params(labelbottom=True)
     axes.grid(True, color="0.92", linewidth=0.7)
     axes.set_axisbelow(True)
     if max_queries is not None:

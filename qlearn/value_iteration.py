@@ -12,7 +12,7 @@ from elicit.comparator import Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats, tail_sums
 from elicit.seeds import Seed
-from qlearn.desk import Desk, Watch
+from qlearn.desk import AUDIT, Desk, Watch
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 from qlearn.q_learning import check_levels_agree
@@ -134,14 +134,24 @@ class InteractiveValueIteration:
         self._active = self._states
 
     def _compete(self) -> None:
-        """Let the actions of all active states compete until each state is done or needs the tutor."""
+        """Let the actions of all active states compete until each state is done or needs the tutor.
+
+        A state that waits with an audit is judged anew only when its turn to ask has come: what was
+        learned meanwhile can answer a question, but hardly a pair that the answers had settled."""
+        stale = {s for s, tier in self._blocked.items() if tier >= AUDIT and s not in self._answered}
         for s, verdict in self._answered.items():
             self._settle(np.array([s]), self._next[[s]], np.array([verdict]))
         self._answered.clear()
-        self._blocked = {}
-        active = self._active
-        while len(active):
-            active = self._round(active)
+        self._blocked = {s: self._blocked[s] for s in stale}
+        due = [int(s) for s in self._active if s not in stale]
+        while due:
+            active = np.array(due, dtype=np.int64)
+            while len(active):
+                active = self._round(active)
+            due = [s for s in sorted(self._blocked)[: self._desk.batch] if s in stale]
+            stale.difference_update(due)
+            for s in due:
+                del self._blocked[s]
         self._active = np.array(sorted(self._blocked), dtype=np.int64)
 
     def _round(self, active: NDArray[np.int64]) -> NDArray[np.int64]:

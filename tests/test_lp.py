@@ -13,6 +13,7 @@ from lp_cases import Case, Oracle, cases, dot, exact, least_from_scratch, shares
 from scipy.optimize import linprog
 from test_simplex import region, same, the_region
 
+from elicit.centre import analytic_centre
 from elicit.lp import Programs, Solved, certified_bound, least_cvxpy, pull_inside, strictly_inside
 from elicit.polytope import PolytopeComparator
 from elicit.query import Answers
@@ -172,7 +173,8 @@ def test_the_border_is_not_inside() -> None:
 
 def test_pulling_a_point_inside_moves_it_little() -> None:
     comparator, _ = truthful(8, 60)
-    r, centre = comparator._region, comparator._centre
+    r = comparator._region
+    centre = analytic_centre(r)
     for t in tail_sums(shares(np.random.default_rng(9), 8, 10)):
         found = Programs(r).solve(t)
         assert found is not None

@@ -15,7 +15,7 @@ from scipy.special import expit
 from elicit.log import AnswerLog, Entry
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import gaps, tail_sums
-from elicit.seeds import fold
+from elicit.seeds import fold, unordered_pairs
 from elicit.testing import check_tutor
 from elicit.tutor import (
     BradleyTerryTutor,
@@ -25,7 +25,6 @@ from elicit.tutor import (
     TruthfulTutor,
     Tutor,
     _exact_signs,
-    _unordered,
 )
 
 HIDDEN = np.array([3, 10, 11, 40, 99])
@@ -206,7 +205,7 @@ def test_signed_zeros_are_one_pair():
     d = np.array([[0.25, 0.0, -0.5, 0.0, 0.25]])
     minus = np.where(d == 0, -0.0, d)
     key = fold(7)
-    hashes = [_unordered(t, key)[1][0] for t in (tail_sums(d), tail_sums(minus), tail_sums(-d), -tail_sums(d))]
+    hashes = [unordered_pairs(key, t)[1][0] for t in (tail_sums(d), tail_sums(minus), tail_sums(-d), -tail_sums(d))]
     assert len({int(h) for h in hashes}) == 1
     for make in NOISY:
         first, second = make(1), make(1)
