@@ -3,12 +3,12 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from elicit.choose import choose
 from elicit.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 
 if TYPE_CHECKING:
     from elicit.bradley_terry import BradleyTerryComparator
-    from elicit.choose import choose
     from elicit.log import AnswerLog
     from elicit.polytope import PolytopeComparator
     from elicit.tutor import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
@@ -22,7 +22,6 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "ReplayTutor": "elicit.tutor",
     "TruthfulTutor": "elicit.tutor",
     "Tutor": "elicit.tutor",
-    "choose": "elicit.choose",
 }
 
 __all__ = [
@@ -52,7 +51,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in _LATER:
         value = getattr(import_module(_LATER[name]), name)
-        globals()[name] = value  # a submodule of the same name (choose) must not take its place
+        globals()[name] = value
         return value
     raise AttributeError(f"module 'elicit' has no attribute {name!r}")
 

@@ -52,8 +52,10 @@ class Contradiction(InconsistentAnswers):
             self.margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
             listed = ", ".join(f"row {row} (id {name})" for row, name in self.answers)
             self._found = (
-                f"no scale satisfies these {len(owners)} answers together: {listed}. Each is needed for the "
-                "contradiction: drop or correct one of them."
+                f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
+                "correct one of them."
+                if len(owners) > 1
+                else f"no scale satisfies the answer in {listed}: drop or correct it."
             )
             if self.margin:
                 self._found += (
@@ -61,6 +63,3 @@ class Contradiction(InconsistentAnswers):
                     "gap they allow."
                 )
         return self._found
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return InconsistentAnswers, (str(self), self.answers, self.margin)

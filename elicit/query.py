@@ -44,6 +44,9 @@ class InconsistentAnswers(ValueError):
         self.answers = tuple(answers)
         self.margin = margin
 
+    def __reduce__(self) -> tuple[type[InconsistentAnswers], tuple[str, tuple[tuple[int, str], ...], bool]]:
+        return InconsistentAnswers, (str(self), self.answers, self.margin)
+
 
 @dataclass(frozen=True, eq=False)
 class Query:

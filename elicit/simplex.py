@@ -53,12 +53,8 @@ class Region:
 
     def plus(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> Region:
         """The same region cut by further rows."""
-        return Region(
-            self.margin,
-            np.concatenate([self.rows, rows]),
-            np.concatenate([self.rhs, rhs]),
-            np.concatenate([self.owner, owner]),
-        )
+        join = np.concatenate
+        return Region(self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner]))
 
 
 class End(Enum):

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from qlearn.environments import draw_values, icu_sepsis, random_mdp
+    from qlearn.ivi import InteractiveValueIteration
     from qlearn.learner import Audit, Learner, Result, Status, drive
     from qlearn.mdp import OrdinalMDP
     from qlearn.planning import evaluate_policy, policy_loss, value_iteration
     from qlearn.q_learning import InteractiveQLearning
-    from qlearn.value_iteration import InteractiveValueIteration
 
 _LATER = {  # imported when first used, so that the command line starts fast
     "Audit": "qlearn.learner",
     "InteractiveQLearning": "qlearn.q_learning",
-    "InteractiveValueIteration": "qlearn.value_iteration",
+    "InteractiveValueIteration": "qlearn.ivi",
     "Learner": "qlearn.learner",
     "OrdinalMDP": "qlearn.mdp",
     "Result": "qlearn.learner",
@@ -49,7 +49,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in _LATER:
         value = getattr(import_module(_LATER[name]), name)
-        globals()[name] = value  # a submodule of the same name must not take its place
+        globals()[name] = value
         return value
     raise AttributeError(f"module 'qlearn' has no attribute {name!r}")
 

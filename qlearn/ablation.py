@@ -7,6 +7,7 @@ rebuilt by hand with that seed as ``rng`` and ``seed``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
@@ -22,12 +23,12 @@ from elicit.polytope import PolytopeComparator
 from elicit.scale import Floats
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.environments import draw_values, icu_sepsis, random_mdp
+from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import drive
 from qlearn.mdp import OrdinalMDP
 from qlearn.metrics import CELL, Watch, audits, counts, estimated_values, paper_loss, reference_differences, summarise
 from qlearn.planning import policy_loss
 from qlearn.q_learning import InteractiveQLearning
-from qlearn.value_iteration import InteractiveValueIteration
 
 __all__ = ["Interrupted", "Run", "ablate", "cells", "run", "summarise"]
 
@@ -149,6 +150,7 @@ def run(
     tolerance: float = 0.005,
     max_sweeps: int = 200,
     max_queries: int = 2000,
+    audit_length: float = 0.2,
     precision: float = 300.0,
     n_boot: int = 50,
     level: float = 0.95,
@@ -163,6 +165,7 @@ def run(
     tolerance       of value iteration: policy loss with right verdicts, share of the value range
     max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
     max_queries     question budget; "always" has none
+    audit_length    of an audited run, as a share of steps and max_sweeps: contradictions show early
     precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
                     value range is answered rightly 95 times in 100
     n_boot, level, refit_growth   of the Bradley-Terry comparators: resamples, confidence, and how much the answers
@@ -182,6 +185,8 @@ def run(
             refit_growth=refit_growth, seed=seed,
         )  # fmt: skip
     close = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
+    if cell["audit"]:
+        steps, max_sweeps = math.ceil(steps * audit_length), math.ceil(max_sweeps * audit_length)
     common = {"rng": seed, "max_queries": max_queries, "indifference": close, "audit": cell["audit"]}
     # one thread: how a sum is split among threads would show in its last digits
     with threadpool_limits(1):

@@ -32,8 +32,8 @@ _STYLES: dict[str, dict[str, Any]] = {
 }
 
 _HEADER = (
-    f"{'comparator':<10}{'errors':>7}{'questions':>15}{'% asked':>9}{'excess loss %':>15}{'wrong %':>9}"
-    f"{'after 1st':>11}  {'audits to contradiction':<24}notes"
+    f"{'comparator':<10}{'errors':>7}{'questions':>15}{'% asked':>8}{'excess loss %':>15}{'wrong %':>8}"
+    f"{'after 1st':>10}  {'audits to contradiction':<24}notes"
 )
 LEGEND = """\
 errors       chance that the tutor answers wrongly
@@ -168,14 +168,18 @@ def _line(row: Any, audited: Any) -> str:
     ]
     return (
         f"{row.comparator:<10}{100 * row.error_rate:>6.3g}%{_with_half(row.asked, row.asked_half, 0):>15}"
-        f"{_number(row.asked_percent_open, 2):>9}{_with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2):>15}"
-        f"{_number(row.wrong_percent, 2):>9}{_number(row.wrong_percent_after, 2):>11}"
+        f"{_number(row.asked_percent_open, 2):>8}{_with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2):>15}"
+        f"{_rate(row.wrong_percent):>8}{_rate(row.wrong_percent_after):>10}"
         f"  {contradiction:<24}{' '.join(notes)}"
     ).rstrip()
 
 
 def _number(x: float, digits: int) -> str:
     return "" if math.isnan(x) else f"{round(x, digits) + 0.0:.{digits}f}"  # + 0.0: never -0.00
+
+
+def _rate(x: float) -> str:
+    return "<0.01" if 0 < x < 0.01 else _number(x, 2)  # 0.00 is for none at all
 
 
 def _with_half(mean: float, half: float, digits: int) -> str:

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.comparator import AlwaysAsk, Comparator, Tier
+from elicit.comparator import AlwaysAsk, Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
@@ -21,18 +21,25 @@ Start: TypeAlias = Literal["worst", "zero"]
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
 
+def rescaled_linear_rate(discount: float) -> Callable[[NDArray[np.int64]], Floats]:
+    """The default learning rate (H + 1) / (H + 1 + visits), visits counted before, for the effective horizon
+    H = 1 / (1 - discount) (Jin, Allen-Zhu, Bubeck and Jordan 2018): slow enough to forget the start."""
+    horizon = 1.0 / (1.0 - discount)
+    return lambda visits: np.asarray((horizon + 1.0) / (horizon + 1.0 + visits), dtype=np.float64)
+
+
 def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
-    """The default learning rate 1 / (1 + visits)^0.7 (Even-Dar and Mansour 2003), visits counted before."""
-    rates: Floats = np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
-    return rates
+    """The learning rate 1 / (1 + visits)^0.7, visits counted before (Even-Dar and Mansour 2003)."""
+    return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
 
 
 class InteractiveQLearning:
     """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
 
     ``epsilon``: chance of a uniformly drawn action. ``learning_rate``: a constant in (0, 1], or a function
-    from the number of earlier visits of (s, a) to rates. ``start``: "worst" puts all mass on the worst
-    level, so that totals stay 1 and every question is well-posed; "zero" is the paper's line 4.
+    from the number of earlier visits of (s, a) to rates; by default ``rescaled_linear_rate(mdp.discount)``.
+    ``start``: "worst" puts all mass on the worst level, so that totals stay 1 and every question is
+    well-posed; "zero" is the paper's line 4.
     ``episode_length``: restart from the initial distribution after so many steps (terminal states
     always restart). ``indifference``: an undecided pair whose bounds lie within it counts as equal.
     ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``: share of
@@ -47,7 +54,7 @@ class InteractiveQLearning:
         *,
         steps: int = 100_000,
         epsilon: float = 0.1,
-        learning_rate: LearningRate = polynomial_rate,
+        learning_rate: LearningRate | None = None,
         start: Start = "worst",
         episode_length: int | None = None,
         rng: Seed = 0,
@@ -78,9 +85,18 @@ class InteractiveQLearning:
             batch=batch,
             seed=int(fold(key, kernel.AUDITS)),
         )
-        self._model = _model(mdp, comparator, steps, epsilon, _rates(learning_rate, steps), episode_length, key)
+        self._model = _model(
+            mdp,
+            comparator,
+            steps,
+            epsilon,
+            _rates(rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate, steps),
+            episode_length,
+            key,
+        )
         self._state = _first_state(mdp, self._model, start)
         self._verdict = int(Verdict.UNKNOWN)
+        self._ahead: dict[tuple[int, int, int], tuple[Floats, Decisions]] = {}  # by step, position and incumbent
 
     def ask(self) -> tuple[Query, ...]:
         """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
@@ -89,15 +105,18 @@ class InteractiveQLearning:
         with np.errstate(over="ignore"):  # the hash wraps around
             while kernel.advance(self._state, self._model, self._verdict) != kernel.DONE:
                 self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
-                left, right, about = self._pair()
-                d = (left - right)[None, :]
                 if self._desk.signs is not None and not self._model.dominance:  # AlwaysAsk has no say
-                    self._verdict = int(self._desk.consult(d)[0])
+                    left, right, _ = self._pair()
+                    self._verdict = int(self._desk.consult((left - right)[None, :])[0])
                     continue
-                decisions = self._desk.judge(d)
+                where = self._where(self._state.cursor[kernel.POSITION])
+                if where not in self._ahead:
+                    self._look_ahead()
+                d, decisions = self._ahead.pop(where)
                 self._verdict = int(decisions.verdicts[0])
                 if self._verdict == Verdict.UNKNOWN:
-                    return self._desk.open([(left, right, about)], decisions)
+                    self._ahead.clear()
+                    return self._desk.open([self._pair()], decisions)
                 self._desk.commit(d, decisions)
         return ()
 
@@ -135,6 +154,26 @@ class InteractiveQLearning:
     def comparator(self) -> Comparator:
         """What is known of the scale."""
         return self._desk.comparator
+
+    def _look_ahead(self) -> None:
+        """Judge the pair at the cursor together with those that follow it at this step if the incumbent stays:
+        the same verdicts as one by one, at nearly the price of one."""
+        cursor = self._state.cursor
+        s = cursor[kernel.STATE]
+        positions = np.arange(cursor[kernel.POSITION], cursor[kernel.LAST])
+        incumbent, challengers = self._state.best[s], self._model.actions[s, positions]
+        positions, challengers = positions[challengers != incumbent], challengers[challengers != incumbent]
+        d = self._state.q[s, challengers] - self._state.q[s, incumbent]
+        verdicts, tiers = self._desk.judge(d)
+        self._ahead = {
+            self._where(position): (d[i : i + 1], Decisions(verdicts[i : i + 1], tiers[i : i + 1]))
+            for i, position in enumerate(positions)
+        }
+
+    def _where(self, position: int) -> tuple[int, int, int]:
+        """What a judgement made ahead holds for: dominance may change the incumbent in between."""
+        cursor = self._state.cursor
+        return int(cursor[kernel.STEP]), int(position), int(self._state.best[cursor[kernel.STATE]])
 
     def _pair(self) -> tuple[Floats, Floats, str]:
         cursor = self._state.cursor

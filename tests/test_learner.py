@@ -21,9 +21,9 @@ from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswe
 from elicit.scale import Floats, tail_sums
 from elicit.tutor import FlippingTutor, NotInLog, ReplayTutor, TruthfulTutor, Tutor
 from qlearn.environments import random_mdp
+from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import Audit, Learner, Result, Status, drive
 from qlearn.q_learning import InteractiveQLearning
-from qlearn.value_iteration import InteractiveValueIteration
 
 K = 5
 MDP, VALUES = random_mdp(8, 3, K, discount=0.9, rng=0)
@@ -321,6 +321,35 @@ def test_a_model_may_overrule_an_answer_but_no_tie(make: Make, tie: Verdict | No
     assert decisions.tiers.tolist() == [Tier.KNOWN, Tier.KNOWN, Tier.MODEL, Tier.MODEL]
 
 
+def test_a_model_has_the_last_word_on_an_audit_it_has_learned_from(make: Make) -> None:
+    learner = make(Convinced(K), audit=1.0)
+    (query,) = learner.ask()
+    learner.tell([Answer(query, Verdict.BETTER)])
+    seen: list[tuple[int, int]] = []
+    learner.watch(lambda d, decisions: seen.extend(zip(*(column.tolist() for column in decisions), strict=True)))
+    (audit,) = learner.ask()
+    seen.clear()
+    learner.tell([Answer(audit, Verdict.BETTER)])
+    assert seen == [(Verdict.WORSE, Tier.MODEL)]
+    result = learner.result()
+    assert (result.asked, result.audited) == (1, 1)
+    assert result.audits[0].contradicts
+
+
+def test_a_guess_goes_by_the_latest_values(make: Make) -> None:
+    learner = make(PolytopeComparator(K), max_queries=0)
+    rng = np.random.default_rng(0)
+    d = rng.dirichlet(np.ones(K), size=40) - rng.dirichlet(np.ones(K), size=40)
+    before = learner._desk.judge(d)
+    learner._desk.comparator = learner.comparator.update(Answers(d[:10], TruthfulTutor(VALUES).signs(d[:10])))
+    after = learner._desk.judge(d)
+    for decisions, values in ((before, PolytopeComparator(K).values), (after, learner.comparator.values)):
+        guessed = decisions.tiers == Tier.GUESS
+        assert guessed.any()
+        assert decisions.verdicts[guessed].tolist() == np.sign(d[guessed] @ values).tolist()
+    assert (before.verdicts != after.verdicts).any()
+
+
 def test_indifference_wants_both_bounds_close(make: Make) -> None:
     up = np.array([0.01, -0.03, 0.0, 0.0, 0.02])
     assert [float(bound[0]) for bound in Dominance(K).bounds(up)] == pytest.approx([-0.01, 0.02])
@@ -533,7 +562,7 @@ def test_a_run_can_be_replayed_from_its_log(
 @pytest.mark.parametrize("comparator", COMPARATORS)
 def test_a_run_may_be_cut_anywhere_and_resumed(make: Make, comparator: str) -> None:
     """Rebuilt from the log before every answer, the learner ends where an undisturbed one does."""
-    settings: dict[str, Any] = {"steps": 80} if make is q_learning else {"max_sweeps": 4}
+    settings: dict[str, Any] = {"steps": 150} if make is q_learning else {"max_sweeps": 4}
     settings["audit"] = 0.1
 
     def fresh() -> Any:

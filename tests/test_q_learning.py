@@ -21,7 +21,7 @@ from qlearn.environments import random_mdp
 from qlearn.learner import Result, Status, drive
 from qlearn.mdp import OrdinalMDP
 from qlearn.planning import policy_loss
-from qlearn.q_learning import InteractiveQLearning, polynomial_rate
+from qlearn.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
 from qlearn.reference import interactive_q_learning, scalar_q_learning
 
 COMPARATORS: dict[str, Callable[[int], Comparator]] = {
@@ -49,7 +49,7 @@ def learn(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any
 def reference(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Any:
     steps, seed = settings.pop("steps", 400), settings.pop("rng", 0)
     rate = settings.pop("learning_rate", None)
-    rates = polynomial_rate(np.arange(steps)) if rate is None else np.full(steps, rate)
+    rates = rescaled_linear_rate(mdp.discount)(np.arange(steps)) if rate is None else np.full(steps, rate)
     return interactive_q_learning(
         mdp, comparator, tutor, **{"steps": steps, "epsilon": 0.3, "rates": rates, "key": key_of(seed), **settings}
     )
@@ -89,7 +89,12 @@ def test_always_asking_the_truth_is_scalar_q_learning(seed: int) -> None:
         learner.watch(lambda d, decisions, seen=watched: seen.extend(decisions.verdicts.tolist()))
         result = drive(learner, TruthfulTutor(values))
         scalar = scalar_q_learning(
-            mdp, values, steps=1500, epsilon=0.2, rates=polynomial_rate(np.arange(1500)), key=key_of(seed)
+            mdp,
+            values,
+            steps=1500,
+            epsilon=0.2,
+            rates=rescaled_linear_rate(mdp.discount)(np.arange(1500)),
+            key=key_of(seed),
         )
         assert result.policy.tolist() == scalar.best
         assert result.compared == len(scalar.comparisons)
@@ -199,12 +204,29 @@ def test_same_seed_same_run_and_another_seed_another() -> None:
     assert run(np.random.default_rng(5)) == run(np.random.default_rng(5))
 
 
-def test_default_learning_rate_is_a_table() -> None:
-    mdp, values = random_mdp(8, 3, 5, rng=0)
+def test_learning_rates_are_functions_of_the_visit() -> None:
+    mdp, values = random_mdp(8, 3, 5, discount=0.75, rng=0)
     default = learn(mdp, PolytopeComparator(5), TruthfulTutor(values))
-    as_function = learn(mdp, PolytopeComparator(5), TruthfulTutor(values), learning_rate=polynomial_rate)
+    as_function = learn(mdp, PolytopeComparator(5), TruthfulTutor(values), learning_rate=rescaled_linear_rate(0.75))
     assert default.q.tobytes() == as_function.q.tobytes()
+    np.testing.assert_allclose(rescaled_linear_rate(0.75)(np.arange(3)), [1.0, 5 / 6, 5 / 7], rtol=1e-15)
     np.testing.assert_allclose(polynomial_rate(np.arange(3)), [1.0, 2**-0.7, 3**-0.7], rtol=1e-15)
+    slower = learn(mdp, PolytopeComparator(5), TruthfulTutor(values), learning_rate=polynomial_rate)
+    assert slower.q.tobytes() != default.q.tobytes()
+
+
+@pytest.mark.parametrize("seed", [10, 22, 34])
+def test_judging_ahead_does_not_outlive_the_incumbent(seed: int) -> None:
+    # with many actions dominance may change the best one between two comparisons that were judged together
+    mdp, values = random_mdp(3, 8, 4, discount=0.3, rng=seed)
+    settings = {"rng": seed, "learning_rate": 0.9, "epsilon": 0.7}
+    for make in (COMPARATORS["polytope"], COMPARATORS["ensemble"]):
+        result = learn(mdp, make(4), TruthfulTutor(values), **settings)
+        expected, _, told = reference(mdp, make(4), TruthfulTutor(values), **settings)
+        assert result.q.tobytes() == expected.q.tobytes()
+        assert result.policy.tolist() == expected.best
+        assert result.asked == len(told.answers)
+        assert result.compared == len(expected.comparisons)
 
 
 def test_episodes_restart_from_the_initial_distribution() -> None:

@@ -19,12 +19,12 @@ from elicit.scale import Floats, dominance, tail_sums
 from elicit.seeds import key_of
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.environments import draw_values, random_mdp
+from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import Result, Status, drive
 from qlearn.mdp import OrdinalMDP
 from qlearn.planning import policy_loss
-from qlearn.q_learning import InteractiveQLearning, polynomial_rate
+from qlearn.q_learning import InteractiveQLearning, rescaled_linear_rate
 from qlearn.reference import scalar_q_learning
-from qlearn.value_iteration import InteractiveValueIteration
 
 Make = Callable[..., Any]
 
@@ -114,7 +114,12 @@ def test_trap_2_an_exact_oracle_for_free(seed: int) -> None:
     for mdp, values in (random_mdp(12, 4, 6, rng=seed), messy_mdp(seed, n=12, k=5)):
         oracle = drive(q_learning(mdp, AlwaysAsk(mdp.k), rng=seed), TruthfulTutor(values))
         scalar = scalar_q_learning(
-            mdp, values, steps=600, epsilon=0.3, rates=polynomial_rate(np.arange(600)), key=key_of(seed)
+            mdp,
+            values,
+            steps=600,
+            epsilon=0.3,
+            rates=rescaled_linear_rate(mdp.discount)(np.arange(600)),
+            key=key_of(seed),
         )
         assert oracle.policy.tolist() == scalar.best
         np.testing.assert_allclose(oracle.q @ mdp.normalise(values), scalar.q, atol=1e-13)

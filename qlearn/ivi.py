@@ -192,7 +192,7 @@ class InteractiveValueIteration:
         self._best[states[won]] = challengers[won]
 
     def _open(self) -> tuple[Query, ...]:
-        waiting = self._active
+        waiting = self._active[: self._desk.batch]  # further on, audits may not have been judged anew
         chosen = waiting[
             self._desk.next_batch(self._q[waiting, self._next[waiting]] - self._q[waiting, self._best[waiting]])
         ]
