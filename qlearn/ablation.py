@@ -80,7 +80,8 @@ def ablate(
     "always" (asks about everything), "polytope", "ensemble" and "box" (Bradley-Terry). An ``error_rate`` of 0 is
     a truthful tutor. ``audit`` > 0 adds a second, audited run to each cell of a comparator that learns.
     ``seeds`` consecutive seeds from ``seed``. ``settings`` are the keywords of ``run``. "always" with a
-    truthful tutor is always run: it is the oracle that the others are paired with.
+    truthful tutor is always run: it is the oracle that the others are paired with, all but the audited ones,
+    which are shorter (their paired columns are nan).
 
     The rows do not depend on ``jobs`` (processes; -1: one a core), only the seconds do. ``progress`` is called
     with (runs finished, runs in all). Raises ValueError for unknown names, ImportError without the tables of
@@ -243,7 +244,7 @@ def _paired(runs: Sequence[Run], instances: dict[tuple[str, int], tuple[OrdinalM
     oracles = {_group(run.row): run for run in runs if _is_oracle(run.row)}
     rows = []
     for row, v in sorted(runs, key=lambda run: _place(run.row)):
-        oracle = oracles.get(_group(row))
+        oracle = None if row["audit"] else oracles.get(_group(row))  # audited runs are shorter than the oracle
         mdp, values = instances[row["problem"], row["seed"]]
         nothing = float("nan")
         rows.append(

@@ -69,13 +69,24 @@ def test_the_oracle_is_its_own_baseline(frame: pd.DataFrame) -> None:
 
 
 def test_polytope_with_a_truthful_tutor_is_the_oracle_with_fewer_questions(frame: pd.DataFrame) -> None:
-    learned = frame[(frame.learner == "q-learning") & (frame.error_rate == 0)].set_index("comparator")
+    plain = frame[(frame.learner == "q-learning") & (frame.error_rate == 0) & (frame.audit == 0)]
+    learned = plain.set_index("comparator")
     polytope = learned.loc[["polytope"]]
     assert (polytope.excess_loss == 0).all()
     assert (polytope.paper_loss_percent == 0).all()
     assert (polytope.wrong_before + polytope.wrong_after == 0).all()
     assert (polytope.judged_before > 0).all()
     assert (polytope.asked < learned.asked["always"]).all()
+
+
+def test_audited_runs_are_shorter_and_not_paired(frame: pd.DataFrame) -> None:
+    audited = frame[frame.audit > 0]
+    assert (audited[audited.learner == "q-learning"].rounds == 40).all()  # a fifth
+    assert (audited[audited.learner == "ivi"].rounds <= 16).all()
+    assert audited.audited.sum() > 0
+    paired = ["excess_loss", "excess_loss_initial", "paper_loss_percent"]
+    assert audited[paired].isna().all(axis=None)
+    assert frame[frame.audit == 0][paired].notna().all(axis=None)
 
 
 def test_a_run_can_be_rebuilt_by_hand(frame: pd.DataFrame) -> None:

@@ -337,17 +337,26 @@ def test_a_model_has_the_last_word_on_an_audit_it_has_learned_from(make: Make) -
 
 
 def test_a_guess_goes_by_the_latest_values(make: Make) -> None:
-    learner = make(PolytopeComparator(K), max_queries=0)
-    rng = np.random.default_rng(0)
-    d = rng.dirichlet(np.ones(K), size=40) - rng.dirichlet(np.ones(K), size=40)
-    before = learner._desk.judge(d)
-    learner._desk.comparator = learner.comparator.update(Answers(d[:10], TruthfulTutor(VALUES).signs(d[:10])))
-    after = learner._desk.judge(d)
-    for decisions, values in ((before, PolytopeComparator(K).values), (after, learner.comparator.values)):
-        guessed = decisions.tiers == Tier.GUESS
-        assert guessed.any()
-        assert decisions.verdicts[guessed].tolist() == np.sign(d[guessed] @ values).tolist()
-    assert (before.verdicts != after.verdicts).any()
+    class Tilted(Dominance):
+        guess = np.linspace(0.0, 1.0, K)
+
+        @property
+        def values(self) -> Floats:
+            return self.guess
+
+        def update(self, answers: Answers) -> Tilted:
+            new = Tilted(self.k)
+            object.__setattr__(new, "guess", np.array([0.0, 0.9, 0.92, 0.94, 1.0]))
+            return new
+
+    learner = make(Tilted(K), max_queries=0)
+    d = np.array([[0.2, -0.3, 0.0, 0.0, 0.1]])
+    for _ in range(2):
+        decisions = learner._desk.judge(d)
+        assert decisions.tiers[0] == Tier.GUESS
+        assert decisions.verdicts[0] == np.sign(d[0] @ learner.comparator.values)
+        learner._desk.comparator = learner.comparator.update(Answers.none(K))
+    assert np.sign(d[0] @ Tilted(K).values) == -decisions.verdicts[0]
 
 
 def test_indifference_wants_both_bounds_close(make: Make) -> None:

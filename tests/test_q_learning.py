@@ -239,6 +239,14 @@ def test_episodes_restart_from_the_initial_distribution() -> None:
     assert learner._state.visits.sum() == learner._state.visits[3].sum() == 50
 
 
+def test_draws_never_hit_what_has_no_probability() -> None:
+    cumulative = np.cumsum([0.0, 0.25, 0.0, 0.5, 0.2, 0.0])  # to .95: as if rounding had lost some
+    for u, index in ((0.0, 1), (0.24, 1), (0.25, 3), (0.74, 3), (0.75, 4), (0.94, 4), (0.96, 4), (1 - 2**-53, 4)):
+        assert kernel.draw(cumulative, u) == index
+    counts = np.bincount([kernel.draw(cumulative, u) for u in np.linspace(0.0, 0.95, 950, endpoint=False)], minlength=6)
+    np.testing.assert_allclose(counts, [0, 250, 0, 500, 200, 0], atol=1)
+
+
 def test_one_action_needs_no_comparison() -> None:
     mdp, values = random_mdp(5, 1, 4, rng=0)
     result = learn(mdp, AlwaysAsk(4), TruthfulTutor(values))
