@@ -63,13 +63,14 @@ def _ablate(options: dict[str, Any]) -> int:
     frame[times].to_csv(out / "times.csv", index=False, lineterminator="\n")
     frame.drop(columns="seconds").to_csv(out / "runs.csv", index=False, lineterminator="\n")
     summary = summarise(frame)
+    summary.to_csv(out / "summary.csv", index=False, lineterminator="\n")
     defaults = DEFAULTS | settings
     size = "{states} states, {actions} actions, {levels} levels".format(**defaults)
     names = {"random": f"random MDP ({size})"}
     figure = plot_ablation(summary, max_queries=defaults["max_queries"], names=names)
     figure.savefig(out / "ablation.png", dpi=150)
     print(table(summary, names), LEGEND, sep="\n\n")
-    print(f"\n{out / 'runs.csv'} (a row a run), {out / 'times.csv'} and {out / 'ablation.png'} written")
+    print(f"\nwritten to {out}: runs.csv (a row a run), summary.csv (a row a cell), times.csv, ablation.png")
     return code
 
 
@@ -168,8 +169,8 @@ def _parser() -> argparse.ArgumentParser:
         "ablate",
         help="compare the comparators: what they cost in questions and in policy loss, and where they break",
         description="Run comparators x learners x tutors x problems over several seeds with common random numbers. "
-        "Prints a table and writes runs.csv (one row a run), times.csv and ablation.png. Runs.csv is the same "
-        "for the same options on any number of processes. Ctrl-C keeps what has finished.",
+        "Prints a table and writes runs.csv (one row a run), summary.csv (one a cell), times.csv and ablation.png. "
+        "Runs.csv is the same for the same options on any number of processes. Ctrl-C keeps what has finished.",
     )
     ablation.set_defaults(command=_ablate)
     ablation.add_argument(

@@ -74,7 +74,7 @@ QUICKER = (
 def test_quick_writes_rows_times_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "results"
     assert cli.main([*QUICKER.split(), "--out", str(out)]) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["ablation.png", "runs.csv", "times.csv"]
+    assert sorted(path.name for path in out.iterdir()) == ["ablation.png", "runs.csv", "summary.csv", "times.csv"]
     assert (out / "ablation.png").stat().st_size > 10_000
     rows, times = pd.read_csv(out / "runs.csv"), pd.read_csv(out / "times.csv")
     assert len(rows) == len(times) == 5
