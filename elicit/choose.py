@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.comparator import Comparator, Tier, decide
-from elicit.query import Answer, Answers, Query, StaleAnswer, Verdict
+from elicit.query import Answer, Answers, Query, Verdict, match
 from elicit.scale import Floats, as_vectors, dot, tail_sums
 
 _CONTENDERS = 8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs
@@ -157,17 +157,10 @@ class Choosing:
     def tell(self, answers: Sequence[Answer]) -> None:
         """Take the answer to the pending query; with the verdict None the vector that is ahead stays ahead.
 
-        Raises StaleAnswer where no such query is pending, and lets the comparator's InconsistentAnswers
-        through; then nothing has changed.
+        Raises StaleAnswer where no such query is pending (see ``elicit.query.match``), and lets the comparator's
+        InconsistentAnswers through; then nothing has changed.
         """
-        pending = {query.id for query in self.ask()}
-        for answer in answers:
-            if answer.query.id not in pending:
-                raise StaleAnswer(
-                    f"no query {answer.query.id} is pending: it was answered already, or belongs to another choice. "
-                    "Call ask for the pending one"
-                )
-            pending.remove(answer.query.id)
+        answers = match(answers, self.ask())
         for answer in answers:
             state = self._state.copy()
             self._learn(state, answer.verdict)

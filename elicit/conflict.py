@@ -55,7 +55,8 @@ class Contradiction(InconsistentAnswers):
                 f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
                 "correct one of them."
                 if len(owners) > 1
-                else f"no scale satisfies the answer in {listed}: drop or correct it."
+                else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, or the "
+                "prior. Drop or correct it."
             )
             if self.margin:
                 self._found += (

@@ -163,3 +163,32 @@ class Answers:
 
     def __getitem__(self, rows: slice) -> Answers:
         return Answers(self.d[rows], self.y[rows], self.ids[rows])
+
+
+def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, ...]:
+    """The answers, each about another one of the pending queries. Raises TypeError for anything but Answers,
+    and StaleAnswer for an unknown id, for other vectors than the query's, and for two answers to one query."""
+    if isinstance(answers, Answer):
+        raise TypeError("tell takes a sequence of answers: put the one Answer into a list")
+    told = tuple(answers)  # a generator can be read only once
+    waiting = {query.id: query for query in pending}
+    seen: set[str] = set()
+    for answer in told:
+        if not isinstance(answer, Answer):
+            raise TypeError(f"a tutor must return elicit.Answer(query, verdict), not {answer!r}")
+        name = answer.query.id
+        if name in seen:
+            raise StaleAnswer(f"two answers to one pending query: {name!r}")
+        if name not in waiting:
+            raise StaleAnswer(
+                f"no pending query has the id {name!r}: it was answered already or belongs to another run; answer "
+                "what ask() returns now"
+            )
+        asked = waiting[name]
+        if not (np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)):
+            raise StaleAnswer(
+                f"the answer with the id {name!r} is about other vectors than the pending query of that id; answer the "
+                "very query that ask() returned (were its numbers rounded on the way?)"
+            )
+        seen.add(name)
+    return told

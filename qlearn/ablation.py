@@ -151,7 +151,7 @@ def run(
     tolerance: float = 0.005,
     max_sweeps: int = 200,
     max_queries: int = 2000,
-    audit_length: float = 0.2,
+    audit_length: float = 0.1,
     precision: float = 300.0,
     n_boot: int = 50,
     level: float = 0.95,

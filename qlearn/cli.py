@@ -128,7 +128,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
             "errors however clear the case (flip), or near ties mostly, set to the same mean rate (logistic)",
         ),
         "audit": ({"type": _SHARE}, 0.05, "share of decided pairs put to the tutor in the audited runs; 0: none"),
-        "audit_length": ({"type": _PART}, 0.2, "length of an audited run, as a share of steps and max-sweeps"),
+        "audit_length": ({"type": _PART}, 0.1, "length of an audited run, as a share of steps and max-sweeps"),
         "seeds": ({"type": _COUNT}, 3, "number of seeds"),
         "seed": ({"type": _FROM_0}, 0, "the first seed"),
         "max_queries": ({"type": _FROM_0}, 2000, "question budget; beyond it the best guess decides"),

@@ -8,13 +8,13 @@ indifference, the question budget, audits, "cannot tell", never asking a pair tw
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit.comparator import Comparator, Decisions, Tier, decide
-from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
 from qlearn.learner import Audit, OnConflict, Result, Status
@@ -22,12 +22,18 @@ from qlearn.learner import Audit, OnConflict, Result, Status
 Watch = Callable[[Floats, Decisions], None]
 
 
+Place: TypeAlias = tuple[int, int, int]
+"""Where a pair is compared: the state, and its two actions in order of their numbers."""
+
+
 class Pending(NamedTuple):
-    """A query, the verdict that the answers imply where it is an audit (else None), and the tier it counts for."""
+    """A query, the verdict that the answers imply where it is an audit (else None), the tier it counts for, and its
+    place."""
 
     query: Query
     expected: Verdict | None
     tier: int
+    place: Place
 
 
 class Desk:
@@ -70,10 +76,14 @@ class Desk:
         self._number = 0
         self._said: dict[bytes, int] = {}  # verdicts told, in the pair's canonical direction
         self._binding: set[bytes] = set()  # pairs whose answer no model may overrule
+        self._unclear: set[Place] = set()  # where the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
 
-    def judge(self, d: Floats) -> Decisions:
-        """Verdicts (n,) and tiers (n,) for differences d (n, k). UNKNOWN means: ask the tutor. Counts nothing."""
+    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
+        """Verdicts (n,) and tiers (n,) for differences d (n, k). UNKNOWN means: ask the tutor. Counts nothing.
+
+        ``places`` gives the place of a row: where the tutor could not tell, its estimates keep changing a
+        little, and a person must not be asked about each new version of the same pair."""
         verdicts, tiers = decide(self.comparator, d)
         if self._binding:
             self._recall(d, verdicts, tiers, np.flatnonzero(tiers > Tier.DOMINANCE), binding=True)
@@ -88,6 +98,10 @@ class Desk:
             return Decisions(verdicts, tiers)
         if self._said:
             rows = self._recall(d, verdicts, tiers, rows, binding=False)
+        if self._unclear and places is not None:
+            unclear = np.array([places(int(row)) in self._unclear for row in rows], dtype=bool)
+            verdicts[rows[unclear]], tiers[rows[unclear]] = Verdict.EQUAL, Tier.KNOWN
+            rows = rows[~unclear]
         if self._indifference > 0 and len(rows):
             low, high = self.comparator.bounds(d[rows])
             close = (low >= -self._indifference) & (high <= self._indifference)
@@ -117,14 +131,15 @@ class Desk:
             self.watch(d, Decisions(verdicts, np.full(len(d), Tier.TUTOR, np.int8)))
         return verdicts
 
-    def open(self, pairs: Sequence[tuple[Floats, Floats, str]], decisions: Decisions) -> tuple[Query, ...]:
-        """Make the pending queries of (left, right, about), judged UNKNOWN."""
+    def open(self, pairs: Sequence[tuple[Floats, Floats, int, int, int]], decisions: Decisions) -> tuple[Query, ...]:
+        """Make the pending queries of (left, right, state, left action, right action), judged UNKNOWN."""
         pending = []
-        for (left, right, about), tier in zip(pairs, decisions.tiers, strict=True):
+        for (left, right, state, a, b), tier in zip(pairs, decisions.tiers, strict=True):
+            about = f"state {state}: action {a} (left) or action {b} (right)?"
             query = Query.make(self._fingerprint, self._number, left, right, about)
             self._number += 1
             expected = Verdict(int(decide(self.comparator, query.d).verdicts[0])) if tier >= AUDIT else None
-            pending.append(Pending(query, expected, int(tier) % AUDIT))
+            pending.append(Pending(query, expected, int(tier) % AUDIT, place(state, a, b)))
         self.pending = tuple(pending)
         return self.ask()
 
@@ -138,33 +153,21 @@ class Desk:
         raises, nothing has changed."""
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
-        answers = tuple(answers)  # a generator can be read only once
+        answers = match(answers, self.ask())
         waiting = {p.query.id: p for p in self.pending}
-        for answer in answers:
-            if answer.query.id not in waiting:
-                raise StaleAnswer(
-                    f"no pending query has the id {answer.query.id!r}: it was answered already or belongs to another "
-                    "run; answer what ask() returns now"
-                )
-            if not _same(answer.query, waiting[answer.query.id].query):
-                raise StaleAnswer(
-                    f"the answer with the id {answer.query.id!r} is about other vectors than the pending query of that "
-                    "id; answer the very query that ask() returned (were its numbers rounded on the way?)"
-                )
-        ids = [answer.query.id for answer in answers]
-        if len(set(ids)) < len(ids):
-            raise StaleAnswer(f"two answers to one query: {sorted(i for i in ids if ids.count(i) > 1)[0]!r}")
         comparator, used, dropped = self._learn(answers, on_conflict)
         settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
         verdicts = [_settle(answer, asked, unused, comparator) for answer, asked, unused in settled]
         # from here on nothing can fail but the watcher, which comes last
         self.comparator, self.answers = comparator, self.answers + used
         seen = []
-        for (answer, (query, expected, tier), unused), verdict in zip(settled, verdicts, strict=True):
+        for (answer, (query, expected, tier, where), unused), verdict in zip(settled, verdicts, strict=True):
             del waiting[query.id]
             self.cannot_tell += answer.verdict is None
             if expected is None:
                 self.asked += 1
+                if answer.verdict is None:
+                    self._unclear.add(where)
             else:
                 self.audits.append(Audit(query, expected, answer.verdict))
             name, sign = _name(tail_sums(query.d))
@@ -283,5 +286,6 @@ def _name(t: Floats) -> tuple[bytes, int]:
     return (sign * t + 0.0).tobytes(), sign
 
 
-def _same(a: Query, b: Query) -> bool:
-    return bool(np.array_equal(a.left, b.left) and np.array_equal(a.right, b.right))
+def place(state: int, a: int, b: int) -> Place:
+    """The place of a pair of actions, whichever is left."""
+    return int(state), int(min(a, b)), int(max(a, b))

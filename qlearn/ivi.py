@@ -12,7 +12,7 @@ from elicit.comparator import Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats, tail_sums
 from elicit.seeds import Seed
-from qlearn.desk import AUDIT, Desk, Watch
+from qlearn.desk import AUDIT, Desk, Watch, place
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 from qlearn.q_learning import check_levels_agree
@@ -167,7 +167,8 @@ class InteractiveValueIteration:
         owner, challenger = np.nonzero(wanted)
         states = active[owner]
         d = self._q[states, challenger] - self._q[states, self._best[states]]
-        decisions = self._desk.judge(d)
+        incumbents = self._best[states]
+        decisions = self._desk.judge(d, lambda row: place(states[row], challenger[row], incumbents[row]))
         stops = (decisions.verdicts == Verdict.BETTER) | (decisions.verdicts == Verdict.UNKNOWN)
         earlier = np.cumsum(stops) - stops
         first_of_owner = np.searchsorted(owner, owner)  # rows are sorted by owner
@@ -199,8 +200,7 @@ class InteractiveValueIteration:
         pairs = []
         for s in chosen:
             challenger, incumbent = self._next[s], self._best[s]
-            about = f"state {s}: action {challenger} (left) or action {incumbent} (right)?"
-            pairs.append((self._q[s, challenger], self._q[s, incumbent], about))
+            pairs.append((self._q[s, challenger], self._q[s, incumbent], int(s), int(challenger), int(incumbent)))
         tiers = np.array([self._blocked[int(s)] for s in chosen], dtype=np.int8)
         queries = self._desk.open(pairs, Decisions(np.full(len(chosen), Verdict.UNKNOWN, np.int8), tiers))
         self._asking = {query.id: int(s) for query, s in zip(queries, chosen, strict=True)}

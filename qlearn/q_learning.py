@@ -13,7 +13,7 @@ from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
 from qlearn import kernel
-from qlearn.desk import Desk, Watch
+from qlearn.desk import Desk, Watch, place
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 
@@ -106,7 +106,7 @@ class InteractiveQLearning:
             while kernel.advance(self._state, self._model, self._verdict) != kernel.DONE:
                 self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
                 if self._desk.signs is not None and not self._model.dominance:  # AlwaysAsk has no say
-                    left, right, _ = self._pair()
+                    left, right, *_ = self._pair()
                     self._verdict = int(self._desk.consult((left - right)[None, :])[0])
                     continue
                 where = self._where(self._state.cursor[kernel.POSITION])
@@ -164,7 +164,7 @@ class InteractiveQLearning:
         incumbent, challengers = self._state.best[s], self._model.actions[s, positions]
         positions, challengers = positions[challengers != incumbent], challengers[challengers != incumbent]
         d = self._state.q[s, challengers] - self._state.q[s, incumbent]
-        verdicts, tiers = self._desk.judge(d)
+        verdicts, tiers = self._desk.judge(d, lambda row: place(s, challengers[row], incumbent))
         self._ahead = {
             self._where(position): (d[i : i + 1], Decisions(verdicts[i : i + 1], tiers[i : i + 1]))
             for i, position in enumerate(positions)
@@ -175,12 +175,12 @@ class InteractiveQLearning:
         cursor = self._state.cursor
         return int(cursor[kernel.STEP]), int(position), int(self._state.best[cursor[kernel.STATE]])
 
-    def _pair(self) -> tuple[Floats, Floats, str]:
-        cursor = self._state.cursor
-        s, position = cursor[kernel.STATE], cursor[kernel.POSITION]
+    def _pair(self) -> tuple[Floats, Floats, int, int, int]:
+        """The vectors at the cursor, the state, and the two actions."""
+        s, position = self._state.cursor[[kernel.STATE, kernel.POSITION]]
         challenger, incumbent = self._model.actions[s, position], self._state.best[s]
-        about = f"state {s}: action {challenger} (left) or action {incumbent} (right)?"
-        return self._state.q[s, challenger].copy(), self._state.q[s, incumbent].copy(), about
+        q = self._state.q[s]
+        return q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent)
 
 
 def check_levels_agree(mdp: OrdinalMDP, comparator: Comparator) -> None:

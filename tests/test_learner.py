@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -739,3 +740,31 @@ def test_learners_share_one_protocol() -> None:
 
     for cls in (InteractiveQLearning, InteractiveValueIteration):
         assert set(methods(Learner)) <= set(dir(cls))
+
+
+@pytest.mark.parametrize("make", [InteractiveQLearning, InteractiveValueIteration])
+def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move(make: Callable[..., Any]) -> None:
+    mdp, values = random_mdp(20, 3, K, rng=5)
+    truthful = TruthfulTutor(values)
+    unclear: list[str] = []
+
+    def tutor(query: Query) -> Answer:
+        if "action 0 " in query.about:
+            unclear.append(query.about)
+            return Answer(query, None)
+        return truthful(query)
+
+    result = drive(make(mdp, PolytopeComparator(K), **({"steps": 3000} if make is InteractiveQLearning else {})), tutor)
+    numbers = [re.findall(r"\d+", about) for about in unclear]
+    places = [(state, *sorted(actions)) for state, *actions in numbers]
+    assert len(places) == len(set(places)) == result.cannot_tell > 0
+
+
+def test_what_is_no_answer_is_refused_by_name() -> None:
+    learner = InteractiveValueIteration(random_mdp(20, 3, K, rng=5)[0], PolytopeComparator(K))
+    (query,) = learner.ask()
+    with pytest.raises(TypeError, match=r"must return elicit.Answer.*BETTER"):
+        learner.tell([Verdict.BETTER])  # type: ignore[list-item]
+    with pytest.raises(TypeError, match="into a list"):
+        learner.tell(Answer(query, Verdict.BETTER))  # type: ignore[arg-type]
+    assert learner.ask() == (query,)

@@ -1,0 +1,8 @@
+"""``python -m qlearn`` is the command ``qlearn``."""
+
+import sys
+
+from qlearn.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())
