@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
-_HUGE = 2.0**960  # sums of differences below this cannot overflow
 _CODES = np.array([2, 1, -1, 0], dtype=np.int8)  # by whether all are >= 0, and (counting twice) all <= 0
 
 
@@ -41,8 +40,8 @@ def tail_sums(d: Floats) -> Floats:
     with np.errstate(over="ignore", invalid="ignore"):
         t: Floats = np.cumsum(top, axis=-1)
     if not np.isfinite(t).all():
-        largest = np.abs(top).max(axis=-1, keepdims=True, initial=0.0)
-        t = np.cumsum(np.where(largest > _HUGE, top * 2.0**-64, top), axis=-1)
+        overflown = ~np.isfinite(t).all(axis=-1, keepdims=True)  # each row by itself, whatever its neighbours
+        t = np.cumsum(np.where(overflown, top * 2.0**-64, top), axis=-1)
     return t[..., ::-1]
 
 

@@ -70,10 +70,6 @@ class InteractiveQLearning:
             raise ValueError(f"epsilon must lie in 0..1, not {epsilon!r}")
         if episode_length is not None and (episode_length < 1 or int(episode_length) != episode_length):
             raise ValueError(f"episode_length must be None or a whole number of at least 1, not {episode_length!r}")
-        if (mdp.initial[mdp.terminal] > 0).any():
-            raise ValueError(
-                "the initial distribution gives a terminal state a positive probability: nothing to learn there"
-            )
         key = key_of(rng)
         self._mdp = mdp
         self._desk = Desk(
