@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from elicit.bradley_terry import BradleyTerryComparator
     from elicit.log import AnswerLog
     from elicit.polytope import PolytopeComparator
+    from elicit.prior import Inequality, inequalities, inequality
     from elicit.tutor import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
 
 _LATER = {  # imported when first used, so that `import elicit` stays light
@@ -18,10 +19,13 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "BradleyTerryComparator": "elicit.bradley_terry",
     "BradleyTerryTutor": "elicit.tutor",
     "FlippingTutor": "elicit.tutor",
+    "Inequality": "elicit.prior",
     "PolytopeComparator": "elicit.polytope",
     "ReplayTutor": "elicit.tutor",
     "TruthfulTutor": "elicit.tutor",
     "Tutor": "elicit.tutor",
+    "inequalities": "elicit.prior",
+    "inequality": "elicit.prior",
 }
 
 __all__ = [
@@ -35,6 +39,7 @@ __all__ = [
     "Dominance",
     "FlippingTutor",
     "InconsistentAnswers",
+    "Inequality",
     "PolytopeComparator",
     "Query",
     "ReplayTutor",
@@ -45,6 +50,8 @@ __all__ = [
     "Verdict",
     "choose",
     "decide",
+    "inequalities",
+    "inequality",
 ]
 
 

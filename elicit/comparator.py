@@ -21,12 +21,18 @@ class Tier(IntEnum):
     EQUAL = 0  # the vectors are the same
     DOMINANCE = 1  # eq. (4): true for every scale
     SCREEN = 2  # a cheap proof from the answers
-    LP = 3  # the linear programs over K_t
-    MODEL = 4  # a statistical model
-    KNOWN = 5  # this very pair was answered before
-    INDIFFERENT = 6  # both signs possible, but too close to matter
-    GUESS = 7  # the question budget is spent: the sign at the comparator's best scale
-    TUTOR = 8  # asked
+    SIMPLEX = 3  # the linear programs over K_t, from one known vertex to the next
+    LP = 4  # the linear programs over K_t, solved by Clarabel
+    EXACT = 5  # the linear programs over K_t in rational arithmetic: the optimum is 0, or nearly
+    MODEL = 6  # a statistical model
+    KNOWN = 7  # this very pair was answered before
+    INDIFFERENT = 8  # both signs possible, but too close to matter
+    GUESS = 9  # the question budget is spent: the sign at the comparator's best scale
+    TUTOR = 10  # asked
+
+
+BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
+"""The tiers that rest on the tutor's answers."""
 
 
 @runtime_checkable

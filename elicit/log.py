@@ -1,8 +1,13 @@
 """The answer log: append-only, and the single source of truth. Comparators are rebuilt from it.
 
-A log on disk is JSON lines: a header, then one line an answer. Every append is on the disk before it
-returns, so a crash loses at most the line that was being written. The log reads no clock: a caller
-who wants times gives them as metadata.
+A log on disk is JSON lines: a header, then one line an answer or a retraction. Every append is on the
+disk before it returns, so a crash loses at most the line that was being written. The log reads no
+clock: a caller who wants times gives them as metadata.
+
+An answer is taken back by a line {"retract": id, ...}; nothing is deleted. It concerns the answers before
+it that have this id, so the query can be answered anew. The header, once written, cannot announce such a
+line, so it has none of an answer's fields: a reader that knows no retractions stops there with BadLog,
+instead of learning from what was taken back. Without retractions a log is what it was before them.
 """
 
 from __future__ import annotations
@@ -10,7 +15,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +25,7 @@ FORMAT = "elicit answers"
 VERSION = 1
 _START = f'{{"format": "{FORMAT}"'
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
+_RETRACT = "retract"
 
 
 class BadLog(ValueError):
@@ -35,11 +41,18 @@ class BadLog(ValueError):
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of a log: an answer, whether comparators learn from it, and the caller's metadata."""
+    """One answer of a log, whether comparators learn from it, and the caller's metadata. ``retraction`` is
+    None while the answer stands; then the metadata of the line that took it back, and ``used`` is False."""
 
     answer: Answer
     used: bool = True
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    retraction: Mapping[str, Any] | None = None
+
+    @property
+    def retracted(self) -> bool:
+        """Whether the answer was taken back."""
+        return self.retraction is not None
 
 
 class AnswerLog:
@@ -122,8 +135,6 @@ class AnswerLog:
             raise ValueError(f"this log is about {self.k} levels, but query {answer.query.id} is about {k}")
         if not metadata.keys().isdisjoint(_FIELDS):
             raise ValueError(f"metadata may not be named like a field of the answer: {sorted(metadata)}")
-        if self._read_only:
-            raise ValueError(f"this log was opened for reading: AnswerLog({str(self._path)!r}) continues the file")
         line = _dump(
             {
                 "id": answer.query.id,
@@ -138,15 +149,27 @@ class AnswerLog:
             "metadata",
         )
         header = self._header if self.k is not None else {"format": FORMAT, "version": VERSION, "k": k, **self._header}
-        if self._path is not None:
-            first = b"" if self._kept else _dump(header, "header")
-            self._write(self._path, self._joint + first + line)
-        self._header, self._torn, self._joint = header, None, b""
+        self._put(header, line)
         self._entries.append(_entry(json.loads(line)))
 
+    def retract(self, id: str, **metadata: Any) -> None:
+        """Take back all answers so far to the query of this id, by adding a line: they stay in the log,
+        marked, but are no longer among ``answers()``. On the disk when this returns; when it raises, nothing
+        has changed.
+
+        metadata: any JSON, such as the reason. Raises ValueError where no answer of this id stands, and
+        otherwise like ``append``.
+        """
+        if not metadata.keys().isdisjoint((*_FIELDS, _RETRACT)):
+            raise ValueError(f"a retraction's metadata may not be named like a field of the log: {sorted(metadata)}")
+        line = _dump({_RETRACT: id, **metadata}, "metadata")
+        after = _without(self._entries, json.loads(line))
+        self._put(self._header, line)
+        self._entries = after
+
     def answers(self) -> Answers:
-        """What a comparator learns from: the answers used, without "cannot tell", in order. Raises
-        ValueError for an empty log that does not know its number of levels."""
+        """What a comparator learns from: the answers used and not taken back, without "cannot tell", in order.
+        Raises ValueError for an empty log that does not know its number of levels."""
         if self.k is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
         return Answers.of([entry.answer for entry in self._entries if entry.used], self.k)
@@ -156,6 +179,15 @@ class AnswerLog:
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(tuple(self._entries))
+
+    def _put(self, header: dict[str, Any], line: bytes) -> None:
+        """A line at the end of the log, after the header if there is none in the file."""
+        if self._read_only:
+            raise ValueError(f"this log was opened for reading: AnswerLog({str(self._path)!r}) continues the file")
+        if self._path is not None:
+            first = b"" if self._kept else _dump(header, "header")
+            self._write(self._path, self._joint + first + line)
+        self._header, self._torn, self._joint = header, None, b""
 
     def _write(self, path: Path, data: bytes) -> None:
         with open(path, "ab", buffering=0) as file:
@@ -193,12 +225,16 @@ class AnswerLog:
         self._header = _checked_header(lines[0], self._header, self._path)
         for number, line in enumerate(lines[1:], start=2):
             try:
-                entry = _entry(json.loads(line))
+                fields = json.loads(line)
+                if isinstance(fields, dict) and _RETRACT in fields and fields.keys().isdisjoint(_FIELDS):
+                    self._entries = _without(self._entries, fields)
+                    continue
+                entry = _entry(fields)
             except (ValueError, TypeError, KeyError, AttributeError) as error:
                 text = line[:60].decode("utf-8", "replace")
                 why = f"it has no field {error}" if isinstance(error, KeyError) else str(error)
                 raise BadLog(
-                    f"line {number} of {self._path} is no answer ({why}): {text!r}. Correct or delete that line", number
+                    f"line {number} of {self._path} is damaged ({why}): {text!r}. Correct or delete that line", number
                 ) from None
             if len(entry.answer.query.left) != self.k:
                 found = len(entry.answer.query.left)
@@ -229,6 +265,18 @@ def _entry(fields: Any) -> Entry:
     query = Query(fields["id"], fields["left"], fields["right"], fields["about"])
     answer = Answer(query, None if verdict is None else Verdict(verdict), fields["swapped"])
     return Entry(answer, fields["used"], {name: fields[name] for name in fields if name not in _FIELDS})
+
+
+def _without(entries: list[Entry], fields: dict[str, Any]) -> list[Entry]:
+    """The entries after a parsed retraction line. Raises ValueError where it takes back nothing."""
+    name = fields[_RETRACT]
+    told = {key: fields[key] for key in fields if key != _RETRACT}
+    mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == name}
+    if all(entry.retracted for entry in mine.values()):
+        why = "was retracted already, and none was given since" if mine else "cannot be retracted: this log has none"
+        raise ValueError(f"the answer with the id {name!r} {why}")
+    back = {i: replace(entry, used=False, retraction=told) for i, entry in mine.items() if not entry.retracted}
+    return [back.get(i, entry) for i, entry in enumerate(entries)]
 
 
 def _is_torn(line: bytes, first: bool) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from elicit.prior import Prior
 from elicit.query import Answers
 from elicit.scale import Floats, tail_sums
 from elicit.simplex import Region, minimise, minimise_exactly, rounding
@@ -193,7 +194,7 @@ def answer_rows(answers: Answers, first: int) -> tuple[Floats, Floats, NDArray[n
     return np.array(rows).reshape(-1, p), np.array(rhs, dtype=np.float64), np.array(owner, dtype=np.int64)
 
 
-def prior_rows(prior: tuple[Floats, Floats] | None, k: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def prior_rows(prior: Prior | tuple[Floats, Floats] | None, k: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """A e >= b in gap space: e is the cumulative sum of g, so A's tail sums are its rows."""
     if prior is None:
         return np.empty((0, k - 1)), np.empty(0), np.empty(0, dtype=np.int64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
@@ -163,6 +163,22 @@ class Answers:
 
     def __getitem__(self, rows: slice) -> Answers:
         return Answers(self.d[rows], self.y[rows], self.ids[rows])
+
+    def without(self, ids: Iterable[str]) -> Answers:
+        """The other answers, in the same order: every row that bears one of these ids is left out.
+
+        Raises ValueError for an id that no row bears, and TypeError for a bare string.
+        """
+        if isinstance(ids, str):
+            raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
+        out = {str(name) for name in ids}
+        if unknown := sorted(out.difference(self.ids)):
+            raise ValueError(
+                f"no answer here has the id {', '.join(map(repr, unknown))}: it was left out already, or belongs to "
+                "another problem; `ids` lists those that are here"
+            )
+        stay = [row for row, name in enumerate(self.ids) if name not in out]
+        return Answers(self.d[stay], self.y[stay], [self.ids[row] for row in stay])
 
 
 def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, ...]:

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.comparator import Comparator, Decisions, Tier, decide
+from elicit.comparator import BY_ANSWERS, Comparator, Decisions, Tier, decide
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
@@ -250,8 +250,7 @@ class Desk:
 
     def _pick_audits(self, d: Floats, verdicts: NDArray[np.int8], tiers: NDArray[np.int8]) -> None:
         """Turn a share of the pairs that answers decided into questions: a function of the key and the pair."""
-        by_answers = (tiers == Tier.SCREEN) | (tiers == Tier.LP) | (tiers == Tier.MODEL)
-        rows = np.flatnonzero(by_answers & (np.abs(verdicts) == 1))
+        rows = np.flatnonzero(np.isin(tiers, BY_ANSWERS) & (np.abs(verdicts) == 1))
         if not len(rows):
             return
         _, codes = unordered_pairs(self._key, tail_sums(d[rows]))

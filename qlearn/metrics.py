@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
-from elicit.comparator import Decisions, Tier
+from elicit.comparator import BY_ANSWERS, Decisions, Tier
 from elicit.query import Verdict
 from elicit.scale import Floats, dominance, dot, gaps, tail_sums
 from elicit.tutor import TruthfulTutor
@@ -37,7 +37,7 @@ MEASURES = (
 )
 
 _BUFFER = 4096  # verdicts kept before they are judged: one exact judgement costs as much as thousands together
-_BY_ANSWERS = np.isin([*Tier], [Tier.SCREEN, Tier.LP, Tier.MODEL])  # by tier
+_BY_ANSWERS = np.isin([*Tier], BY_ANSWERS)  # by tier
 
 
 class VerdictCounts(NamedTuple):
@@ -53,10 +53,9 @@ class VerdictCounts(NamedTuple):
 class Watch:
     """Judges a comparator's verdicts by the hidden scale: give it to a learner's ``watch``.
 
-    Counts BETTER and WORSE that the answers decided (tiers SCREEN, LP and MODEL; dominance cannot be
-    wrong) on pairs with |d.e| > ``indifference`` (share of the value range; closer pairs do not
-    matter to the learner). ``values`` (k,) is the hidden scale; ``erred()`` says whether the tutor has
-    given a wrong answer yet.
+    Counts BETTER and WORSE that the answers decided (``BY_ANSWERS``; dominance cannot be wrong) on pairs with
+    |d.e| > ``indifference`` (share of the value range; closer pairs do not matter to the learner). ``values`` (k,) is
+    the hidden scale; ``erred()`` says whether the tutor has given a wrong answer yet.
     """
 
     def __init__(self, values: ArrayLike, indifference: float = 0.0, erred: Callable[[], bool] = lambda: False) -> None:

@@ -24,6 +24,7 @@ def same(a: Entry, b: Entry) -> bool:
     return (
         (a.answer.query.id, a.answer.query.about, a.answer.verdict, a.answer.swapped, a.used, dict(a.metadata))
         == (b.answer.query.id, b.answer.query.about, b.answer.verdict, b.answer.swapped, b.used, dict(b.metadata))
+        and a.retraction == b.retraction
         and a.answer.query.left.tobytes() == b.answer.query.left.tobytes()
         and a.answer.query.right.tobytes() == b.answer.query.right.tobytes()
     )
@@ -249,6 +250,187 @@ def test_a_second_writer_is_noticed(tmp_path):
         two.append(answer("b"))
     one.append(answer("c"))
     assert [e.answer.query.id for e in AnswerLog.read(path)] == ["a", "c"]
+
+
+# --- taking an answer back
+
+
+@pytest.mark.parametrize("on_disk", [True, False])
+def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(tmp_path, on_disk):
+    path = tmp_path / "log.jsonl" if on_disk else None
+    log = filled(path)
+    log.append(answer("a", Verdict.WORSE))  # the same query, told twice
+    before = path.read_bytes() if on_disk else b""
+    log.retract("a", who="nurse", why={"typo": True})
+    log.retract("b")
+    assert log.answers().ids == ("c",)
+    assert len(log) == 4
+    assert [entry.retracted for entry in log] == [True, True, False, True]
+    assert [entry.used for entry in log] == [False, False, True, False]
+    assert [entry.answer.query.id for entry in log] == ["a", "b", "c", "a"]
+    first, second, third, fourth = log
+    assert first.metadata == {"time": "2024-05-01T12:00:00Z"}
+    assert first.retraction == fourth.retraction == {"who": "nurse", "why": {"typo": True}}
+    assert second.retraction == {}
+    assert third.retraction is None
+    if on_disk:
+        assert path.read_bytes().startswith(before)
+        assert [json.loads(line) for line in path.read_bytes()[len(before) :].splitlines()] == [
+            {"retract": "a", "who": "nurse", "why": {"typo": True}},
+            {"retract": "b"},
+        ]
+        for found in (AnswerLog.read(path), AnswerLog(path)):
+            assert all(same(x, y) for x, y in zip(found, log, strict=True))
+
+
+def test_answers_are_those_that_answers_without_leaves():
+    log = filled(None)
+    log.append(answer("a", Verdict.WORSE))
+    kept = log.answers().without(["a"])
+    log.retract("a")
+    assert (kept.ids, kept.y.tolist(), kept.d.tobytes()) == (
+        log.answers().ids,
+        log.answers().y.tolist(),
+        log.answers().d.tobytes(),
+    )
+
+
+def test_a_query_can_be_answered_anew(tmp_path):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    for verdict in (Verdict.WORSE, Verdict.EQUAL):
+        log.retract("a")
+        log.append(answer("a", verdict))
+        for found in (log, AnswerLog.read(path)):
+            assert found.answers().ids == ("c", "a")
+            assert found.answers().y.tolist() == [0, verdict]
+    assert [(e.answer.verdict, e.retracted) for e in log if e.answer.query.id == "a"] == [
+        (Verdict.BETTER, True),
+        (Verdict.WORSE, True),
+        (Verdict.EQUAL, False),
+    ]
+
+
+def test_what_cannot_be_retracted(tmp_path):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    log.retract("a")
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="'x' cannot be retracted: this log has none"):
+        log.retract("x")
+    with pytest.raises(ValueError, match="'a' was retracted already"):
+        log.retract("a")
+    for name in ("about", "retract", "used"):
+        with pytest.raises(ValueError, match=name):
+            log.retract("c", **{name: 1})
+    with pytest.raises(ValueError, match="plain JSON"):
+        log.retract("c", why=object())
+    with pytest.raises(ValueError, match="opened for reading"):
+        AnswerLog.read(path).retract("c")
+    with pytest.raises(ValueError, match="this log has none"):
+        AnswerLog().retract("a")
+    assert path.read_bytes() == before
+    assert log.answers().ids == ("c",)
+
+
+def test_a_retraction_is_synced_or_has_not_happened(tmp_path, monkeypatch):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    before = path.read_bytes()
+    real, synced = os.fsync, []
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", lambda number: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+        with pytest.raises(OSError, match="No space"):
+            log.retract("a")
+    assert path.read_bytes() == before
+    assert log.answers().ids == ("a", "c")
+    monkeypatch.setattr(os, "fsync", lambda number: (synced.append(path.stat().st_size), real(number))[1])
+    log.retract("a")
+    assert synced == [path.stat().st_size]
+    assert AnswerLog.read(path).answers().ids == ("c",)
+
+
+def test_a_second_writer_is_noticed_by_a_retraction(tmp_path):
+    one = filled(tmp_path / "log.jsonl")
+    two = AnswerLog(tmp_path / "log.jsonl")
+    one.retract("a")
+    with pytest.raises(BadLog, match="something else wrote"):
+        two.retract("c")
+    assert [entry.retracted for entry in two] == [False, False, False]
+
+
+def test_a_file_cut_anywhere_in_a_retraction(tmp_path):
+    path = tmp_path / "log.jsonl"
+    filled(path).retract("a", why="typo")
+    data = path.read_bytes()
+    start = data.rstrip(b"\n").rindex(b"\n") + 1
+    for cut in range(start, len(data) + 1):
+        path.write_bytes(data[:cut])
+        whole = cut >= len(data) - 1
+        for open_log in (AnswerLog.read, AnswerLog):
+            log = open_log(path)
+            assert log.answers().ids == (("c",) if whole else ("a", "c")), cut
+            assert log.torn == (None if whole or cut == start else data[start:cut].decode()), cut
+        log.retract("c")  # takes a torn line out of the file, like any append
+        for found in (log, AnswerLog.read(path)):
+            assert found.answers().ids == (() if whole else ("a",)), cut
+            assert found.torn is None
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ('{"retract": "x"}', "'x' cannot be retracted"),
+        ('{"retract": "d"}', "'d' cannot be retracted"),  # only what was told before
+        ('{"retract": null}', "None"),
+        ('{"retract": ["a"]}', "cannot be retracted"),
+        ('{"retract": "a", "id": "a"}', "no field"),  # half an answer, half a retraction
+    ],
+)
+def test_a_retraction_of_nothing_is_a_damaged_line(tmp_path, line, complaint):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    log.append(answer("d"))
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:4], line, lines[4], ""]))
+    with pytest.raises(BadLog, match=complaint) as caught:
+        AnswerLog(path)
+    assert caught.value.line == 5
+
+
+def test_readers_that_know_no_retractions_cannot_misread_one(tmp_path):
+    """They demand an answer's fields in every line; and a log without retractions is what it always was."""
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    log.append(answer("d"), retract="free to use as metadata")
+    assert json.loads(path.read_text().splitlines()[0])["version"] == 1
+    assert [entry.metadata for entry in AnswerLog.read(path)][-1] == {"retract": "free to use as metadata"}
+    log.retract("a", why="typo")
+    demanded = {"id", "left", "right", "verdict", "swapped", "about", "used"}
+    assert demanded.isdisjoint(json.loads(path.read_text().splitlines()[-1]))
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from([-1, 0, 1, None, "retract"])), max_size=12))
+@settings(max_examples=60, deadline=None)
+def test_retractions_against_a_list(tmp_path_factory, history):
+    """Any history, also after a restart at each step, against the plain list of what stands."""
+    path = tmp_path_factory.mktemp("log") / "log.jsonl"
+    stands: list[tuple[str, int | None]] = []
+    for name, verdict in history:
+        log = AnswerLog(path, k=3)
+        if verdict != "retract":
+            log.append(answer(name, verdict))
+            stands.append((name, verdict))
+        elif any(told == name for told, _ in stands):
+            log.retract(name)
+            stands = [one for one in stands if one[0] != name]
+        else:
+            with pytest.raises(ValueError, match="retracted"):
+                log.retract(name)
+        for found in (log, AnswerLog(path, k=3)):
+            assert [(e.answer.query.id, e.answer.verdict) for e in found if not e.retracted] == stands
+            told = found.answers()
+            assert list(zip(told.ids, told.y.tolist(), strict=True)) == [s for s in stands if s[1] is not None]
 
 
 # --- what is wrong

@@ -105,7 +105,7 @@ def test_any_multipliers_give_a_bound_on_any_region(data: st.DataObject) -> None
 
 def test_good_multipliers_give_a_tight_bound() -> None:
     comparator, _ = truthful(8, 40)
-    r = comparator._region
+    r = comparator._set.region
     oracle, programs = Oracle(same(r)), Programs(r)
     for t in tail_sums(shares(np.random.default_rng(5), 8, 10)):
         found = programs.solve(t)
@@ -173,7 +173,7 @@ def test_the_border_is_not_inside() -> None:
 
 def test_pulling_a_point_inside_moves_it_little() -> None:
     comparator, _ = truthful(8, 60)
-    r = comparator._region
+    r = comparator._set.region
     centre = analytic_centre(r)
     for t in tail_sums(shares(np.random.default_rng(9), 8, 10)):
         found = Programs(r).solve(t)

@@ -61,7 +61,7 @@ def test_watch_leaves_out_pairs_within_the_indifference_and_exact_ties() -> None
 def test_watch_counts_only_what_the_answers_decided(tier: Tier) -> None:
     watch = Watch(VALUES)
     watch(DIFFERENCES, decided([-1, 1, 1], tier))
-    counted = tier in (Tier.SCREEN, Tier.LP, Tier.MODEL)
+    counted = tier in (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
     assert watch.counts == ((3, 3, 0, 0) if counted else (0, 0, 0, 0))
 
 

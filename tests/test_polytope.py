@@ -152,9 +152,9 @@ def test_tiers() -> None:
     assert (verdicts == c.compare(case.ask)).all()
     assert (tiers[codes == EQUAL] == Tier.EQUAL).all()
     assert (tiers[np.abs(codes) == 1] == Tier.DOMINANCE).all()
-    assert set(tiers[codes == UNKNOWN]) <= {Tier.SCREEN, Tier.LP}
+    assert set(tiers[codes == UNKNOWN]) <= {Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT}
     again = c.decide(case.ask)
-    assert np.count_nonzero(again.tiers == Tier.LP) <= np.count_nonzero(tiers == Tier.LP)
+    assert np.count_nonzero(again.tiers > Tier.SCREEN) <= np.count_nonzero(tiers > Tier.SCREEN)
 
 
 def test_prior_inequalities_are_knowledge() -> None:
@@ -296,7 +296,7 @@ def test_nothing_new_changes_nothing() -> None:
 
 
 def slacks(c: PolytopeComparator, g: Floats) -> tuple[Floats, Floats]:
-    r = c._all
+    r = c.region
     limits = np.concatenate([np.full(r.p, r.margin), r.rhs])
     both = np.unique(np.column_stack([np.concatenate([np.eye(r.p), r.rows]), limits]), axis=0)  # each constraint once
     return both[:, :-1], both[:, :-1] @ g - both[:, -1]
@@ -535,13 +535,13 @@ def test_the_greatest_margin() -> None:
 @pytest.mark.parametrize(
     ("prior", "message"),
     [
-        (([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], [0.6, -0.5]), "no scale with margin 1e-06 satisfies the prior's 2 ineq"),
+        (([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], [0.6, -0.5]), "no scale with margin 1e-06 .* satisfies the prior's"),
         (([[0.0, 0.0, 0.0]], [1e-9]), "no scale"),
         (([[0.0, 1.0, 0.0]], [1e300]), "no scale"),
         (([[0.0, 1.0]], [0.0]), r"the prior's A must have shape \(n, 3\)"),
         (([[0.0, np.nan, 0.0]], [0.0]), "the prior's A must be finite"),
-        (([[0.0, 1.0, 0.0]], [0.0, 1.0]), "the prior's b must be 1 finite numbers"),
-        (([[0.0, 1.0, 0.0]], [np.inf]), "the prior's b must be 1 finite numbers"),
+        (([[0.0, 1.0, 0.0]], [0.0, 1.0]), "the prior's b must be one finite number"),
+        (([[0.0, 1.0, 0.0]], [np.inf]), "the prior's b must be one finite number"),
         (([[0.0, 1e-300, 1e300]], [0.0]), "both huge and tiny"),
     ],
 )

@@ -43,7 +43,7 @@ def test_no_module_of_elicit_or_qlearn_imports_in_a_circle():
 
 @pytest.mark.parametrize("package", ["elicit", "qlearn"])
 def test_importing_a_package_stays_light(package):
-    heavy = ("cvxpy", "clarabel", "matplotlib", "pandas", "scipy.optimize", "networkx", "joblib")
+    heavy = ("cvxpy", "clarabel", "numba", "matplotlib", "pandas", "scipy.optimize", "networkx", "joblib")
     code = f"import sys, {package}; print([name for name in {heavy!r} if name in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"

@@ -134,6 +134,26 @@ def test_gathering_answers_drops_the_undecided():
         Answers.none(4) + answers
 
 
+def test_leaving_answers_out():
+    answers = Answers([[1, -1, 0], [0, 1, -1], [2, -1, -1], [0, 1, -1]], [1, -1, 0, 1], ["a", "b", "c", "b"])
+    rest = answers.without(["b"])  # every row of that id
+    assert rest.ids == ("a", "c")
+    assert rest.d.tolist() == [[1, -1, 0], [2, -1, -1]]
+    assert rest.y.tolist() == [1, 0]
+    assert rest.d.flags.writeable is rest.y.flags.writeable is False
+    assert answers.ids == ("a", "b", "c", "b"), "the answers themselves stay as they were"
+    assert answers.without([]).ids == answers.ids
+    nothing = answers.without(name for name in "abcc")
+    assert (len(nothing), nothing.k, nothing.ids) == (0, 3, ())
+    assert Answers([[1, -1, 0]], [1], [7]).without([7]).k == 3
+    with pytest.raises(ValueError, match="no answer here has the id 'x', 'y'"):
+        answers.without(["y", "a", "x"])
+    with pytest.raises(ValueError, match="'b'"):
+        rest.without(["b"])
+    with pytest.raises(TypeError, match=r"\['ab'\]"):
+        answers.without("ab")
+
+
 def test_errors_say_whose_fault_it_is():
     conflict = InconsistentAnswers("no scale", [(0, "a"), (3, "b")], margin=True)
     assert conflict.answers == ((0, "a"), (3, "b"))

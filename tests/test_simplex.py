@@ -50,7 +50,7 @@ def check_optimal(t: Any, r: Region, found: Vertex) -> None:
 
 def the_region(case: Case) -> Region:
     comparator = PolytopeComparator(case.k, margin=case.margin, prior=case.prior).update(Answers(case.d, case.y))
-    return comparator._region
+    return comparator._set.region
 
 
 @pytest.mark.parametrize("seed", range(6))
