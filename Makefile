@@ -5,7 +5,7 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation test test-slow lint clean
+.PHONY: ablation test test-slow lint bench notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
@@ -20,6 +20,12 @@ lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+bench: $(READY)  ## what a comparison costs, against cvxpy, Clarabel, HiGHS and SciPy: benchmarks/RESULTS.md
+	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS.md
+
+notebooks: $(READY)  ## run the notebooks at their full setting, in place
+	$(BIN)/python notebooks/execute.py
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -166,13 +166,10 @@ def sample(n: int, wanted: int) -> NDArray[np.bool_]:
 
 def about(stream: Stream) -> list[str]:
     """A heading, and what the run was like."""
-    compared = sum(stream.decided.values())
-    by_order = (stream.decided["equal"] + stream.decided["dominance"]) / compared
     return [
         f"## {stream.kind}, k = {stream.k}",
         "",
-        f"{compared:,} comparisons acted on, of which equality and dominance settle {by_order:.1%}; "
-        f"{len(stream):,} differences put to the comparator, of which they settle {stream.dominated:.1%}; "
+        f"{len(stream):,} comparisons, of which equality and dominance settle {stream.dominated:.1%}; "
         f"{len(stream.answers)} answers, of which {needed_rows(stream.answers, MARGIN)} are not redundant in the end.",
     ]
 
@@ -225,17 +222,16 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
 
 
 NOTES = [
-    "Each method gets the differences that a run with a truthful tutor put to its comparator (100 states, 5 actions), "
-    "with the answers known at that time: all of them, or as many as stated, in blocks of "
-    f"{BLOCK} neighbouring rows spread evenly over the run. Every pass starts afresh; several passes give the median. "
+    "Each method gets the comparisons of a run with a truthful tutor (100 states, 5 actions), with the answers known "
+    f"at that time: all comparisons, or as many as stated, in blocks of {BLOCK} neighbours spread evenly over the run. "
+    "Every pass starts afresh; several passes give the median. "
     '"With learning" adds what the answers cost (new rows, rebuilt solvers, fresh proofs), shared out over all '
     "comparisons of the run. The ratio is of that column, to the comparator on whole segments (all differences between "
     "two answers). The methods with two programs screen nothing: they pay for each comparison, dominated or not. "
     f"Methods in floats take an optimum within {methods.Linprog.tolerance:g} of zero (Clarabel: "
     f"{methods.HotClarabel.tolerance:g}) for zero, at a largest tail sum of 1; a disagreement is a verdict other than "
     "the comparator's, or none. Hot HiGHS runs the primal simplex without presolve, its fastest setting here, and once "
-    "more from scratch where a warm basis gives no optimum. Q-learning settles equal and dominated pairs in its own "
-    "loop; what it puts to the comparator are the others, with those it looks ahead to at the same step.",
+    "more from scratch where a warm basis gives no optimum.",
 ]
 
 

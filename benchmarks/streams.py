@@ -1,4 +1,4 @@
-"""Streams of differences as a learner really puts them to a comparator, recorded while it learns.
+"""Streams of comparisons as a learner really makes them, recorded while it learns.
 
 A learner compares vectors that are nearly equal, near ties and again and again the same, and asks the
 tutor in between. Random differences over a random K_t have none of that, so costs are measured on these.
@@ -6,9 +6,9 @@ tutor in between. Random differences over a random K_t have none of that, so cos
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,10 @@ from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit.comparator import Decisions, Verdicts
 from elicit.lp import TIE_BAND
 from elicit.scale import Floats, dominance, tail_sums
-from qlearn import InteractiveQLearning, InteractiveValueIteration, drive, random_mdp
+from elicit.seeds import key_of
+from qlearn import random_mdp
+from qlearn.q_learning import rescaled_linear_rate
+from qlearn.reference import interactive_q_learning, interactive_value_iteration
 
 Kind: TypeAlias = Literal["Q-learning", "IVI"]
 KINDS: tuple[Kind, ...] = ("Q-learning", "IVI")
@@ -33,15 +36,13 @@ class Segment(NamedTuple):
 
 @dataclass(frozen=True)
 class Stream:
-    """What one run put to its comparator, in order. ``answers``: all that were told; ``decided``: the
-    run's own counts by tier, of the comparisons it acted on; ``values`` (k,): the tutor's scale."""
+    """All comparisons of one run, in order. ``answers``: all that were told; ``values`` (k,): the tutor's scale."""
 
     kind: Kind
     k: int
     values: Floats
     answers: Answers
     segments: tuple[Segment, ...]
-    decided: Mapping[str, int]
 
     def __len__(self) -> int:
         return sum(len(segment.d) for segment in self.segments)
@@ -61,7 +62,7 @@ class Stream:
 
     @property
     def dominated(self) -> float:
-        """Share of the differences put to the comparator that are equal or settled by dominance."""
+        """Share of the comparisons that equality or dominance settles."""
         settled = sum(np.count_nonzero(dominance(tail_sums(d)) != Verdict.UNKNOWN) for _, d in self.segments)
         return settled / max(1, len(self))
 
@@ -79,6 +80,11 @@ class Recorder:
     def k(self) -> int:
         """Number of levels."""
         return self._inner.k
+
+    @property
+    def answers(self) -> Answers:
+        """What the inner comparator learned from."""
+        return self._inner.answers
 
     @property
     def values(self) -> Floats:
@@ -105,23 +111,21 @@ class Recorder:
 
 
 def record(kind: Kind, k: int, seed: int = 0, *, steps: int = 100_000, tolerance: float = 0.0005) -> Stream:
-    """Run a learner with a truthful tutor on random_mdp(100, 5, k) and record what it puts to the comparator.
-
-    That is more than what it acts on and, of Q-learning, less than what it compares: its loop settles equal and
-    dominated pairs by itself and looks ahead over the other pairs of the step it stands at; and each answered pair
-    is put to the comparator once more. ``steps`` is for Q-learning, ``tolerance`` for value iteration.
-    """
+    """Run Algorithm 1 with epsilon .1, or interactive value iteration, with a truthful tutor on
+    random_mdp(100, 5, k), line for line, and record every comparison. ``steps`` is for the one, ``tolerance`` for
+    the other."""
     mdp, values = random_mdp(100, 5, k, rng=seed)
     rows: list[tuple[int, list[Floats]]] = []
-    recorder = Recorder(PolytopeComparator(k), rows)
-    learner: InteractiveQLearning | InteractiveValueIteration
+    recorder, tutor = Recorder(PolytopeComparator(k), rows), TruthfulTutor(values)
     if kind == "Q-learning":
-        learner = InteractiveQLearning(mdp, recorder, steps=steps, epsilon=0.1, rng=seed)
+        rates = rescaled_linear_rate(mdp.discount)(np.arange(steps))
+        _, known, _ = interactive_q_learning(
+            mdp, recorder, tutor, steps=steps, epsilon=0.1, rates=rates, key=key_of(seed)
+        )
     else:
-        learner = InteractiveValueIteration(mdp, recorder, tolerance=tolerance, rng=seed)
-    result = drive(learner, TruthfulTutor(values))
-    segments = tuple(Segment(known, np.concatenate(d) if d else np.empty((0, k))) for known, d in rows)
-    return Stream(kind, k, values, result.answers, segments, result.decided)
+        _, known, _ = interactive_value_iteration(mdp, recorder, tutor, tolerance=tolerance)
+    segments = tuple(Segment(n, np.concatenate(d) if d else np.empty((0, k))) for n, d in rows)
+    return Stream(kind, k, values, cast(Recorder, known).answers, segments)
 
 
 def needed_rows(answers: Answers, margin: float) -> int:

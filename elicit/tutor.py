@@ -213,12 +213,13 @@ class ReplayTutor:
     """Answers from a log: by query id, else by pair (the same difference to the last bit, or its opposite).
 
     ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
-    replayed too. A pair answered several times is replayed in the order of the log. The same query
+    replayed too, what was retracted is not. A pair answered several times is replayed in the order of the log. The same query
     asked again gets the same answer again.
     """
 
     def __init__(self, log: Iterable[Entry | Answer]) -> None:
-        self._answers = [entry.answer if isinstance(entry, Entry) else entry for entry in log]
+        kept = (entry for entry in log if not (isinstance(entry, Entry) and entry.retracted))
+        self._answers = [entry.answer if isinstance(entry, Entry) else entry for entry in kept]
         self._by_id: dict[str, list[int]] = {}
         self._by_pair: dict[bytes, list[int]] = {}
         for i, answer in enumerate(self._answers):

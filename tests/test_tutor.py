@@ -362,6 +362,17 @@ def recorded(answers, k=5):
     return log
 
 
+def test_what_was_retracted_is_not_replayed():
+    query = Query("q", np.array([0.5, 0.0, 0.5]), np.array([0.0, 1.0, 0.0]))
+    log = AnswerLog()
+    log.append(Answer(query, Verdict.BETTER))
+    log.retract("q")
+    with pytest.raises(NotInLog):
+        ReplayTutor(log)(query)
+    log.append(Answer(query, Verdict.WORSE))
+    assert ReplayTutor(log)(query).verdict is Verdict.WORSE
+
+
 def test_a_log_replays_by_id_and_by_pair():
     d = shares(np.random.default_rng(1), 30, 5)
     tutor = FlippingTutor(HIDDEN, 0.3, 1)

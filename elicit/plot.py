@@ -1,0 +1,351 @@
+"""Pictures of what is known: the area of scales that still fit, each level's interval, the graph of answers.
+
+All functions take ``ax`` (None makes a figure of its own), return it, show nothing and change no settings.
+matplotlib is imported when one is called; without it they raise ImportError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from elicit.comparator import Comparator
+from elicit.lp import TIE_BAND
+from elicit.polytope import PolytopeComparator
+from elicit.scale import Floats, normalise, tail_sums
+
+if TYPE_CHECKING:
+    import networkx as nx
+    from matplotlib.axes import Axes
+
+    from elicit.graph import Cycle
+
+_BLUE, _VERMILLION = "#0072B2", "#D55E00"
+# Okabe and Ito's colours; the markers and line styles tell the same in grey
+_STYLES: tuple[dict[str, Any], ...] = (
+    {"color": _BLUE, "marker": "o", "linestyle": "-"},
+    {"color": _VERMILLION, "marker": "s", "linestyle": (0, (5, 1.5))},
+    {"color": "#009E73", "marker": "^", "linestyle": (0, (1, 1))},
+    {"color": "#000000", "marker": "D", "linestyle": (0, (4, 1.5, 1, 1.5))},
+    {"color": "#CC79A7", "marker": "v", "linestyle": (0, (2, 2))},
+    {"color": "#E69F00", "marker": "P", "linestyle": (0, (8, 2))},
+    {"color": "#56B4E9", "marker": "X", "linestyle": (0, (4, 1.5, 1, 1.5, 1, 1.5))},
+)
+_HEAD = "-|>,head_width=0.25,head_length=0.5"
+_ARROWS: dict[str, dict[str, Any]] = {
+    "better": {"arrowstyle": _HEAD, "color": "0.15", "linestyle": "-", "linewidth": 1.2},
+    "equal": {"arrowstyle": "-", "color": "0.15", "linestyle": (0, (5, 3)), "linewidth": 1.2},
+    "dominance": {"arrowstyle": _HEAD, "color": "0.55", "linestyle": (0, (1, 2)), "linewidth": 1.2},
+}
+_UNIT = "share of the range $e_{k} - e_1$"
+
+
+def polytope(
+    comparators: PolytopeComparator | Sequence[PolytopeComparator],
+    ax: Axes | None = None,
+    *,
+    labels: Sequence[str] | None = None,
+    values: ArrayLike | None = None,
+    cuts: bool = True,
+) -> Axes:
+    """K_t at k = 4, as an area in the plane of the two middle levels' values: 0 <= e_2 <= e_3 <= 1 is a triangle,
+    of which margin, prior and answers leave a part. Areas compare like those in the simplex of the gaps.
+
+    comparators: one, or several of which each knows more than the last; the last is filled, and its analytic
+    centre is the point. labels (4,): the levels' names, worst first. values (4,): the true scale, in
+    any unit, a star. cuts=False leaves out the lines of the last one's answers and prior; those that
+    do not cross the triangle are never drawn. Raises ValueError for k other than 4.
+    """
+    shown = [comparators] if isinstance(comparators, Comparator) else list(comparators)
+    if not shown:
+        raise ValueError("polytope needs at least one comparator")
+    for one in shown:
+        _check_plane(one)
+    names, true = _labels(labels, 4), _true(values, 4)
+    ax = _axes(ax, (6.4, 6.0))
+    from matplotlib.collections import LineCollection
+    from matplotlib.patches import Polygon
+
+    ax.add_patch(Polygon([(0, 0), (0, 1), (1, 1)], facecolor="0.97", edgecolor="0.6", linewidth=1, zorder=0))
+    for i, one in enumerate(shown):
+        last, points = i == len(shown) - 1, _plane(corners(one))
+        depth = (i + 1) / len(shown)
+        count = f"scales that fit {len(one.answers)} answer" + "s" * (len(one.answers) != 1)
+        style: dict[str, Any] = {
+            "edgecolor": (_BLUE, 0.35 + 0.65 * depth),
+            "linewidth": 2.0 if last else 1.3,
+            "linestyle": "-" if last else (0, (1 + 5 * depth, 1.5)),
+        }
+        ax.add_patch(Polygon(points, facecolor=(_BLUE, 0.3 if last else 0.05), label=count, zorder=2 + depth, **style))
+        if np.ptp(points, axis=0).max() < 0.01:  # too small to be seen
+            ax.plot(*points.mean(axis=0), "o", markersize=13, markerfacecolor="none", color=_BLUE, zorder=3)
+    if cuts:
+        known = shown[-1]
+        from_prior = 0 if known.prior is None else len(known.prior[0])
+        lines = [_across(row, limit) for row, limit in _limits(known)]
+        for drawn, color, label in (
+            (lines[:from_prior], _VERMILLION, "limits of the prior"),
+            (lines[from_prior:], "0.45", "limits of the answers"),
+        ):
+            segments = [line for line in drawn if line is not None]
+            if segments:
+                style = {"colors": color, "linestyles": "-" if color != "0.45" else (0, (4, 2)), "linewidths": 0.8}
+                ax.add_collection(LineCollection(segments, label=label, zorder=1.5, **style))
+    ax.plot(*shown[-1].values[1:3], "o", color="black", markersize=6, label="best guess (analytic centre)", zorder=5)
+    if true is not None:
+        style = {"markersize": 15, "markerfacecolor": "#F0E442", "markeredgecolor": "black", "linestyle": "none"}
+        ax.plot(*true[1:3], marker="*", label="true scale", zorder=4, **style)
+    for at, shift, side, j in (((0, 1), (0, 6), "left", 1), ((1, 1), (0, 6), "right", 0), ((0, 0), (34, 1), "left", 2)):
+        text = f"all of the difference lies\nbetween {names[j]} and {names[j + 1]}"
+        ax.annotate(text, at, shift, textcoords="offset points", ha=side, va="bottom", fontsize=9, color="0.25")
+    unit = _UNIT.replace("{k}", "4")
+    ax.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), aspect="equal")
+    ax.set(xlabel=f"value of {names[1]}\n({unit})", ylabel=f"value of {names[2]}\n({unit})")
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.1), frameon=False, fontsize=9)
+    return ax
+
+
+def corners(comparator: PolytopeComparator) -> Floats:
+    """The corners (m, 3) of K_t at k = 4, as gaps, in order around it; two where it is a segment, one where it is
+    a point. Computed in rationals and rounded at the end. Raises ValueError for k other than 4."""
+    _check_plane(comparator)
+    area = [tuple(Fraction(int(i == j)) for j in range(3)) for i in range(3)]
+    floor = [(np.eye(3)[j], comparator.margin) for j in range(3)]
+    for row, limit in (*floor, *_limits(comparator)):
+        r, b = [Fraction(x) for x in row.tolist()], Fraction(limit)
+        height = [sum(x * g for x, g in zip(r, point, strict=True)) - b for point in area]
+        cut = []
+        for i, point in enumerate(area):
+            j = (i + 1) % len(area)
+            if height[i] >= 0:
+                cut.append(point)
+            if height[i] * height[j] < 0:
+                share = height[i] / (height[i] - height[j])
+                cut.append(tuple(g + share * (h - g) for g, h in zip(point, area[j], strict=True)))
+        area = list(dict.fromkeys(cut))
+    return np.array(area, dtype=np.float64).reshape(-1, 3)
+
+
+def scale_intervals(
+    comparators: Comparator | Sequence[Comparator] | Mapping[str, Comparator],
+    ax: Axes | None = None,
+    *,
+    labels: Sequence[str] | None = None,
+    values: ArrayLike | None = None,
+) -> Axes:
+    """Each level's value: the interval that ``bounds`` gives for it and the single best guess, for any comparator
+    and any k.
+
+    comparators: one, several, or several by name, drawn beside each other. labels (k,): the levels' names,
+    worst first. values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the
+    comparators differ in k.
+    """
+    named = _named(comparators)
+    k = named[0][1].k
+    for name, one in named:
+        if one.k != k:
+            raise ValueError(f"{name} is about {one.k} levels, but {named[0][0]} is about {k}")
+    names, true = _labels(labels, k), _true(values, k)
+    d = np.eye(k) - np.eye(k)[0]  # the level against the worst one
+    ax = _axes(ax, (6.4, 0.9 + k * max(0.35, 0.2 * len(named)) + 0.25 * len(named)))
+    from matplotlib.lines import Line2D
+
+    rows, handles = np.arange(k), []
+    if true is not None:
+        ax.vlines(true, rows - 0.42, rows + 0.42, color="black", linewidth=1.2, zorder=3)
+        handles.append(Line2D([], [], color="black", marker="|", markersize=12, linestyle="none", label="true value"))
+    for i, (name, one) in enumerate(named):
+        style = _STYLES[i % len(_STYLES)]
+        at = rows + ((len(named) - 1) / 2 - i) * min(0.22, 0.75 / len(named))
+        low, high = one.bounds(d)
+        ax.hlines(at, low, high, color=style["color"], linestyle=style["linestyle"], linewidth=2, zorder=1)
+        for end in (low, high):
+            ax.plot(end, at, "|", color=style["color"], markersize=7, markeredgewidth=1.5, zorder=1)
+        ax.plot(one.values, at, style["marker"], color=style["color"], markersize=6, zorder=2)
+        handles.append(Line2D([], [], linewidth=2, markersize=6, label=name, **style))
+    ax.set_yticks(rows, names)
+    ax.set_ylim(-0.6, k - 0.4)
+    ax.set_xlabel(f"value ({_UNIT.replace('{k}', str(k) if k < 10 else '{' + str(k) + '}')})")
+    ax.tick_params(axis="y", length=0)
+    ax.hlines(rows[1:] - 0.5, 0, 1, color="0.9", linewidth=0.7, zorder=0)
+    ax.spines[["top", "right", "left"]].set_visible(False)
+    if len(handles) > 1 or isinstance(comparators, Mapping):
+        ax.legend(
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, handlelength=3.5
+        )
+    return ax
+
+
+def preference_graph(
+    graph: nx.DiGraph,
+    ax: Axes | None = None,
+    *,
+    labels: Mapping[int, str] | Sequence[str] | None = None,
+    cycles: Iterable[Cycle] = (),
+) -> Axes:
+    """``graph.preference_graph`` in layers, better vectors above worse ones; on a circle some arrows lead upwards.
+
+    Solid arrows: answers "better". Dashed lines: answers "equal". Dotted arrows: dominance, without what follows
+    from other dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. labels: a text for
+    each node; by default its shares in percent, worst level first.
+    """
+    import networkx as nx
+
+    ax = _axes(ax, (7.0, 6.0))
+    from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
+
+    at = _layers(graph)
+    ring = {step[:2] for cycle in cycles for step in cycle.steps}
+    dominance = nx.DiGraph(edge for edge, about in graph.edges.items() if about["kind"] == "dominance")
+    if nx.is_directed_acyclic_graph(dominance):  # as it is, but for rounding
+        dominance = nx.transitive_reduction(dominance)
+    for (start, end), about in graph.edges.items():
+        kind, back = about["kind"], graph.edges.get((end, start))
+        mutual = kind == "equal" and back is not None and back["kind"] == "equal"
+        on_ring = (start, end) in ring or (mutual and (end, start) in ring)
+        implied = kind == "dominance" and not on_ring and not dominance.has_edge(start, end)
+        if start == end or implied or (mutual and end < start):
+            continue
+        straight = at[start][1] - at[end][1] == 1 and (mutual or back is None)
+        arrow = {
+            **_ARROWS[kind],
+            **({"linewidth": 2.2, "color": _VERMILLION} if on_ring else {}),
+            "connectionstyle": f"arc3,rad={0.0 if straight else 0.2}",
+            "shrinkA": 9,
+            "shrinkB": 9,
+        }
+        ax.annotate("", at[end], at[start], arrowprops=arrow, zorder=1)
+    for node, (x, y) in at.items():
+        ax.plot(x, y, "o", markersize=17, color="white", markeredgecolor="0.15", zorder=2)
+        ax.annotate(str(node), (x, y), ha="center", va="center", fontsize=9, zorder=3)
+        shares = "/".join(f"{100 * share:.3g}" for share in graph.nodes[node]["vector"])
+        halo = [withStroke(linewidth=2.5, foreground="white")]
+        aside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8, "path_effects": halo}
+        ax.annotate(shares if labels is None else labels[node], (x, y), (11, 0), zorder=3, **aside)
+    styles = {"answer: better": _ARROWS["better"], "equal": _ARROWS["equal"], "by dominance": _ARROWS["dominance"]}
+    if ring:
+        styles["on a cycle"] = {"color": _VERMILLION, "linewidth": 2.2}
+    handles = [
+        Line2D([], [], label=name, **{k: v for k, v in style.items() if k != "arrowstyle"})
+        for name, style in styles.items()
+    ]
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, frameon=False, fontsize=8)
+    ax.margins(0.22, 0.06)
+    ax.set_axis_off()
+    return ax
+
+
+def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
+    """Where to draw each node: below all that are better, and near the middle of those. On a circle, where that is
+    impossible, those that are better more often come first."""
+    import networkx as nx
+
+    strict = [edge for edge, about in graph.edges.items() if about["kind"] != "equal" and edge[0] != edge[1]]
+    plain = nx.DiGraph(strict)
+    plain.add_nodes_from(graph)
+    parts = nx.condensation(plain)
+    order: dict[int, int] = {}
+    for part in nx.topological_sort(parts):
+        members = parts.nodes[part]["members"]
+        wins = {node: plain.out_degree(node) - plain.in_degree(node) for node in members}
+        for node in sorted(members, key=lambda node: (-wins[node], node)):
+            order[node] = len(order)
+    plain.remove_edges_from([(start, end) for start, end in strict if order[start] > order[end]])
+    at: dict[int, tuple[float, float]] = {}
+    for depth, layer in enumerate(nx.topological_generations(plain)):
+        above = {node: [at[other][0] for other in plain.predecessors(node)] for node in layer}
+        middle = {node: float(np.mean(xs)) if xs else 0.0 for node, xs in above.items()}
+        for i, node in enumerate(sorted(layer, key=lambda node: (middle[node], node))):
+            at[node] = (i - (len(layer) - 1) / 2, -float(depth))
+    return at
+
+
+def _plane(g: Floats) -> Floats:
+    """(e_2, e_3) (m, 2) of gaps g (m, 3)."""
+    points: Floats = np.cumsum(g, axis=1)[:, :2]
+    return points
+
+
+def _limits(comparator: PolytopeComparator) -> list[tuple[Floats, float]]:
+    """Rows (k-1,) and limits with row.g >= limit: those of the prior, then those of the answers."""
+    limits = []
+    if comparator.prior is not None:
+        a, b = (np.asarray(part, dtype=np.float64) for part in comparator.prior[:2])
+        limits += list(zip(tail_sums(a), b.tolist(), strict=True))
+    answers = comparator.answers
+    for row, size, y in zip(tail_sums(answers.d), np.abs(answers.d).sum(axis=1), answers.y.tolist(), strict=True):
+        # a little wider than the band, so that rounding cannot exclude what it allows
+        band = 0.0 if y else -TIE_BAND * (1 + 1e-14) * float(size)
+        limits += [(sign * row, band) for sign in ((1, -1) if y == 0 else (y,))]
+    return limits
+
+
+def _check_plane(comparator: Comparator) -> None:
+    if comparator.k != 4:
+        raise ValueError(
+            f"only for k = 4 levels the scales that fit form an area in a plane, and here k = {comparator.k}: "
+            "scale_intervals shows each level's interval for any k"
+        )
+    if not isinstance(comparator, PolytopeComparator):
+        raise ValueError(f"polytope draws PolytopeComparators, not {type(comparator).__name__}: use scale_intervals")
+
+
+def _across(row: Floats, limit: float) -> Floats | None:
+    """The line row.g = limit across the triangle, (2, 2) in the plane; None where it misses it."""
+    height = row - limit
+    if not height.min() < 0 < height.max():
+        return None
+    ends = [np.eye(3)[i] for i in range(3) if height[i] == 0]
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        if np.sign(height[i]) * np.sign(height[j]) < 0:
+            share = height[i] / (height[i] - height[j])
+            ends.append(np.eye(3)[i] * (1 - share) + np.eye(3)[j] * share)
+    return _plane(np.array(ends))
+
+
+def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Comparator]) -> list[tuple[str, Comparator]]:
+    if isinstance(comparators, Mapping):
+        named = list(comparators.items())
+    else:
+        several = [comparators] if isinstance(comparators, Comparator) else list(comparators)
+        named = []
+        for one in several:
+            answers = getattr(one, "answers", None)
+            count = "" if answers is None else f", {len(answers)} answer" + "s" * (len(answers) != 1)
+            named.append((type(one).__name__.removesuffix("Comparator") + count, one))
+    if not named:
+        raise ValueError("scale_intervals needs at least one comparator")
+    return named
+
+
+def _labels(labels: Sequence[str] | None, k: int) -> list[str]:
+    """The levels' names. Raises ValueError unless there are k."""
+    names = [f"$e_{{{j + 1}}}$" for j in range(k)] if labels is None else [str(label) for label in labels]
+    if len(names) != k:
+        raise ValueError(f"labels must name {k} levels, worst first, but there are {len(names)}: {names}")
+    return names
+
+
+def _true(values: ArrayLike | None, k: int) -> Floats | None:
+    """The true scale from 0 to 1, if there is one. Raises ValueError unless it is k increasing numbers."""
+    if values is not None and np.shape(values) != (k,):
+        raise ValueError(f"values must be the true scale, one number for each of {k} levels, not {values!r}")
+    return None if values is None else normalise(values)
+
+
+def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
+    """ax, or that of a new figure. Raises ImportError without matplotlib."""
+    try:
+        import matplotlib.pyplot as plt
+    except ImportError as error:
+        raise ImportError("plots need matplotlib: pip install 'elicit-qlearn[ablation]'") from error
+    if ax is not None:
+        return ax
+    new: Axes = plt.subplots(figsize=size, layout="constrained")[1]
+    return new
