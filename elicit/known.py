@@ -6,15 +6,30 @@ answers as before.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit.centre import analytic_centre
-from elicit.corner import CERTAIN_POINT, DOUBTFUL_CORNER, SLOT, SMALL, USED, Known, corner_of, inverse_of, slacks_of
+from elicit.corner import (
+    CERTAIN_POINT,
+    DOUBTFUL_CORNER,
+    EPS,
+    SLOT,
+    SMALL,
+    TINY,
+    USED,
+    Known,
+    corner_of,
+    inverse_of,
+    slacks_of,
+)
+from elicit.jit import compiled
 from elicit.lp import strictly_inside
 from elicit.scale import Floats
-from elicit.simplex import Region, minimise, rounding
-from elicit.walk import keep, redundant
+from elicit.simplex import Region, minimise
+from elicit.walk import keep, next_slot, redundant, surely_inside
 
 MOST_CORNERS = 128
 MOST_NUMBERS = 1_000_000  # in all their inverses: with very many levels, fewer corners are kept
@@ -23,45 +38,153 @@ MOST_ROWS = 16  # rows proven beside the region's own
 
 def start(region: Region) -> Known:
     """What is known before any comparison: the region's rows, and the corners of K_0 that lie in it."""
-    p = region.p
-    room_for = max(8, min(MOST_CORNERS, MOST_NUMBERS // max(p * p, 1)))
-    known = _with_rows(_of_region(region, np.full(p, np.nan)), _homogeneous(region.rows, region.rhs))
-    known = known._replace(
-        points=np.zeros((p, room_for)),
-        inverses=np.zeros((room_for, p, p)),
-        active=np.zeros((room_for, max(p - 1, 0)), dtype=np.int64),
-        kind=np.zeros(room_for, dtype=np.int8),
-        age=np.zeros(room_for, dtype=np.int64),
+    p, m = region.p, len(region.rows)
+    corners = max(8, min(MOST_CORNERS, MOST_NUMBERS // max(p * p, 1)))
+    known = _of_region(region)._replace(
+        rows=np.empty((m, p)),
+        lifted=np.empty((m, p)),
+        masks=np.empty(m, dtype=np.uint64),
+        points=np.zeros((p, corners)),
+        inverses=np.zeros((corners, p, p)),
+        active=np.zeros((corners, max(p - 1, 0)), dtype=np.int64),
+        kind=np.zeros(corners, dtype=np.int8),
+        age=np.zeros(corners, dtype=np.int64),
     )
+    for i in range(m):
+        know_row(known, i, region.rows[i], region.rhs[i])
     if not region.margin * p < 1 - 1e-9:  # K_0 is a point, or nearly
         return known
-    known = _with_inside(known, region, np.full(p, 1.0 / p))
-    if p > 1 and not len(region.rows):
+    _recentre_dearly(known, region)
+    if p > 1 and not m:
         for best in range(p):
             add_corner(known, tuple(j for j in range(p) if j != best))
-    return _with_some_corner(known, region)
+    _find_some_corner(known, region)
+    return known
 
 
 def cut(known: Known, region: Region, new: int) -> Known:
     """The same for a region whose last ``new`` rows were not among its rows before: all rows that held still
     hold, and the corners that no new row may cut off stay. Its inner point is still the old one: ``refresh``."""
-    rows, rhs = region.rows[-new:], region.rhs[-new:]
-    old = len(region.rows) - new
-    used = int(known.counts[USED])
-    with np.errstate(all="ignore"):
-        excess = rows @ known.points[:, :used] - rhs[:, None]
-        # the last term: a point's components total 1 only to about 1e-12
-        doubt = rounding(region.p, np.abs(rows) @ np.abs(known.points[:, :used]) + np.abs(rhs)[:, None])
-        doubt = doubt + 1e-11 * np.abs(rhs)[:, None]
-        stay = np.where(known.kind[:used] == DOUBTFUL_CORNER, excess > -1e-9, excess > doubt).all(axis=0)
-    holding = np.concatenate([known.rows[:old], _homogeneous(rows, rhs), known.rows[old:]])
-    return _with_rows(_only_corners(_of_region(region, known.inside, known), np.flatnonzero(stay)), holding)
+    size, used = len(known.rows) + new, len(known.kind)
+    after = _of_region(region)._replace(
+        rows=np.empty((size, region.p)),
+        lifted=np.empty((size, region.p)),
+        masks=np.empty(size, dtype=np.uint64),
+        inside=known.inside.copy(),
+        points=np.zeros((region.p, used)),
+        inverses=np.empty((used, region.p, region.p)),
+        active=np.zeros((used, region.p - 1), dtype=np.int64),
+        kind=np.zeros(used, dtype=np.int8),
+        age=np.zeros(used, dtype=np.int64),
+    )
+    hand_on(known, after, region.rows[-new:], region.rhs[-new:])
+    return after
 
 
 def refresh(known: Known, region: Region, new: int) -> Known:
     """With a point strictly inside and a corner to start from, for a region that is not empty."""
-    known = _with_inside(known, region, *_moved_inside(known, region, new))
-    return _with_some_corner(known, region)
+    if not recentre(known, region.rows[-new:], region.rhs[-new:]):
+        _recentre_dearly(known, region)
+    _find_some_corner(known, region)
+    return known
+
+
+@compiled
+def hand_on(old: Known, new: Known, rows: Any, limits: Any) -> None:
+    """Fill ``new`` with what still holds of ``old`` once ``rows`` cut K_t: all known rows, the new ones among them,
+    and the corners that lie beyond doubt on the right side."""
+    p, given, more = len(old.inside), len(old.limits), len(limits)
+    for i in range(len(old.rows)):
+        at = i if i < given else i + more
+        new.rows[at] = old.rows[i]
+        new.lifted[at] = old.lifted[i]
+        new.masks[at] = old.masks[i]
+    for i in range(more):
+        know_row(new, given + i, rows[i], limits[i])
+    n = 0
+    for q in range(old.counts[USED]):
+        stays = True
+        for i in range(more):
+            excess, size = -limits[i], abs(limits[i])
+            for j in range(p):
+                excess += rows[i, j] * old.points[j, q]
+                size += abs(rows[i, j] * old.points[j, q])
+            # the last term: a point's components total 1 only to about 1e-12
+            doubt = (p + 8) * EPS * size + TINY + 1e-11 * abs(limits[i])
+            stays = stays and excess > (-1e-9 if old.kind[q] == DOUBTFUL_CORNER else doubt)
+        if stays:
+            new.points[:, n] = old.points[:, q]
+            new.inverses[n] = old.inverses[q]
+            new.active[n] = old.active[q]
+            new.kind[n] = old.kind[q]
+            new.age[n] = old.age[q]
+            n += 1
+    new.counts[USED] = n
+    new.counts[SLOT] = n % len(new.kind)
+
+
+@compiled
+def know_row(known: Known, i: int, row: Any, limit: float) -> None:
+    """Known row i becomes a row w with w.g >= 0, from row.g >= limit and sum g = 1, rounded up where rounding is
+    needed; with its lifted version, a little larger where negative and larger still where positive, so that
+    t >= lambda times that implies t >= lambda (1 + 2^-48) w; and its mask."""
+    mask, tiny = np.uint64(0), False
+    for j in range(len(row)):
+        w = row[j]
+        if limit != 0.0:
+            w += -limit + (10 * EPS * (abs(row[j]) + abs(limit)) + TINY)
+        known.rows[i, j] = w
+        known.lifted[i, j] = w * (1.0 + 2.0**-48 + (2.0**-50 if w > 0.0 else -(2.0**-50)))
+        tiny = tiny or (w != 0.0 and abs(w) < SMALL)
+        if j < 64 and w >= 0.0:
+            mask |= np.uint64(1) << np.uint64(j)
+    # of a row with entries so small that products with them underflow nothing can be concluded
+    known.masks[i] = ~np.uint64(0) if tiny else mask
+
+
+@compiled
+def recentre(known: Known, rows: Any, limits: Any) -> bool:
+    """Move the inner point to the right side of new rows: half-way between the mean of the known points and the old
+    inner point, which is first moved across the cuts towards that mean; or to the mean. False where neither is
+    certainly inside."""
+    p, n = len(known.inside), 0
+    mean = np.zeros(p)
+    for q in range(known.counts[USED]):
+        if known.kind[q] != DOUBTFUL_CORNER:
+            n += 1
+            for j in range(p):
+                mean[j] += known.points[j, q]
+    if n == 0:
+        return False
+    share, old = 0.0, known.inside.copy()
+    for i in range(len(limits)):
+        short, gain = limits[i], -limits[i]
+        for j in range(p):
+            short -= rows[i, j] * old[j]
+            gain += rows[i, j] * mean[j] / n
+        if short > 0.0 and short + gain > 0.0:
+            share = max(share, (short + gain / 2.0) / (short + gain))
+    for weight in (0.5 + share / 2.0, 1.0):
+        total = 0.0
+        for j in range(p):
+            known.inside[j] = mean[j] / n if weight == 1.0 else (1.0 - weight) * old[j] + weight * mean[j] / n
+            total += known.inside[j]
+        for j in range(p):
+            known.inside[j] /= total
+        if surely_inside(known.inside, known, known.room):
+            add_point(known, known.inside)
+            return True
+    return False
+
+
+@compiled
+def add_point(known: Known, g: Any) -> None:
+    """Know a point of K_t (each component right to its last bits)."""
+    q = next_slot(known)
+    for j in range(len(g)):
+        known.points[j, q] = g[j]
+    known.kind[q] = CERTAIN_POINT
+    known.active[q] = 0
 
 
 def has_point(known: Known) -> bool:
@@ -83,20 +206,19 @@ def prune(known: Known, region: Region) -> tuple[Known, Region]:
     known.kind[resting], known.active[resting] = CERTAIN_POINT, 0
     known.active[:] = renumbered[known.active]
     known = _only_corners(known, np.flatnonzero(~lost))
-    region, room = region.take(~out), np.delete(known.room, p + np.flatnonzero(out))
-    known = _of_region(region, known.inside, known)._replace(room=room)
-    return _with_some_corner(_with_rows(known, _latest(rows, len(region.rows))), region), region
+    region = region.take(~out)
+    fresh = _of_region(region)
+    known = known._replace(
+        cuts=fresh.cuts, limits=fresh.limits, room=known.room[np.append(np.ones(p, dtype=bool), ~out)]
+    )
+    known = _with_rows(known, _latest(rows, len(region.rows)))
+    _find_some_corner(known, region)
+    return known, region
 
 
 def add_row(known: Known, given: int, row: Floats) -> Known:
     """Know that row.g >= 0 on K_t; the first ``given`` rows are the region's own."""
     return _with_rows(known, _latest(np.concatenate([known.rows, row[None, :]]), given))
-
-
-def add_point(known: Known, g: Floats) -> None:
-    """Know a point of K_t (each component right to its last bits)."""
-    slot = _next_slot(known)
-    known.points[:, slot], known.kind[slot], known.active[slot] = g, CERTAIN_POINT, 0
 
 
 def add_corner(known: Known, basis: tuple[int, ...]) -> None:
@@ -114,17 +236,10 @@ def add_corner(known: Known, basis: tuple[int, ...]) -> None:
         keep(np.zeros(p), g, slack, inverse, active, 0, known)
 
 
-def _next_slot(known: Known) -> int:
-    slot = int(known.counts[SLOT])
-    known.counts[SLOT] = (slot + 1) % len(known.kind)
-    known.counts[USED] = max(int(known.counts[USED]), slot + 1)
-    return slot
-
-
-def _of_region(region: Region, inside: Floats, like: Known | None = None) -> Known:
-    """The arrays that the region gives, the others as they are in ``like``."""
+def _of_region(region: Region) -> Known:
+    """The arrays that the region gives; the others are empty."""
     p, none = region.p, np.empty((0, region.p))
-    fresh = Known(
+    return Known(
         margin=region.margin,
         cuts=np.ascontiguousarray(region.rows.T),
         limits=region.rhs,
@@ -132,7 +247,7 @@ def _of_region(region: Region, inside: Floats, like: Known | None = None) -> Kno
         rows=none,
         lifted=none,
         masks=np.empty(0, dtype=np.uint64),
-        inside=inside,
+        inside=np.full(p, np.nan),
         room=np.full(p + len(region.rows), np.nan),
         points=none,
         inverses=none[:, :, None],
@@ -141,26 +256,14 @@ def _of_region(region: Region, inside: Floats, like: Known | None = None) -> Kno
         age=np.empty(0, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
     )
-    if like is None:
-        return fresh
-    return like._replace(**{name: getattr(fresh, name) for name in ("cuts", "limits", "open", "room")})
 
 
 def _with_rows(known: Known, rows: Floats) -> Known:
-    """Other known rows (r, p). ``lifted`` is a little larger where negative and larger still where positive,
-    so that t >= lambda times that implies t >= lambda (1 + 2^-48) row."""
-    lifted = rows * np.where(rows > 0, 1.0 + 2.0**-48 + 2.0**-50, 1.0 + 2.0**-48 - 2.0**-50)
-    bits = np.uint64(1) << np.arange(min(rows.shape[1], 64), dtype=np.uint64)
-    masks = np.where(rows[:, :64] >= 0, bits, np.uint64(0)).sum(axis=1, dtype=np.uint64)
-    # of rows with entries so small that products with them underflow nothing can be concluded
-    masks[((rows != 0) & (np.abs(rows) < SMALL)).any(axis=1)] = ~np.uint64(0)
-    return known._replace(rows=np.ascontiguousarray(rows), lifted=lifted, masks=masks)
-
-
-def _homogeneous(rows: Floats, rhs: Floats) -> Floats:
-    """Rows w with w.g >= 0 from rows.g >= rhs and sum g = 1, rounded up where rounding is needed."""
-    moved = rows - rhs[:, None] + rounding(2, np.abs(rows) + np.abs(rhs)[:, None])
-    return np.asarray(np.where((rhs == 0)[:, None], rows, moved))
+    """Other known rows (r, p)."""
+    known = known._replace(rows=np.empty(rows.shape), lifted=np.empty(rows.shape), masks=np.empty(len(rows), np.uint64))
+    for i, row in enumerate(rows):
+        know_row(known, i, row, 0.0)
+    return known
 
 
 def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
@@ -175,39 +278,19 @@ def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
     return known._replace(points=points, inverses=inverses, active=active, kind=kind, age=age, counts=counts)
 
 
-def _moved_inside(known: Known, region: Region, new: int) -> list[Floats]:
-    """Guesses at a point strictly inside after the last ``new`` rows were added: half-way between the mean of the
-    corners and the old inner point, which is first moved across the cuts towards that mean."""
-    points = known.points[:, : known.counts[USED]][:, known.kind[: known.counts[USED]] != DOUBTFUL_CORNER]
-    if not points.shape[1]:
-        return []
-    rows, rhs = region.rows[-new:], region.rhs[-new:]
-    mean, old = points.mean(axis=1), known.inside
-    with np.errstate(all="ignore"):
-        short, gain = rhs - rows @ old, rows @ mean - rhs
-        share = float(np.where(short > 0, (short + gain / 2) / (short + gain), 0.0).max())
-    moved = (1 - share) * old + share * mean
-    return [guess / guess.sum() for guess in ((moved + mean) / 2, mean)]
+def _recentre_dearly(known: Known, region: Region) -> None:
+    """With the analytic centre as the inner point if it is strictly inside, else with none."""
+    centre = analytic_centre(region)
+    known.inside[:] = centre if strictly_inside(centre, region) else np.nan
+    if not np.isnan(known.inside[0]):
+        slacks_of(known.inside, known, known.room)
+        add_point(known, centre)
 
 
-def _with_inside(known: Known, region: Region, *guesses: Floats) -> Known:
-    """With the first guess that is strictly inside, else with the analytic centre if that is, else with none."""
-    inside = next((guess for guess in guesses if strictly_inside(guess, region)), None)
-    if inside is None:
-        inside = analytic_centre(region)
-        if not strictly_inside(inside, region):
-            return known._replace(inside=np.full(region.p, np.nan))
-    known = known._replace(inside=inside)
-    slacks_of(inside, known, known.room)
-    add_point(known, inside)
-    return known
-
-
-def _with_some_corner(known: Known, region: Region) -> Known:
+def _find_some_corner(known: Known, region: Region) -> None:
     """With a corner to start walks from, where floats find one."""
     if region.p > 1 and not (known.kind[: known.counts[USED]] != CERTAIN_POINT).any():
         add_corner(known, minimise(np.zeros(region.p), region).basis)
-    return known
 
 
 def _latest(rows: Floats, given: int) -> Floats:

@@ -21,8 +21,6 @@ from elicit.scale import Floats, order_bounds, tail_sums
 from elicit.settle import UNSETTLED, settle, settle_all, to_unit
 from elicit.simplex import End, Region, Vertex, minimise_exactly, rounding
 
-_BLOCK = 32  # rows that are added at once: those that follow from the blocks before them are left out
-
 
 class Empty(ValueError):
     """No point satisfies the rows of ``region``; ``proof`` names some that alone contradict each other."""
@@ -48,9 +46,9 @@ class PlausibleSet:
     def cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """The part of it that satisfies further rows, without those that follow from others. Raises Empty."""
         part = self
-        for first in range(0, len(rows), _BLOCK):
-            block = slice(first, first + _BLOCK)
-            part = part._cut(rows[block], rhs[block], owner[block])
+        for i in range(len(rows)):
+            if not part._holds(rows[i], float(rhs[i])):
+                part = part._cut(rows[i : i + 1], rhs[i : i + 1], owner[i : i + 1])
         return part
 
     @property
@@ -91,34 +89,25 @@ class PlausibleSet:
         # one step outwards: the results may have lost bits on the way back
         return np.where(some, np.nextafter(low, -np.inf), 0.0), np.where(some, np.nextafter(high, np.inf), 0.0)
 
-    def _cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
-        news = self._not_implied(rows, rhs)
-        if not len(news):
-            return self
+    def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
+        """The part of it that satisfies one more row (1, p)."""
         new = object.__new__(PlausibleSet)
-        region = self.region.plus(rows[news], rhs[news], owner[news])
-        known = cut(self._known, region, len(news))
-        if not has_point(known):
-            _check_some(region)
+        region, new._pruned_to, new._gaps_known = self.region.plus(row, rhs, owner), self._pruned_to, False
         with np.errstate(all="ignore"):
-            known, new._pruned_to = refresh(known, region, len(news)), self._pruned_to
+            known = cut(self._known, region, 1)
+            if not has_point(known):
+                _check_some(region)
+            known = refresh(known, region, 1)
             if len(region.rows) > new._pruned_to * 1.3 + 2:
                 known, region = prune(known, region)
                 new._pruned_to = len(region.rows)
-        new.region, new._known, new._gaps_known = region, known, False
+        new.region, new._known = region, known
         return new
 
-    def _not_implied(self, rows: Floats, rhs: Floats) -> NDArray[np.intp]:
-        """Which rows are not known to follow from the set already: the others change nothing."""
-        news: list[int] = []
-        for i, (row, limit) in enumerate(zip(rows, rhs, strict=True)):
-            again = ((rows[news] == row).all(axis=1) & (rhs[news] == limit)).any()
-            again = again or ((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any()
-            if not again and not (limit == 0 and self._holds(row)):
-                news.append(i)
-        return np.array(news, dtype=np.intp)
-
-    def _holds(self, row: Floats) -> bool:
+    def _holds(self, row: Floats, limit: float) -> bool:
+        """Whether row.g >= limit is known to follow already: then it changes nothing."""
+        if limit != 0:
+            return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
         with np.errstate(all="ignore"):
             verdict = settle(row, self._known)
         return verdict in (Verdict.BETTER, Verdict.EQUAL)

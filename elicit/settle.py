@@ -73,7 +73,10 @@ def screen_all(d: Any, opened: Any, some: Any, verdicts: Any, tiers: Any) -> int
 
 @compiled
 def settle(t: Any, known: Known) -> int:
-    """The verdict (or UNSETTLED) on tail sums t (p,) of order 1, no matter the order of the levels."""
+    """The verdict (or UNSETTLED) on tail sums t (p,) of order 1."""
+    by_order = by_dominance(t)
+    if by_order != UNKNOWN:
+        return by_order
     verdict = screen(t, 1.0, known.inside, known.rows, known.lifted, known.masks, known.counts)
     return search(t, known)[0] if verdict == UNSETTLED else verdict
 

@@ -139,13 +139,11 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
     p = len(g)
     point = np.empty(p)
     certain = pulled_inside(g, slack, known, point)
-    q = known.counts[SLOT]
     if age > 40:
         if not inverse_of(active, known, inverse):
             return False
         age = 0
-    known.counts[SLOT] = (q + 1) % len(known.kind)
-    known.counts[USED] = max(known.counts[USED], q + 1)
+    q = next_slot(known)
     value, size = 0.0, 0.0
     for j in range(p):
         known.points[j, q] = point[j] if certain else g[j]
@@ -181,10 +179,27 @@ def pulled_inside(g: Any, slack: Any, known: Known, point: Any) -> bool:
             total += point[j]
         for j in range(p):
             point[j] /= total
-        slacks_of(point, known, at)
-        certain = abs(total - 1.0) < 1e-9
-        for c in range(p + m):
-            certain = certain and at[c] > (least if c < p else doubt_of(known.limits[c - p], p))
-        if certain:
+        if abs(total - 1.0) < 1e-9 and surely_inside(point, known, at):
             return True
     return False
+
+
+@compiled
+def surely_inside(point: Any, known: Known, slack: Any) -> bool:
+    """Whether a point of total 1 satisfies every constraint by more than any rounding; by how much goes into
+    ``slack`` (p + m,)."""
+    p = len(point)
+    slacks_of(point, known, slack)
+    for c in range(len(slack)):
+        if not slack[c] > (1e-11 * known.margin + 1e-300 if c < p else doubt_of(known.limits[c - p], p)):
+            return False
+    return True
+
+
+@compiled
+def next_slot(known: Known) -> int:
+    """The place of the next corner: the oldest makes room."""
+    q: int = known.counts[SLOT]
+    known.counts[SLOT] = (q + 1) % len(known.kind)
+    known.counts[USED] = max(known.counts[USED], q + 1)
+    return q
