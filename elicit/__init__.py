@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from elicit.bradley_terry import BradleyTerryComparator
     from elicit.log import AnswerLog
     from elicit.polytope import PolytopeComparator
+    from elicit.posterior import PosteriorComparator
     from elicit.prior import Inequality, inequalities, inequality
     from elicit.tutor import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
 
@@ -21,6 +22,7 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "FlippingTutor": "elicit.tutor",
     "Inequality": "elicit.prior",
     "PolytopeComparator": "elicit.polytope",
+    "PosteriorComparator": "elicit.posterior",
     "ReplayTutor": "elicit.tutor",
     "TruthfulTutor": "elicit.tutor",
     "Tutor": "elicit.tutor",
@@ -41,6 +43,7 @@ __all__ = [
     "InconsistentAnswers",
     "Inequality",
     "PolytopeComparator",
+    "PosteriorComparator",
     "Query",
     "ReplayTutor",
     "StaleAnswer",

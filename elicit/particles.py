@@ -1,0 +1,344 @@
+"""Particles over scales and precisions, reweighted by each answer and moved when few of them carry the weight.
+
+A particle is x (p,) with theta = exp(x) = c g: the logs of the gaps times the precision. In these coordinates the
+plausible set has no border to reject moves at. Iterated batch importance sampling (Chopin 2002), tempered where one
+answer is a surprise (Del Moral, Doucet and Jasra 2006); the moves are differential-evolution Metropolis (ter Braak
+2006), whose steps are differences of other particles and so fit themselves to the posterior. Each term of the
+log-likelihood is at most 0, so that a proposal is given up as soon as its partial sum is too low.
+
+Compiled where numba is installed. Random numbers are a hash of (key, counters).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from elicit.jit import compiled
+from elicit.scale import Floats
+from elicit.settle import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
+
+BLOCK = 64  # rows whose likelihoods are multiplied before a logarithm is taken
+FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
+ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
+# answer is taken in by parts
+LEAST_SWEEPS, MOST_SWEEPS, MOVES = 4, 40, 0.7  # sweeps at a move: until a particle has moved so often on average
+NUDGE = 1e-4  # lets particles leave a subspace that all of them lie in
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX1, _MIX2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_ONE, _S11, _S27, _S30, _S31 = (np.uint64(n) for n in (1, 11, 27, 30, 31))
+
+
+class Prior(NamedTuple):
+    """log h(S) = log of the mixture over shapes a of Dirichlet(a), in S = sum log g; and log c ~ N(mean, sd^2).
+    ``fixed`` > 0 is a known precision; then the level of x means nothing."""
+
+    shapes: Floats  # (nodes,)
+    constants: Floats  # (nodes,) log weight + log of Dirichlet(a)'s constant
+    mean: float
+    sd: float
+    fixed: float
+    lapse: float
+    above: Floats  # (r, p) rows with row.g >= limits
+    limits: Floats  # (r,)
+
+
+@compiled
+def mix(h: Any, counter: Any) -> Any:
+    """One round of ``elicit.seeds.fold``."""
+    z = h + (np.uint64(counter) + _ONE) * _GOLDEN
+    z = (z ^ (z >> _S30)) * _MIX1
+    z = (z ^ (z >> _S27)) * _MIX2
+    return z ^ (z >> _S31)
+
+
+@compiled
+def unit(h: Any) -> float:
+    """A hash as a number strictly between 0 and 1."""
+    return (float(h >> _S11) + 0.5) * 2.0**-53
+
+
+@compiled
+def log_prior(x: Any, prior: Prior, theta: Any) -> float:
+    """Log density of x up to a constant, and theta = c g into theta (p,); -inf where a prior inequality fails."""
+    p = len(x)
+    most, total, s = x[0], 0.0, 0.0
+    for j in range(p):
+        most = max(most, x[j])
+        s += x[j]
+    for j in range(p):
+        theta[j] = small_exp(min(most - x[j], FARTHEST))
+    for j in range(p):
+        total += theta[j]
+    log_c = most + math.log(total)
+    c = prior.fixed if prior.fixed > 0.0 else math.exp(min(log_c, 300.0))
+    for j in range(p):
+        theta[j] *= c / total
+    for i in range(len(prior.limits)):
+        at = 0.0
+        for j in range(p):
+            at += prior.above[i, j] * theta[j]
+        if not at >= prior.limits[i] * c:
+            return -math.inf
+    s -= p * log_c
+    best: float = -math.inf
+    total = 0.0
+    for i in range(len(prior.shapes)):
+        best = max(best, prior.constants[i] + prior.shapes[i] * s)
+    for i in range(len(prior.shapes)):
+        total += small_exp(min(best - prior.constants[i] - prior.shapes[i] * s, FARTHEST))
+    z = (log_c - prior.mean) / prior.sd
+    return best + math.log(total) - 0.5 * z * z
+
+
+@compiled
+def log_likelihood(
+    theta: Any, rows: Any, tied: Any, first: int, end: int, lapse: float, least: float, work: Any
+) -> float:
+    """Sum over rows (p, n) from ``first`` up to ``end`` of log(lapse/2 + (1 - lapse) sigma(row.theta)), and where
+    ``tied`` (n,) of the mean of that and of its opposite's; -inf as soon as it is below ``least``. ``work`` is
+    (2, BLOCK)."""
+    total = 0.0
+    for start in range(first, end, BLOCK):
+        size = min(BLOCK, end - start)
+        for i in range(size):
+            work[0, i] = 0.0
+        j = 0
+        while j + 4 <= len(theta):  # four at a time: the sums stay in registers
+            a, b, c, d = theta[j], theta[j + 1], theta[j + 2], theta[j + 3]
+            for i in range(start, start + size):
+                work[0, i - start] += rows[j, i] * a + rows[j + 1, i] * b + rows[j + 2, i] * c + rows[j + 3, i] * d
+            j += 4
+        while j < len(theta):
+            for i in range(start, start + size):
+                work[0, i - start] += rows[j, i] * theta[j]
+            j += 1
+        for i in range(size):
+            work[1, i] = small_exp(min(abs(work[0, i]), FARTHEST))
+        total += log_terms(work, tied, start, size, lapse)
+        if total < least:
+            return -math.inf
+    return total
+
+
+@compiled
+def log_terms(work: Any, tied: Any, start: int, size: int, lapse: float) -> float:
+    """The terms of one block, of eta and exp(-|eta|) in the rows of ``work``: sigma(eta) = (1 or exp(-|eta|)) over
+    1 + exp(-|eta|), so that products of both take one logarithm each."""
+    total, above, below = 0.0, 1.0, 1.0
+    for i in range(size):
+        eta, far = work[0, i], work[1, i]
+        below *= 1.0 + far
+        even = 0.5 * lapse * (1.0 + far)
+        if tied[start + i]:
+            if lapse == 0.0:
+                total -= 0.5 * abs(eta)
+            else:
+                total += 0.5 * math.log((even + (1.0 - lapse)) * (even + (1.0 - lapse) * far))
+        elif lapse == 0.0:
+            total += min(eta, 0.0)
+        else:
+            above *= even + (1.0 - lapse) * (1.0 if eta >= 0.0 else far)
+            if above < 1e-250:
+                total += math.log(above)
+                above = 1.0
+    return total + math.log(above) - math.log(below)
+
+
+@compiled
+def small_exp(u: float) -> float:
+    """exp(-u) for u in 0..64, to a few parts in 10^14 where it is above 1e-6: exp(-u/64) by Taylor's series, squared
+    six times. Without branches, for code that treats several u at once."""
+    v = u * (-1.0 / 64.0)
+    e = 1.0 + v * (1.0 / 12.0)
+    e = 1.0 + v * (1.0 / 11.0) * e
+    e = 1.0 + v * (1.0 / 10.0) * e
+    e = 1.0 + v * (1.0 / 9.0) * e
+    e = 1.0 + v * (1.0 / 8.0) * e
+    e = 1.0 + v * (1.0 / 7.0) * e
+    e = 1.0 + v * (1.0 / 6.0) * e
+    e = 1.0 + v * (1.0 / 5.0) * e
+    e = 1.0 + v * (1.0 / 4.0) * e
+    e = 1.0 + v * (1.0 / 3.0) * e
+    e = 1.0 + v * (1.0 / 2.0) * e
+    e = 1.0 + v * e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return e * e
+
+
+@compiled
+def likelihoods(x: Any, rows: Any, tied: Any, n: int, prior: Prior, out: Any) -> None:
+    """Log-likelihood (m,) of row n - 1, for each particle."""
+    theta, work = np.empty(x.shape[1]), np.empty((2, BLOCK))
+    for i in range(len(x)):
+        log_prior(x[i], prior, theta)
+        out[i] = log_likelihood(theta, rows, tied, n - 1, n, prior.lapse, -math.inf, work)
+
+
+@compiled
+def effective_size(logs: Any) -> float:
+    """(sum w)^2 / sum w^2 of log weights (m,)."""
+    most = logs.max()
+    total, squares = 0.0, 0.0
+    for i in range(len(logs)):
+        w = math.exp(logs[i] - most)
+        total += w
+        squares += w * w
+    return total * total / squares
+
+
+@compiled
+def resample(weights: Any, u: float, out: Any) -> None:
+    """Systematic resampling: which particle (m,) each new one copies."""
+    m = len(weights)
+    total, at, i = 0.0, 0.0, 0
+    for w in weights:
+        total += w
+    at = weights[0]
+    for k in range(m):
+        while at < (k + u) / m * total and i < m - 1:
+            i += 1
+            at += weights[i]
+        out[k] = i
+
+
+@compiled
+def learn(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, prior: Prior, key: Any) -> tuple[int, int]:
+    """Reweight particles x (m, p) with log weights ``logs`` (m,) by row n - 1 of
+    rows (p, >= n), and move them where that
+    leaves few with weight. ``fresh`` (m,) marks those that are no idle copy of another. Returns how many moves were
+    proposed and accepted."""
+    m = len(x)
+    found, target, copied = np.empty(m), np.empty(m), np.empty(m, dtype=np.int64)
+    proposed, accepted, done, stage = 0, 0, 0.0, 0
+    while done < 1.0:
+        likelihoods(x, rows, tied, n, prior, found)
+        part = tempered(logs, found, 1.0 - done)
+        done = 1.0 if part >= 1.0 - done else done + part
+        for i in range(m):
+            logs[i] += part * found[i]
+        if effective_size(logs) < ENOUGH * m or done < 1.0:
+            most = logs.max()
+            for i in range(m):
+                target[i] = math.exp(logs[i] - most)
+            resample(target, unit(mix(mix(key, stage), 0)), copied)
+            x[:] = x[copied]
+            for i in range(m):
+                fresh[i] = fresh[copied[i]] and (i == 0 or copied[i] != copied[i - 1])
+                logs[i] = 0.0
+            densities(x, rows, tied, n, done, prior, target)
+            moved = 0
+            for turn in range(MOST_SWEEPS):
+                moved += sweep(x, target, fresh, rows, tied, n, done, prior, mix(mix(key, stage), 1 + turn))
+                proposed += m
+                if turn + 1 >= LEAST_SWEEPS and moved >= MOVES * m:
+                    break
+            accepted += moved
+            stage += 1
+    return proposed, accepted
+
+
+@compiled
+def tempered(logs: Any, found: Any, most: float) -> float:
+    """The greatest power up to ``most`` of likelihoods exp(found) that leaves a fair effective size."""
+    m = len(logs)
+    trial = np.empty(m)
+    low, high = 0.0, most
+    for turn in range(40):
+        power = most if turn == 0 else 0.5 * (low + high)
+        for i in range(m):
+            trial[i] = logs[i] + power * found[i]
+        if effective_size(trial) >= FAIR * m:
+            if turn == 0:
+                return most
+            low = power
+        else:
+            high = power
+    return low if low > 0.0 else high
+
+
+@compiled
+def densities(x: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, out: Any) -> None:
+    """Log density (m,) of the target, the last row's likelihood to the power ``last``."""
+    p = x.shape[1]
+    theta, work = np.empty(p), np.empty((2, BLOCK))
+    for i in range(len(x)):
+        out[i] = log_prior(x[i], prior, theta)
+        out[i] += last * log_likelihood(theta, rows, tied, n - 1, n, prior.lapse, -math.inf, work)
+        out[i] += log_likelihood(theta, rows, tied, 0, n - 1, prior.lapse, -math.inf, work)
+
+
+@compiled
+def sweep(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: Any) -> int:
+    """Propose a move for each particle x (m, p) in turn, whose target's log density is in logs (m,). Returns how many
+    were accepted, those not counted whose step was no difference."""
+    m, p = x.shape
+    proposal, theta, work = np.empty(p), np.empty(p), np.empty((2, BLOCK))
+    accepted = 0
+    for i in range(m):
+        h = mix(key, i)
+        a = int(unit(mix(h, 0)) * (m - 1))
+        a += a >= i
+        b = int(unit(mix(h, 1)) * (m - 2))
+        b += b >= min(a, i)
+        b += b >= max(a, i)
+        # now and then a whole difference, which leaps between modes
+        length = 1.0 if unit(mix(h, 2)) < 0.1 else 2.38 / math.sqrt(2.0 * p) * (0.5 + unit(mix(h, 3)))
+        for j in range(p):
+            proposal[j] = x[i, j] + length * (x[a, j] - x[b, j]) + NUDGE * (unit(mix(h, 5 + j)) - 0.5)
+        density = log_prior(proposal, prior, theta)
+        least = logs[i] + math.log(unit(mix(h, 4))) - density
+        if density == -math.inf or least > 0.0:
+            continue
+        found = last * log_likelihood(theta, rows, tied, n - 1, n, prior.lapse, -math.inf, work)
+        if found >= least:
+            found += log_likelihood(theta, rows, tied, 0, n - 1, prior.lapse, least - found, work)
+        if found >= least:
+            for j in range(p):
+                x[i, j] = proposal[j]
+            logs[i] = density + found
+            if x[a, 0] != x[b, 0]:
+                accepted += 1
+                fresh[i] = True
+    return accepted
+
+
+@compiled
+def weigh(d: Any, gaps: Any, weights: Any, level: float, verdicts: Any) -> None:
+    """Verdicts (n,) on differences d (n, k): dominance, else the sign that particles of gaps (p, m) and total
+    weight ``level`` share."""
+    p, m = gaps.shape
+    t, at = np.empty(p), np.empty(BLOCK)
+    for i in range(len(d)):
+        tail_sums_into(d, i, t)
+        verdicts[i] = by_dominance(t)
+        if verdicts[i] != UNKNOWN:
+            continue
+        up, down, left = 0.0, 0.0, 1.0
+        for start in range(0, m, BLOCK):
+            size = min(BLOCK, m - start)
+            for q in range(size):
+                at[q] = 0.0
+            for j in range(p):
+                for q in range(size):
+                    at[q] += t[j] * gaps[j, start + q]
+            for q in range(size):
+                w = weights[start + q]
+                left -= w
+                if at[q] > 0.0:
+                    up += w
+                elif at[q] < 0.0:
+                    down += w
+            if up + left < level - 1e-9 and down + left < level - 1e-9:
+                break
+        if up >= level:
+            verdicts[i] = BETTER
+        elif down >= level:
+            verdicts[i] = WORSE

@@ -1,0 +1,234 @@
+"""The noisy-tutor comparator in Bayes' way: the posterior over scales and over the tutor's precision, as particles.
+
+The likelihood is eq. (6) with a lapse: P(left is said to be better) = lapse/2 + (1 - lapse) sigma(c d.e). The prior
+knows the order of the levels, is wide enough for scales with a few large gaps, and learns the precision c unless it is
+given. A comparison is decided where one sign has posterior probability ``level``: of what is decided so, at most
+1 - level is wrong, on average over the prior, whichever questions were asked.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gammaln, ndtri
+
+from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
+from elicit.conflict import is_empty
+from elicit.lp import prior_rows
+from elicit.particles import LEAST_SWEEPS, Prior, densities, effective_size, learn, sweep, weigh
+from elicit.prior import PriorLike, as_prior
+from elicit.query import Answers
+from elicit.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
+from elicit.seeds import Seed, fold, key_of
+from elicit.simplex import Region
+
+_NODES = 16  # of the quadrature over the prior's shape
+PRECISION = (math.log(100.0), 2.5)
+"""Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
+
+
+class PosteriorComparator:
+    """Decides a difference where one sign of d.e has posterior probability ``level``.
+
+    k          number of levels
+    precision  c of eq. (6), logits per unit of d.e; None: learned, log c ~ N(log 100, 2.5^2) a priori
+    lapse      share of answers given at random; a tutor who flips a tenth of all answers lapses in a fifth
+    level      posterior probability that a verdict needs, in (1/2, 1)
+    particles  how many stand for the posterior
+    shape      a priori the gaps are Dirichlet(a), log a uniform between these two. (1, 1): uniform, too sure of itself
+               on scales with a few large gaps
+    prior      inequalities that hold for certain: (A, b) with A e >= b, or texts such as "e4 >= 2*e2"
+    seed       int, numpy SeedSequence or Generator (kept as an int)
+
+    A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of
+    n. Raises ValueError on bad settings.
+    """
+
+    def __init__(
+        self,
+        k: int,
+        precision: float | None = None,
+        lapse: float = 0.05,
+        level: float = 0.95,
+        particles: int = 500,
+        shape: tuple[float, float] = (0.1, 2.0),
+        prior: PriorLike = None,
+        seed: Seed = 0,
+    ) -> None:
+        self.k = check_levels(k)
+        _require(
+            precision is None or 0 <= precision < math.inf, "precision", "None or a number of at least 0", precision
+        )
+        _require(0 <= lapse < 1, "lapse", "at least 0 and below 1", lapse)
+        _require(0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
+        _require(
+            int(particles) == particles and particles >= 20, "particles", "a whole number of at least 20", particles
+        )
+        _require(
+            len(shape) == 2 and 0 < shape[0] <= shape[1] < math.inf, "shape", "two numbers, 0 < low <= high", shape
+        )
+        key = key_of(seed)  # a Generator is drawn from once, here
+        self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
+        self.lapse, self.level, self.particles, self.shape = float(lapse), float(level), int(particles), tuple(shape)
+        self.given_precision = None if precision is None else float(precision)
+        self.prior = as_prior(prior, self.k)
+        self.answers = Answers.none(self.k)
+        self.proposed = self.accepted = 0
+        self._key = np.uint64(key)
+        self._prior = self._log_prior()
+        self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
+        self._x, self._logs = self._first_particles(), np.zeros(self.particles)
+        self._fresh = np.ones(self.particles, dtype=np.bool_)
+
+    def update(self, answers: Answers) -> PosteriorComparator:
+        """A comparator that also knows these answers, taken in one by one in the order told."""
+        check_answers(answers, self.k)
+        new = copy.copy(self)
+        for name in ("_gaps_and_weights", "values"):
+            new.__dict__.pop(name, None)
+        new.answers = self.answers + answers
+        if self.given_precision == 0 or not len(answers):
+            return new
+        t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
+        n = self._rows.shape[1]
+        new._rows = np.ascontiguousarray(np.concatenate([self._rows, t.T], axis=1))
+        new._tied = np.concatenate([self._tied, answers.y == 0])
+        new._x, new._logs, new._fresh = self._x.copy(), self._logs.copy(), self._fresh.copy()
+        for i in range(n, n + len(answers)):
+            counts = learn(
+                new._x, new._logs, new._fresh, new._rows, new._tied, i + 1, self._prior, fold(self._key, i)[()]
+            )
+            new.proposed, new.accepted = new.proposed + counts[0], new.accepted + counts[1]
+        return new
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) on d (n, k): dominance first, then the sign that has probability ``level``."""
+        rows = as_vectors(d, self.k)
+        verdicts: Verdicts = np.empty(len(rows), dtype=np.int8)
+        weigh(rows, *self._gaps_and_weights, self.level, verdicts)
+        return verdicts
+
+    def decide(self, d: ArrayLike) -> Decisions:
+        """``compare`` and the tier that decided each row: EQUAL, DOMINANCE or MODEL."""
+        rows = as_vectors(d, self.k)
+        return Decisions(self.compare(rows), dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+
+    def probability(self, d: ArrayLike) -> Floats:
+        """P(d.e > 0 | answers) (n,) for d (n, k)."""
+        gaps, weights = self._gaps_and_weights
+        t = tail_sums(as_vectors(d, self.k))
+        above: Floats = np.array([weights[scores > 0].sum() for scores in _scores(t, gaps)])
+        return above
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""
+        gaps, weights = self._gaps_and_weights
+        t = tail_sums(as_vectors(d, self.k))
+        low, high = np.empty(len(t)), np.empty(len(t))
+        for i, scores in enumerate(_scores(t, gaps)):
+            order = np.argsort(scores, kind="stable")
+            below = np.cumsum(weights[order])
+            low[i] = scores[order[np.searchsorted(below, 1.0 - self.level, side="right")]]
+            high[i] = scores[order[np.searchsorted(below, self.level - 1e-12)]]
+        least, greatest = order_bounds(t, 0.0)
+        return np.clip(low, least, greatest), np.clip(high, least, greatest)
+
+    @cached_property
+    def values(self) -> Floats:
+        """(k,) the posterior mean of the scale, from 0 to 1; read-only."""
+        gaps, weights = self._gaps_and_weights
+        values = values_of(gaps @ weights)
+        values /= values[-1]
+        values.flags.writeable = False
+        return values
+
+    @property
+    def precision(self) -> float:
+        """The precision c: as given, or exp of the posterior mean of log c."""
+        if self.given_precision is not None:
+            return self.given_precision
+        log_c = np.log(np.exp(self._x - self._x.max(axis=1, keepdims=True)).sum(axis=1)) + self._x.max(axis=1)
+        return float(np.exp(log_c @ self._gaps_and_weights[1]))
+
+    @property
+    def effective_size(self) -> float:
+        """How many independent draws the particles are worth, by their weights; idle copies do not count."""
+        return float(effective_size(self._logs)) * float(self._fresh.mean())
+
+    @property
+    def acceptance(self) -> float:
+        """The share of proposed moves that were accepted; nan before the first."""
+        return self.accepted / self.proposed if self.proposed else math.nan
+
+    @cached_property
+    def _gaps_and_weights(self) -> tuple[Floats, Floats]:
+        """Gaps (p, m) and weights (m,) of total 1."""
+        theta = np.exp(self._x - self._x.max(axis=1, keepdims=True))
+        weights = np.exp(self._logs - self._logs.max())
+        return np.ascontiguousarray((theta / theta.sum(axis=1, keepdims=True)).T), weights / weights.sum()
+
+    def _log_prior(self) -> Prior:
+        """The prior's density, its mixture over shapes by Gauss and Legendre's rule in log a."""
+        p, (low, high) = self.k - 1, self.shape
+        nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
+        shapes = np.exp(np.log(low) + (nodes + 1) / 2 * np.log(high / low))
+        constants = np.log(mass) + gammaln(p * shapes) - p * gammaln(shapes)
+        above, limits = np.empty((0, p)), np.empty(0)
+        if self.prior is not None:
+            above, limits = np.ascontiguousarray(tail_sums(self.prior.a)), self.prior.b
+        fixed = self.given_precision or 0.0
+        return Prior(shapes, constants, *PRECISION, fixed, self.lapse, above, limits)
+
+    def _first_particles(self) -> Floats:
+        """x (m, p) from the prior."""
+        rng, m, p = np.random.Generator(np.random.Philox(int(self._key))), self.particles, self.k - 1
+        spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
+        a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
+        # log of a gamma variate of a small shape, which itself may underflow
+        x = np.log(rng.standard_gamma(a + 1.0, size=(m, p))) + np.log(rng.random((m, p))) / a
+        x -= x.max(axis=1, keepdims=True)
+        x -= np.log(np.exp(x).sum(axis=1, keepdims=True))
+        log_c = PRECISION[0] + PRECISION[1] * ndtri((rng.permutation(m) + rng.random(m)) / m)
+        return self._within(np.ascontiguousarray(x + log_c[:, None]))
+
+    def _within(self, x: Floats) -> Floats:
+        """Particles of the prior moved to where its inequalities hold, by nested sets that each hold half of the
+        particles of the one before (subset simulation, Au and Beck 2001). Raises ValueError."""
+        if self.prior is None:
+            return x
+        if is_empty(Region(0.0, *prior_rows(self.prior, self.k))) is not None:
+            raise ValueError(f"no scale satisfies the prior's inequalities together, {'; '.join(self.prior.names)}")
+        above, limits = self._prior.above, self._prior.limits
+        nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles
+        for stage in range(200):
+            theta = np.exp(x - x.max(axis=1, keepdims=True))
+            short = (limits - theta / theta.sum(axis=1, keepdims=True) @ above.T).max(axis=1)
+            if (short <= 0).all():
+                return x
+            gap = max(0.0, float(np.median(short)))
+            x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
+            eased, logs = self._prior._replace(limits=limits - gap), np.empty(m)
+            densities(x, nothing, untied, 1, 1.0, eased, logs)
+            for turn in range(LEAST_SWEEPS * 4):
+                key = fold(self._key, m, stage, turn)[()]
+                sweep(x, logs, np.ones(m, dtype=np.bool_), nothing, untied, 1, 1.0, eased, key)
+        raise ValueError(
+            f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: relax "
+            "some of them"
+        )
+
+
+def _scores(t: Floats, gaps: Floats) -> Iterator[Floats]:
+    """t.g (m,) for each row of t (n, p), summed in order: a row does not depend on its neighbours."""
+    for row in t:
+        yield np.add.accumulate(row[:, None] * gaps, axis=0)[-1]
+
+
+def _require(holds: bool, name: str, wanted: str, value: object) -> None:
+    if not holds:
+        raise ValueError(f"{name} must be {wanted}, not {value!r}")
