@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from elicit.polytope import PolytopeComparator
     from elicit.posterior import PosteriorComparator
     from elicit.prior import Inequality, inequalities, inequality
+    from elicit.relaxed import RelaxedPolytopeComparator
     from elicit.tutor import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
 
 _LATER = {  # imported when first used, so that `import elicit` stays light
@@ -23,6 +24,7 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "Inequality": "elicit.prior",
     "PolytopeComparator": "elicit.polytope",
     "PosteriorComparator": "elicit.posterior",
+    "RelaxedPolytopeComparator": "elicit.relaxed",
     "ReplayTutor": "elicit.tutor",
     "TruthfulTutor": "elicit.tutor",
     "Tutor": "elicit.tutor",
@@ -45,6 +47,7 @@ __all__ = [
     "PolytopeComparator",
     "PosteriorComparator",
     "Query",
+    "RelaxedPolytopeComparator",
     "ReplayTutor",
     "StaleAnswer",
     "Tier",

@@ -84,13 +84,12 @@ def log_prior(x: Any, prior: Prior, theta: Any) -> float:
         if not at >= prior.limits[i] * c:
             return -math.inf
     s -= p * log_c
-    best: float = -math.inf
-    total = 0.0
+    best, total = -math.inf, 0.0
     for i in range(len(prior.shapes)):
         best = max(best, prior.constants[i] + prior.shapes[i] * s)
     for i in range(len(prior.shapes)):
         total += small_exp(min(best - prior.constants[i] - prior.shapes[i] * s, FARTHEST))
-    z = (log_c - prior.mean) / prior.sd
+    z: float = (log_c - prior.mean) / prior.sd
     return best + math.log(total) - 0.5 * z * z
 
 

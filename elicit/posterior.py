@@ -218,8 +218,8 @@ class PosteriorComparator:
                 key = fold(self._key, m, stage, turn)[()]
                 sweep(x, logs, np.ones(m, dtype=np.bool_), nothing, untied, 1, 1.0, eased, key)
         raise ValueError(
-            f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: relax "
-            "some of them"
+            f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: "
+            "relax some of them"
         )
 
 

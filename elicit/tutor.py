@@ -213,8 +213,8 @@ class ReplayTutor:
     """Answers from a log: by query id, else by pair (the same difference to the last bit, or its opposite).
 
     ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
-    replayed too, what was retracted is not. A pair answered several times is replayed in the order of the log. The same query
-    asked again gets the same answer again.
+    replayed too, what was retracted is not. A pair answered several times is replayed in the order of the
+    log. The same query asked again gets the same answer again.
     """
 
     def __init__(self, log: Iterable[Entry | Answer]) -> None:

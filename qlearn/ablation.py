@@ -20,6 +20,8 @@ from threadpoolctl import threadpool_limits
 from elicit.bradley_terry import BradleyTerryComparator
 from elicit.comparator import AlwaysAsk, Comparator
 from elicit.polytope import PolytopeComparator
+from elicit.posterior import PosteriorComparator
+from elicit.relaxed import RelaxedPolytopeComparator
 from elicit.scale import Floats
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.environments import draw_values, icu_sepsis, random_mdp
@@ -37,7 +39,7 @@ KEYS = (*CELL, "seed")
 ORDER: dict[str, tuple[str, ...]] = {
     "problem": ("random", "icu"),
     "learner": ("q-learning", "ivi"),
-    "comparator": ("always", "polytope", "ensemble", "box"),
+    "comparator": ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box"),
 }
 
 
@@ -77,8 +79,10 @@ def ablate(
 
     ``problems`` "random" (``random_mdp`` of ``states``, ``actions``, ``levels``, ``discount``) and "icu"
     (``icu_sepsis``, hidden values from ``draw_values``); ``learners`` "q-learning" and "ivi"; ``comparators``
-    "always" (asks about everything), "polytope", "ensemble" and "box" (Bradley-Terry). An ``error_rate`` of 0 is
-    a truthful tutor. ``audit`` > 0 adds a second, audited run to each cell of a comparator that learns.
+    "always" (asks about everything), "polytope", "relaxed" (the polytope with slack), "posterior", "posterior-close"
+    (Q-learning alone: with an indifference of ``close``), "ensemble" and "box" (Bradley-Terry). An ``error_rate`` of 0
+    is a truthful tutor. ``audit`` > 0 adds a second, audited run to each cell of a comparator that learns; "relaxed",
+    which differs from "polytope" only where answers contradict each other, then has no other.
     ``seeds`` consecutive seeds from ``seed``. ``settings`` are the keywords of ``run``. "always" with a
     truthful tutor is always run: it is the oracle that the others are paired with, all but the audited ones,
     which are shorter (their paired columns are nan).
@@ -127,8 +131,9 @@ def cells(
     tutors = {("always", 0.0, 0.0)}
     for comparator in chosen["comparator"]:
         for rate in error_rates:
-            tutors.add((comparator, float(rate), 0.0))
-            if audit and comparator != "always":
+            if not (audit and comparator == "relaxed"):
+                tutors.add((comparator, float(rate), 0.0))
+            if audit and comparator not in ("always", "posterior-close"):
                 tutors.add((comparator, float(rate), float(audit)))
     plan = [
         dict(zip(KEYS, (problem, learner, *tutor, seed), strict=True))
@@ -136,6 +141,7 @@ def cells(
         for learner in chosen["learner"]
         for tutor in tutors
         for seed in seeds
+        if not (learner == "ivi" and tutor[0] == "posterior-close")  # it has its indifference from the tolerance
     ]
     return sorted(plan, key=lambda cell: (not _is_oracle(cell), _place(cell)))
 
@@ -148,6 +154,7 @@ def run(
     steps: int = 20_000,
     epsilon: float = 1.0,
     indifference: float = 0.0,
+    close: float = 0.005,
     tolerance: float = 0.005,
     max_sweeps: int = 200,
     max_queries: int = 2000,
@@ -156,6 +163,9 @@ def run(
     n_boot: int = 50,
     level: float = 0.95,
     refit_growth: float = 0.05,
+    lapse: float = 0.1,
+    particles: int = 500,
+    slack: float = 0.0,
     noise: Literal["flip", "logistic"] = "flip",
 ) -> Run:
     """One run of one cell, on one thread.
@@ -163,32 +173,41 @@ def run(
     steps, epsilon  of Q-learning. An epsilon of 1 explores uniformly: then all comparators see the same transitions,
                     and losses differ by verdicts alone
     indifference    of Q-learning, share of the value range; value iteration derives its own from the tolerance
+    close           indifference of Q-learning with "posterior-close"
     tolerance       of value iteration: policy loss with right verdicts, share of the value range
     max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
     max_queries     question budget; "always" has none
     audit_length    of an audited run, as a share of steps and max_sweeps: contradictions show early
     precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
                     value range is answered rightly 95 times in 100
-    n_boot, level, refit_growth   of the Bradley-Terry comparators: resamples, confidence, and how much the answers
-                    grow between two refits
+    n_boot, level, refit_growth   of the Bradley-Terry comparators: resamples, confidence (the posterior's too), and
+                    how much the answers grow between two refits
+    lapse, particles   of the posterior: share of answers given at random, and number of particles
+    slack           of the relaxed polytope
     noise           of a tutor who errs: "flip" (any answer, however clear) or "logistic" (near ties mostly; the
                     precision is set so that the error rate holds on average over ``reference_differences``)
     """
     seed, rate, ivi = cell["seed"], cell["error_rate"], cell["learner"] == "ivi"
+    name, k = cell["comparator"], mdp.k
     comparator: Comparator
-    if cell["comparator"] == "always":
-        comparator = AlwaysAsk(mdp.k)
-    elif cell["comparator"] == "polytope":
-        comparator = PolytopeComparator(mdp.k)
+    if name == "always":
+        comparator = AlwaysAsk(k)
+    elif name == "polytope":
+        comparator = PolytopeComparator(k)
+    elif name == "relaxed":
+        comparator = RelaxedPolytopeComparator(k, slack=slack)
+    elif name.startswith("posterior"):
+        comparator = PosteriorComparator(k, lapse=lapse, level=level, particles=particles, seed=seed)
     else:
         comparator = BradleyTerryComparator(
-            mdp.k, precision=precision, n_boot=n_boot, level=level, region=cell["comparator"],
-            refit_growth=refit_growth, seed=seed,
-        )  # fmt: skip
-    close = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
+            k, precision=precision, n_boot=n_boot, level=level, region=name, refit_growth=refit_growth, seed=seed
+        )
+    if name == "posterior-close":
+        indifference = close
+    indifference = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
     if cell["audit"]:
         steps, max_sweeps = math.ceil(steps * audit_length), math.ceil(max_sweeps * audit_length)
-    common = {"rng": seed, "max_queries": max_queries, "indifference": close, "audit": cell["audit"]}
+    common = {"rng": seed, "max_queries": max_queries, "indifference": indifference, "audit": cell["audit"]}
     # one thread: how a sum is split among threads would show in its last digits
     with threadpool_limits(1):
         tutor = _tutor(noise, rate, mdp, values, seed)
@@ -197,7 +216,7 @@ def run(
             if ivi
             else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, **common)
         )
-        watch = Watch(values, close, erred=lambda: tutor.realised_error_rate > 0)
+        watch = Watch(values, indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()
         result = drive(learner, tutor, on_conflict="drop" if cell["audit"] else "raise")

@@ -102,10 +102,12 @@ _PART = _number(float, lambda x: 0 < x <= 1, "a number above 0 and at most 1")
 _INNER = _number(float, lambda x: 0 < x < 1, "a number strictly between 0 and 1")
 _DISCOUNT = _number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 1")
 _ERROR_RATE = _number(float, lambda x: 0 <= x < 0.5, "a number of at least 0 and below 0.5")
+_LAPSE = _number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 1")
+_PARTICLES = _number(int, lambda n: n >= 20, "a whole number of at least 20")
 _POSITIVE = _number(float, lambda x: x > 0, "a number above 0")
 _SCALE = _number(float, lambda x: x >= 0, "a number of at least 0")
 _PROBLEMS, _LEARNERS = ("random", "icu"), ("q-learning", "ivi")
-_COMPARATORS = ("always", "polytope", "ensemble", "box")
+_COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box")
 # By group, option: (argparse keywords, default, help). The defaults are those of qlearn.ablation, said again here
 # because --help would take a second if it had to import it.
 _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
@@ -115,7 +117,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
         "comparators": (
             {"nargs": "+", "choices": _COMPARATORS},
             _COMPARATORS,
-            "always ask, polytope, Bradley-Terry ensemble and box",
+            "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; Bradley-Terry",
         ),
         "error_rates": (
             {"nargs": "+", "type": _ERROR_RATE},
@@ -147,6 +149,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
             "chance of a random action; at 1 all comparators see the same transitions",
         ),
         "indifference": ({"type": _SHARE}, 0.0, "undecided pairs this close count as equal (share of range)"),
+        "close": ({"type": _SHARE}, 0.005, "the indifference of posterior-close"),
     },
     "value iteration": {
         "tolerance": ({"type": _POSITIVE}, 0.005, "policy loss aimed at (share of range)"),
@@ -155,8 +158,13 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
     "Bradley-Terry": {
         "precision": ({"type": _SCALE}, 300.0, "the prior's, logits per unit of d.e"),
         "n_boot": ({"type": _COUNT}, 50, "number of resamples"),
-        "level": ({"type": _INNER}, 0.95, "confidence level"),
+        "level": ({"type": _INNER}, 0.95, "confidence level, also the posterior's"),
         "refit_growth": ({"type": _SCALE}, 0.05, "growth of the answers between two fits; 0: fit at each"),
+    },
+    "posterior and relaxed polytope": {
+        "lapse": ({"type": _LAPSE}, 0.1, "share of answers that the posterior takes to be given at random"),
+        "particles": ({"type": _PARTICLES}, 500, "number of particles"),
+        "slack": ({"type": _SCALE}, 0.0, "violation allowed beyond the least (share of range)"),
     },
 }
 DEFAULTS = {name: default for group in _OPTIONS.values() for name, (_, default, _) in group.items()}

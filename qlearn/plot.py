@@ -20,6 +20,9 @@ NAMES = {
     "ivi": "value iteration",
     "always": "always ask",
     "polytope": "polytope",
+    "relaxed": "relaxed polytope",
+    "posterior": "posterior",
+    "posterior-close": "posterior, indifferent",
     "ensemble": "Bradley-Terry ensemble",
     "box": "Bradley-Terry box",
 }
@@ -27,13 +30,18 @@ NAMES = {
 _STYLES: dict[str, dict[str, Any]] = {
     "always": {"color": "#000000", "marker": "D", "linestyle": (0, (1, 1.5))},
     "polytope": {"color": "#D55E00", "marker": "s", "linestyle": "-"},
+    "relaxed": {"color": "#E69F00", "marker": "v", "linestyle": (0, (1, 1))},
+    "posterior": {"color": "#CC79A7", "marker": "P", "linestyle": (0, (8, 2))},
+    "posterior-close": {"color": "#7A5195", "marker": "X", "linestyle": (0, (2, 1))},
     "ensemble": {"color": "#0072B2", "marker": "o", "linestyle": (0, (5, 1.5))},
     "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
 }
 
+_AUDITED = ("polytope", "relaxed")  # whose audited runs are shown for themselves, too
+
 _HEADER = (
-    f"{'comparator':<10}{'errors':>7}{'questions':>15}{'% asked':>8}{'excess loss %':>15}{'wrong %':>8}"
-    f"{'after 1st':>10}  {'audits to contradiction':<24}notes"
+    f"{'comparator':<16}{'errors':>7}{'questions':>13}{'% asked':>8}{'excess loss %':>14}{'wrong %':>8}"
+    f"{'after 1st':>10}  {'audits to conflict':<20}notes"
 )
 LEGEND = """\
 errors       chance that the tutor answers wrongly
@@ -43,7 +51,8 @@ excess loss  true policy loss beyond that of always asking a truthful tutor, pai
              percent of the value range
 wrong %      verdicts against the hidden scale, in percent of those that the comparator decided from answers
 after 1st    the same, after the tutor's first wrong answer
-audits to contradiction   in the audited runs: audits until one first contradicted the answers, (runs in which one did
+*            with audits, in runs that are shorter: their questions compare with each other only
+audits to conflict   in the audited runs: audits until one first contradicted the answers, (runs in which one did
              / all), and in how many of those the audit itself was the wrong answer ("false")
 notes        in how many runs the question budget was spent, or the limit of sweeps reached"""
 
@@ -58,7 +67,10 @@ def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None) -> str:
         lines += ["", f"{shown[str(problem)]}, {shown[str(learner)]}", _HEADER, "-" * len(_HEADER)]
         for row in part.itertuples():
             place = (problem, learner, row.comparator, row.error_rate)
-            lines.append(_line(row, audited.loc[[place]].iloc[0] if place in audited.index else None))
+            lines.append(_line(row.comparator, row, audited.loc[[place]].iloc[0] if place in audited.index else None))
+        short = summary[(summary.audit > 0) & (summary.problem == problem) & (summary.learner == learner)]
+        for row in short[short.comparator.isin(_AUDITED)].itertuples():
+            lines.append(_line(f"{row.comparator} *", row, row))
     return "\n".join(lines[1:])
 
 
@@ -153,7 +165,7 @@ def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
         )  # fmt: skip
 
 
-def _line(row: Any, audited: Any) -> str:
+def _line(name: Any, row: Any, audited: Any) -> str:
     contradiction = ""
     if audited is not None:
         found = int(audited.contradicted)
@@ -167,10 +179,10 @@ def _line(row: Any, audited: Any) -> str:
         if count
     ]
     return (
-        f"{row.comparator:<10}{100 * row.error_rate:>6.3g}%{_with_half(row.asked, row.asked_half, 0):>15}"
-        f"{_number(row.asked_percent_open, 2):>8}{_with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2):>15}"
+        f"{name:<16}{100 * row.error_rate:>6.3g}%{_with_half(row.asked, row.asked_half, 0):>13}"
+        f"{_number(row.asked_percent_open, 2):>8}{_with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2):>14}"
         f"{_rate(row.wrong_percent):>8}{_rate(row.wrong_percent_after):>10}"
-        f"  {contradiction:<24}{' '.join(notes)}"
+        f"  {contradiction:<20}{' '.join(notes)}"
     ).rstrip()
 
 

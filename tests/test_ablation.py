@@ -48,11 +48,14 @@ def test_a_part_of_the_sweep_gives_the_same_rows(frame: pd.DataFrame) -> None:
 
 
 def test_one_row_a_cell_in_order(frame: pd.DataFrame) -> None:
-    # a learner has 4 comparators x 2 error rates, and audited runs of 3 comparators
-    assert len(frame) == 2 * (4 * 2 + 3 * 2)
+    # 2 error rates each: plain runs of all but the relaxed polytope, which is always audited, as the 4 others that
+    # learn are; the posterior with an indifference for Q-learning only
+    assert len(frame) == 2 * (6 + 5) + 2 * (5 + 5)
     assert not frame.duplicated(list(KEYS)).any()
     assert frame.learner.unique().tolist() == ["q-learning", "ivi"]
-    assert frame.comparator.unique().tolist() == ["always", "polytope", "ensemble", "box"]
+    assert frame.comparator.unique().tolist() == [
+        "always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box"
+    ]  # fmt: skip
     tiers = [tier.name.lower() for tier in Tier]
     assert (frame[tiers].sum(axis=1) == frame.compared).all()
     assert (frame.tutor == frame.asked).all()
@@ -157,7 +160,8 @@ def test_the_table_says_all_cells_in_120_columns(frame: pd.DataFrame) -> None:
     lines = text.splitlines()
     assert max(map(len, [*lines, *LEGEND.splitlines()])) <= 120
     assert "a tiny MDP, Q-learning" in text
-    assert sum(line.startswith(("always", "polytope", "ensemble", "box")) for line in lines) == 16
+    named = ("always", "polytope", "relaxed", "posterior", "ensemble", "box")
+    assert sum(line.startswith(named) for line in lines) == 2 * (6 + 2) + 2 * (5 + 2)
     assert "nan" not in text
 
 
