@@ -1,0 +1,204 @@
+"""The notebooks run, say nothing on the error stream, and are committed as their code leaves them at full size."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient.exceptions import CellExecutionError
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+from notebooks import execute
+
+NOTEBOOKS = sorted(execute.HERE.glob("*.ipynb"))
+each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+READS_THE_SETTING = 'import os\nprint(os.environ.get("NOTEBOOK_SETTING", "full"))'
+
+
+def code_cells(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def outputs(notebook):
+    return [output for cell in code_cells(notebook) for output in cell.outputs]
+
+
+def complaints(notebook):
+    """Errors, and whatever was printed to the error stream: warnings."""
+    found = outputs(notebook)
+    return [o for o in found if o.output_type == "error" or (o.output_type == "stream" and o.name == "stderr")]
+
+
+def said(notebook):
+    """All output but pictures, whose bytes depend on fonts and versions."""
+    return [
+        {name: data for name, data in output.get("data", output).items() if name != "image/png"}
+        for output in outputs(notebook)
+    ]
+
+
+def machine_paths(text):
+    """What looks like a place on the machine that ran the notebook."""
+    places = {str(Path.home()), str(execute.HERE.parent), sys.prefix, tempfile.gettempdir(), os.sep + "tmp"}
+    found = [place for place in places if len(place) > 1 and place in text]
+    return found + re.findall(r"(?<![\w.:/])/(?:home|Users|root|var|opt|mnt|usr)/\S*|\b[A-Z]:\\\\\S*", text)
+
+
+def notebook_of(*sources):
+    cells = [new_code_cell(source, id=f"cell-{i}") for i, source in enumerate(sources)]
+    return new_notebook(cells=[new_markdown_cell("# Title", id="title"), *cells])
+
+
+def put(folder, name, *sources):
+    path = folder / name
+    nbformat.write(notebook_of(*sources), path)
+    return path
+
+
+def test_there_are_notebooks():
+    assert NOTEBOOKS
+
+
+@each_notebook
+def test_it_runs_at_the_small_setting_without_a_warning(path, tmp_path):
+    committed = path.read_bytes()
+    copy = Path(shutil.copy(path, tmp_path))
+    ran = execute.execute(execute.read(copy), "small", tmp_path)
+    assert complaints(ran) == []
+    assert ran.metadata.executed.setting == "small"
+    assert [cell.execution_count for cell in code_cells(ran)] == list(range(1, len(code_cells(ran)) + 1))
+    assert "setting: small" in json.dumps(said(ran))
+    assert os.listdir(tmp_path) == [path.name]  # it leaves nothing behind
+    assert path.read_bytes() == committed
+
+
+@each_notebook
+def test_the_committed_one_was_run_in_full_in_order_and_with_this_code(path):
+    notebook = execute.read(path)
+    nbformat.validate(notebook)
+    cells = code_cells(notebook)
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    assert complaints(notebook) == []
+    assert any("image/png" in output.get("data", {}) for output in outputs(notebook))
+    assert notebook.metadata.executed == {"setting": "full", "code": execute.code_hash(notebook)}
+    assert "setting: full" in json.dumps(said(notebook))
+    assert notebook == execute.clean(execute.read(path), "full")  # no times, no names of kernels
+    ids = [cell.id for cell in notebook.cells]
+    assert len(set(ids)) == len(ids)
+
+
+@each_notebook
+def test_the_committed_one_names_no_place_of_a_machine(path):
+    notebook = execute.read(path)
+    assert machine_paths("\n".join(cell.source for cell in notebook.cells)) == []
+    assert machine_paths(json.dumps(said(notebook))) == []
+
+
+@each_notebook
+def test_the_first_code_cell_reads_the_setting_and_cells_stay_short(path):
+    notebook = execute.read(path)
+    assert 'os.environ.get("NOTEBOOK_SETTING", "full")' in code_cells(notebook)[0].source
+    assert max(len(cell.source.splitlines()) for cell in notebook.cells) < 60
+    assert notebook.cells[0].cell_type == "markdown"
+
+
+@pytest.mark.slow
+@each_notebook
+def test_a_full_run_says_what_is_committed(path, tmp_path):
+    notebook = execute.read(path)
+    again = execute.execute(execute.read(path), "full", tmp_path)
+    assert said(again) == said(notebook)
+    assert again.metadata == notebook.metadata
+
+
+# --- the command that runs them
+
+
+def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home(tmp_path, monkeypatch):
+    home, elsewhere, here = tmp_path / "home", tmp_path / "jupyter", tmp_path / "here"
+    wrong = elsewhere / "kernels" / "python3"
+    for folder in (home, wrong, here):
+        folder.mkdir(parents=True)
+    (wrong / "kernel.json").write_text('{"argv": ["false"], "display_name": "wrong", "language": "python"}')
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.setenv("JUPYTER_PATH", str(elsewhere))
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    asks = "import sys, os, matplotlib\nprint(sys.executable, os.getcwd(), matplotlib.get_backend())"
+    ran = execute.execute(notebook_of(READS_THE_SETTING, asks), "small", here)
+    setting, rest = (output.text.strip() for output in outputs(ran))
+    executable, folder, backend = rest.split()
+    assert setting == "small"
+    assert executable == sys.executable
+    assert Path(folder) == here.resolve()
+    assert backend in ("inline", "module://matplotlib_inline.backend_inline")
+    assert [p for p in home.rglob("*") if p.is_file() and "matplotlib" not in str(p)] == []  # fonts may be cached
+
+
+def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(execute, "HERE", tmp_path)
+    prints = "import time\nprint('a', flush=True)\ntime.sleep(0.2)\nprint('b')\n{'x', 'y', 'z'}, hash('x')"
+    good = put(tmp_path, "01_good.ipynb", READS_THE_SETTING, prints)
+    bad = put(tmp_path, "02_bad.ipynb", READS_THE_SETTING, "1 / 0", "2")
+    before = bad.read_bytes()
+    assert execute.main([]) == 1
+    assert bad.read_bytes() == before
+    told = capsys.readouterr()
+    assert "02_bad.ipynb failed" in told.err
+    assert "ZeroDivisionError" in told.err
+    assert "01_good.ipynb" in told.out
+
+    first = good.read_bytes()
+    ran = execute.read(good)
+    assert ran.metadata.executed == {"setting": "full", "code": execute.code_hash(ran)}
+    assert [cell.execution_count for cell in code_cells(ran)] == [1, 2]
+    assert [o.text for o in outputs(ran) if o.get("name") == "stdout"] == ["full\n", "a\nb\n"]
+    assert "execution" not in first.decode().replace("execution_count", "")
+    assert execute.main(["01_good"]) == 0
+    assert good.read_bytes() == first
+    assert execute.main(["--setting", "small", "01_good.ipynb"]) == 0
+    assert execute.read(good).metadata.executed.setting == "small"
+    assert sorted(os.listdir(tmp_path)) == ["01_good.ipynb", "02_bad.ipynb"]
+
+
+def test_what_it_cannot_do_it_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(execute, "HERE", tmp_path)
+    with pytest.raises(SystemExit):
+        execute.main(["03_nothing"])
+    assert "no notebook 03_nothing.ipynb" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="small, full, not 'medium'"):
+        execute.execute(notebook_of("1"), "medium", tmp_path)
+
+
+def test_warnings_and_errors_are_complaints(tmp_path):
+    """What the test of every notebook relies on."""
+    ran = execute.execute(notebook_of("print('fine')", "import warnings\nwarnings.warn('careful')"), "small", tmp_path)
+    (complaint,) = complaints(ran)
+    assert "careful" in complaint.text
+    failing = notebook_of("raise SystemError")
+    with pytest.raises(CellExecutionError):
+        execute.execute(failing, "small", tmp_path)
+    assert [complaint.ename for complaint in complaints(failing)] == ["SystemError"]
+
+
+def test_other_code_has_another_hash_but_other_prose_has_not():
+    one, two = notebook_of("a = 1", "b = 2"), notebook_of("a = 1", "b = 2")
+    two.cells[0].source = "# Another title"
+    assert execute.code_hash(one) == execute.code_hash(two)
+    two.cells[2].source = "b = 3"
+    assert execute.code_hash(one) != execute.code_hash(two)
+    assert execute.code_hash(notebook_of("ab", "c")) != execute.code_hash(notebook_of("a", "bc"))
+
+
+def test_machine_paths_are_told_from_fractions():
+    assert machine_paths("10 / 20 / 30 and 1/2 and https://doi.org/home/x and (1 - y)/usage") == []
+    assert machine_paths("see /home/ann/x.py")
+    assert machine_paths("/Users/ann/x")
+    assert machine_paths(json.dumps("C:\\Users\\ann"))
+    assert machine_paths(str(execute.HERE))
