@@ -9,6 +9,8 @@ from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswe
 
 if TYPE_CHECKING:
     from elicit.bradley_terry import BradleyTerryComparator
+    from elicit.diagnostics import tutor_report
+    from elicit.foretell import compare_held_out, held_out
     from elicit.log import AnswerLog
     from elicit.polytope import PolytopeComparator
     from elicit.posterior import PosteriorComparator
@@ -28,8 +30,11 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "ReplayTutor": "elicit.tutor",
     "TruthfulTutor": "elicit.tutor",
     "Tutor": "elicit.tutor",
+    "compare_held_out": "elicit.foretell",
+    "held_out": "elicit.foretell",
     "inequalities": "elicit.prior",
     "inequality": "elicit.prior",
+    "tutor_report": "elicit.diagnostics",
 }
 
 __all__ = [
@@ -55,9 +60,12 @@ __all__ = [
     "Tutor",
     "Verdict",
     "choose",
+    "compare_held_out",
     "decide",
+    "held_out",
     "inequalities",
     "inequality",
+    "tutor_report",
 ]
 
 

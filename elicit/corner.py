@@ -12,7 +12,8 @@ from elicit.jit import compiled
 from elicit.scale import Floats
 
 CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
-"""What a known corner is good for: its point alone, its point and its basis, its basis alone."""
+"""What a known corner is good for: its point alone, its point and its basis, its basis alone. A later cut may have
+taken the corner itself, by a hair, and left the point beside it: a basis is where to start, no proof of its own."""
 USED, SLOT, ROW = 0, 1, 2  # counters: corners in use, the next to be replaced, the row that settled last
 
 EPS = 2.0**-52

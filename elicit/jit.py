@@ -24,6 +24,8 @@ def compiled(function: F) -> F:
     config.CACHE_DIR = _cache_of(usual, Path(function.__code__.co_filename).parent)
     try:
         made: Any = njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # nowhere to keep it
+        made = njit(error_model="numpy")(function)
     finally:
         config.CACHE_DIR = usual
     return cast(F, made)

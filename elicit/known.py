@@ -6,6 +6,7 @@ answers as before.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def start(region: Region) -> Known:
         return known
     _recentre_dearly(known, region)
     if p > 1 and not m:
-        for best in range(p):
+        for best in range(min(p, corners)):
             add_corner(known, tuple(j for j in range(p) if j != best))
     _find_some_corner(known, region)
     return known
@@ -139,7 +140,9 @@ def know_row(known: Known, i: int, row: Any, limit: float) -> None:
         if j < 64 and w >= 0.0:
             mask |= np.uint64(1) << np.uint64(j)
     # of a row with entries so small that products with them underflow nothing can be concluded
-    known.masks[i] = ~np.uint64(0) if tiny else mask
+    known.masks[i] = mask
+    if tiny:
+        known.lifted[i] = math.nan
 
 
 @compiled

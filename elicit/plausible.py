@@ -64,6 +64,7 @@ class PlausibleSet:
     def decide(self, d: Floats) -> Decisions:
         """Verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
         self._close_gaps()
+        d = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
         verdicts, tiers = np.empty(len(d), dtype=np.int8), np.empty(len(d), dtype=np.int8)
         with np.errstate(all="ignore"):
             left = settle_all(d, self._known, verdicts, tiers)
@@ -106,11 +107,10 @@ class PlausibleSet:
 
     def _holds(self, row: Floats, limit: float) -> bool:
         """Whether row.g >= limit is known to follow already: then it changes nothing."""
-        if limit != 0:
-            return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
         with np.errstate(all="ignore"):
-            verdict = settle(row, self._known)
-        return verdict in (Verdict.BETTER, Verdict.EQUAL)
+            if limit == 0 and settle(row, self._known) in (Verdict.BETTER, Verdict.EQUAL):
+                return True
+        return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
 
     def _close_gaps(self) -> None:
         """With a margin of 0 the rows can close gaps, which then make no difference."""

@@ -12,6 +12,7 @@ import copy
 import math
 from collections.abc import Iterator
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,6 +31,14 @@ from elicit.simplex import Region
 _NODES = 16  # of the quadrature over the prior's shape
 PRECISION = (math.log(100.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
+
+
+class Draws(NamedTuple):
+    """Weighted draws of gaps (p, m), their weights (m,), which total 1, and of the precision (m,)."""
+
+    gaps: Floats
+    weights: Floats
+    precision: Floats
 
 
 class PosteriorComparator:
@@ -152,8 +161,16 @@ class PosteriorComparator:
         """The precision c: as given, or exp of the posterior mean of log c."""
         if self.given_precision is not None:
             return self.given_precision
-        log_c = np.log(np.exp(self._x - self._x.max(axis=1, keepdims=True)).sum(axis=1)) + self._x.max(axis=1)
-        return float(np.exp(log_c @ self._gaps_and_weights[1]))
+        return float(np.exp(np.log(self.draws.precision) @ self.draws.weights))
+
+    @property
+    def draws(self) -> Draws:
+        """The particles: weighted draws from the posterior."""
+        gaps, weights = self._gaps_and_weights
+        most = self._x.max(axis=1)
+        log_c = most + np.log(np.exp(self._x - most[:, None]).sum(axis=1))
+        known = self.given_precision
+        return Draws(gaps, weights, np.exp(np.minimum(log_c, 300.0)) if known is None else np.full(len(weights), known))
 
     @property
     def effective_size(self) -> float:

@@ -6,11 +6,15 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.scale import Floats, as_vectors
+
+if TYPE_CHECKING:
+    from elicit.csv_answers import File
 
 
 class Verdict(IntEnum):
@@ -142,6 +146,27 @@ class Answers:
         return Answers(
             np.stack([a.query.d for a in told]), [int(a.verdict or 0) for a in told], [a.query.id for a in told]
         )
+
+    @staticmethod
+    def from_csv(file: File, k: int | None = None) -> Answers:
+        """The answers in a CSV file (a path, or text opened with ``newline=""``), in its order.
+
+        The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k (left - right), answer,
+        in any order and case, and perhaps id; without it an id is "line 7". Other columns and blank lines are passed
+        over. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left. As with ``of``, rows
+        without an answer (empty, none, null, "cannot tell") are left out; ``csv_answers.read_csv`` counts them.
+
+        Raises ValueError that names the line and the column, also where there are not k levels; OSError.
+        """
+        from elicit.csv_answers import read_csv
+
+        return Answers(*read_csv(file, k)[:3])
+
+    def to_csv(self, file: File) -> None:
+        """Write the columns id, d_1, ..., d_k, answer to a path or an open text; ``from_csv`` reads the same back."""
+        from elicit.csv_answers import write_csv
+
+        write_csv(file, self.d, self.y, self.ids)
 
     @property
     def k(self) -> int:

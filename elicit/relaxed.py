@@ -16,21 +16,19 @@ There are finitely many subsets, and few of them matter.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import lstsq, null_space
-from scipy.optimize import linprog
 
 from elicit.comparator import Decisions, Verdicts, check_answers
-from elicit.lp import answer_rows, pull_inside
+from elicit.hinges import Hinges, best_fit, solve
 from elicit.plausible import PlausibleSet
 from elicit.polytope import PolytopeComparator
 from elicit.prior import PriorLike
 from elicit.query import Answers, InconsistentAnswers, Verdict
 from elicit.scale import Floats, as_vectors, tail_sums, values_of
-from elicit.simplex import End, Region, minimise, minimise_exactly, rounding
+from elicit.simplex import End, minimise, minimise_exactly, rounding
 
 LEAST_SLACK = 1e-9
 """Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised to (but for 0
@@ -129,12 +127,12 @@ class RelaxedPolytopeComparator:
     def _learn(
         self, answers: Answers, exact: PolytopeComparator | None, old: PolytopeComparator | _Sublevel | None
     ) -> None:
-        self.answers, self._exact, self._hinges, self._least = answers, exact, _Hinges.of(answers), 0.0
+        self.answers, self._exact, self._hinges, self._least = answers, exact, Hinges.of(answers), 0.0
         self._set: PolytopeComparator | _Sublevel
         if exact is not None and self.slack == 0:
             self._set = exact
             return
-        self._fit = _best_fit(self._hinges, self._order)
+        self._fit = best_fit(self._hinges, self._order)
         least = float(np.ceil(self._hinges.at_most(self._fit) / _GRID)) * _GRID
         if exact is None:
             self._least = least
@@ -149,57 +147,11 @@ class RelaxedPolytopeComparator:
         return _Sublevel(self._hinges, budget, self._fit, np.diff(self._blank.values), self._order)
 
 
-class _Hinges(NamedTuple):
-    """The answers as f(g) = sum weights * max(0, rhs - rows g), in units of 2^exponent. Weights are powers of two,
-    at most 1."""
-
-    rows: Floats  # (m, p)
-    rhs: Floats  # (m,)
-    owner: NDArray[np.int64]  # (m,) the number of the answer
-    weights: Floats  # (m,)
-    exponent: int
-
-    @staticmethod
-    def of(answers: Answers) -> _Hinges:
-        rows, rhs, owner = answer_rows(answers, 0)
-        size = np.zeros(len(rows), dtype=np.int64)  # by which power of two answer_rows divided
-        for _ in range(2):  # the first time, tail_sums may have divided too
-            with np.errstate(over="ignore"):
-                t = tail_sums(np.ldexp(answers.d[owner], -size[:, None]))
-            size += np.frexp(np.abs(t).max(axis=1, initial=0.0))[1]
-        exponent = int(size.max()) if len(size) else 0
-        return _Hinges(rows, rhs, owner, np.ldexp(1.0, size - exponent), exponent)
-
-    def lacking(self, g: Floats) -> Floats:
-        """What g (p,) lacks to satisfy each row (m,), weighted: negative where it has more than enough."""
-        return np.asarray(self.weights * (self.rhs - self.rows @ g))
-
-    def total(self, g: Floats) -> float:
-        """f at g (p,)."""
-        return float(np.maximum(self.lacking(g), 0.0).sum())
-
-    def at_most(self, g: Floats) -> float:
-        """An upper bound on f at g, for every rounding there is, also that of g."""
-        doubt = 4.0 * rounding(len(g), np.abs(self.rows) @ np.abs(g) + np.abs(self.rhs))
-        each = np.maximum(self.lacking(g) + self.weights * doubt, 0.0)
-        return float(each.sum() * (1.0 + 2.0**-50 * len(each)))
-
-    def cut(self, weights: Floats, budget: float) -> tuple[Floats, float]:
-        """What f <= budget means for the sum of the rows with weights (m,) from 0 to their own: row.g >= limit,
-        rounded so that it holds."""
-        row, limit = weights @ self.rows, float(weights @ self.rhs) - budget
-        size = float((weights @ np.abs(self.rows)).max() + weights @ np.abs(self.rhs)) + budget
-        # g >= 0 totals 1: row.g is off by no more than an entry
-        limit -= 2.0 * float(rounding(int(np.count_nonzero(weights)), size))
-        exponent = -np.frexp(np.abs(row).max())[1]
-        return np.asarray(np.ldexp(row, exponent)), float(np.clip(np.ldexp(limit, exponent), -2.0, 2.0))
-
-
 class _Sublevel:
     """{f <= budget} within the order and the prior, whose middle and best fit (f < budget) are given: a PlausibleSet
     around it, which is cut where that matters, and points of it."""
 
-    def __init__(self, hinges: _Hinges, budget: float, fit: Floats, middle: Floats, order: PlausibleSet) -> None:
+    def __init__(self, hinges: Hinges, budget: float, fit: Floats, middle: Floats, order: PlausibleSet) -> None:
         self.hinges, self.budget, self.middle, self.order, self.around = hinges, budget, middle, order, order
         least, most = hinges.total(fit), hinges.total(middle)
         share = 0.5 if most <= budget else 0.5 * (budget - least) / (most - least)
@@ -258,14 +210,14 @@ class _Sublevel:
             vertex = minimise(t, self.around.region)
             if vertex.end is not End.OPTIMAL:
                 vertex = minimise_exactly(t, self.around.region)
-            near = found - _TIGHT if enough < 0 else -_NEAR
+            near = found - _TIGHT if enough < 0 else _NEAR
             if float(vertex.value) >= near or not self._cut_off(vertex.g.astype(np.float64)):
                 return
 
     def _jump(self, t: Floats) -> None:
         """Know the point of the set where t.g is least, and the one cut, by the multipliers there, that shows it."""
         cost = np.append(t, np.zeros(len(self.hinges.rows)))
-        found = _solve(self.hinges, self.order.region, cost, self.budget)
+        found = solve(self.hinges, self.order.region, cost, self.budget)
         self.solves += 1
         if found is not None and found.price > 0:
             self._cut_off(found.g)
@@ -303,47 +255,6 @@ def _unit_tails(d: Floats) -> Floats:
         t = tail_sums(np.ldexp(d, -exponent[:, None]))
     size = np.abs(t).max(axis=1, initial=0.0, keepdims=True)
     return np.asarray(t / np.where(size > 0, size, 1.0))
-
-
-class _Solved(NamedTuple):
-    """HiGHS's solution: g (p,), the multipliers y (m,) >= 0 of the answers' rows, and that of the budget."""
-
-    g: Floats
-    y: Floats
-    price: float
-
-
-def _solve(hinges: _Hinges, region: Region, cost: Floats, budget: float) -> _Solved | None:
-    """Least cost of (g, s) in the region, s >= 0 and s >= what g lacks of each row, of weighted sum <= budget. None
-    where HiGHS cannot tell."""
-    (m, p), prior = hinges.rows.shape, len(region.rows)
-    options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-    rows = np.block([[hinges.rows, np.eye(m)], [region.rows, np.zeros((prior, m))], [np.zeros(p), -hinges.weights]])
-    limits = np.concatenate([hinges.rhs, region.rhs, [-budget]])
-    bounds = [(region.margin, None)] * p + [(0.0, None)] * m
-    total = np.append(np.ones(p), np.zeros(m))[None]
-    found = linprog(cost, -rows, -limits, total, [1.0], bounds, method="highs-ds", options=options)
-    if found.status != 0:
-        return None
-    y = np.maximum(-found.ineqlin.marginals, 0.0)
-    return _Solved(found.x[:p] / found.x[:p].sum(), y[:m], float(y[-1]))
-
-
-def _best_fit(hinges: _Hinges, order: PlausibleSet) -> Floats:
-    """A point (p,) certainly within the order and the prior, where f is least but for rounding."""
-    region, p = order.region, order.region.p
-    found = _solve(hinges, region, np.append(np.zeros(p), hinges.weights), len(hinges.rows) + 1.0)
-    if found is None:
-        raise ArithmeticError("HiGHS could not find the least total violation of these answers")
-    point = None if order.inside is None else pull_inside(found.g, order.inside, region)
-    if point is not None:
-        return point
-    # too flat for floats: in rationals, a point of the region that lacks hardly more of any answer
-    for room in 100.0 ** np.arange(-6, 2):
-        vertex = minimise_exactly(np.zeros(p), region.plus(hinges.rows, hinges.rows @ found.g - room, hinges.owner))
-        if vertex.end is not End.EMPTY:
-            break
-    return vertex.g.astype(np.float64)
 
 
 def _centre(level: _Sublevel) -> Floats:

@@ -19,7 +19,7 @@ def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Flo
     try:
         a = np.asarray(vectors, dtype=np.float64)
         a = a if a.ndim == 2 else np.atleast_2d(a)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numbers of shape (n, k): {error}") from None
     if a.ndim != 2 or (k is not None and a.shape[1] != k) or a.shape[1] < 2:
         want = "(n, k) with k >= 2" if k is None else f"(n, {k}), one column a level"

@@ -131,6 +131,8 @@ def search(t: Any, known: Known) -> tuple[int, int]:
         total += t[j]
         least = min(least, t[j])
         greatest = max(greatest, t[j])
+    if not math.isfinite(total):  # t too large to be summed: nothing follows
+        return UNSETTLED, BY_SIMPLEX
     doubt = doubt_at(p, size)
     free = 1.0 - p * known.margin
     if known.margin * total + free * least > doubt:
@@ -144,7 +146,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
 def tail_sums_into(d: Any, i: int, t: Any) -> None:
     """``scale.tail_sums`` of row i of d (n, k)."""
     for factor in (1.0, 2.0**-64):
-        total = 0.0
+        total = -0.0  # as a sum begins that keeps the sign of zero
         for j in range(len(t) - 1, -1, -1):
             total += d[i, j + 1] * factor
             t[j] = total

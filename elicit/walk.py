@@ -36,11 +36,11 @@ from elicit.jit import compiled
 
 @compiled
 def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
-    """1 where s.g > target on K_t is proven, -1 where a point of K_t shows s.g < target, else 0.
+    """1 where s.g > target on K_t is proven, -1 where a point of K_t shows s.g < 0, else 0.
 
     Goes from corner ``start`` along edges that lessen s.g (Dantzig's rule; Harris's ratio test), and keeps the
-    corner where it ends. ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack: then -1 is no
-    proof, and no corner is kept.
+    corner where it ends. ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack: then -1 says
+    that some corner seems to have s.g < target, no corner is kept, and nothing is proven by it.
     """
     p, m = len(s), len(known.limits)
     inverse, active = known.inverses[start : start + 1].copy(), known.active[start : start + 1].copy()
@@ -130,6 +130,8 @@ def bound_of(rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, l
         total += rest[j]
         least = min(least, rest[j])
     bound: float = margin * total + (1.0 - p * margin) * least + gained
+    if not math.isfinite(bound):
+        return -math.inf
     return bound - (2 * p + 8) * EPS * (4.0 * size + 6.0 * weight) - TINY
 
 
@@ -200,6 +202,7 @@ def surely_inside(point: Any, known: Known, slack: Any) -> bool:
 def next_slot(known: Known) -> int:
     """The place of the next corner: the oldest makes room."""
     q: int = known.counts[SLOT]
+    known.kind[q] = DOUBTFUL_CORNER  # until it is complete: an interruption must not leave a false point
     known.counts[SLOT] = (q + 1) % len(known.kind)
     known.counts[USED] = max(known.counts[USED], q + 1)
     return q

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from elicit.csv_answers import read_csv
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
@@ -152,6 +157,110 @@ def test_leaving_answers_out():
         rest.without(["b"])
     with pytest.raises(TypeError, match=r"\['ab'\]"):
         answers.without("ab")
+
+
+def test_answers_from_a_spreadsheet(tmp_path):
+    path = tmp_path / "answers.csv"
+    path.write_bytes(
+        b"\xef\xbb\xbf Answer ,LEFT_1,Left_2,left_3,right_1,right_2,right_3,comment,ID\r\n"
+        b'left,0.5,0.25,0.25,0.25,0.75,0,"fine, ""really""",first\r\n'
+        b"\r\n"
+        b" Right , 1 ,0,0,0,1e0,0,,second\r\n"
+        b",,,,,,,,\r\n"
+        b"cannot tell,1,0,0,0,1,0,,third\r\n"
+        b"EQUAL,0,0,1,0,1,0,,fourth\r\n"
+        b",0,0,1,0,1,0,no answer,fifth\r\n"
+        b"-1.0,0.1,0,0,0.3,0,0,,sixth\r\n"
+        b"+1,0,0,1,0,1,0,,\r\n"
+    )
+    answers = Answers.from_csv(path)
+    assert answers.ids == ("first", "second", "fourth", "sixth", "")
+    assert answers.y.tolist() == [1, -1, 0, -1, 1]
+    assert answers.d.tolist() == [[0.25, -0.5, 0.25], [1, -1, 0], [0, -1, 1], [0.1 - 0.3, 0, 0], [0, -1, 1]]
+    assert Answers.from_csv(str(path), k=3).ids == answers.ids
+    assert read_csv(path).skipped == 2
+    query = Query("q", LEFT, RIGHT)
+    assert answers.d[0].tolist() == query.d.tolist(), "left - right, to the last bit"
+
+
+def test_answers_from_differences_are_named_by_their_line():
+    file = io.StringIO("\n\nd_2,d_1,answer\n1,-1,better\n\n2,-2,null\n-3,3,worse\n")
+    answers = Answers.from_csv(file)
+    assert not file.closed
+    assert answers.d.tolist() == [[-1, 1], [3, -3]]
+    assert answers.y.tolist() == [1, -1]
+    assert answers.ids == ("line 4", "line 7")
+    nothing = Answers.from_csv(io.StringIO("d_1,d_2,d_3,answer"))
+    assert (len(nothing), nothing.k) == (0, 3)
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.tuples(numbers, numbers, numbers), st.sampled_from([-1, 0, 1]), st.text('a,"\n\r é '))))
+def test_a_csv_reads_back_to_the_last_bit(rows):
+    d = np.array([row[0] for row in rows]).reshape(-1, 3)
+    answers = Answers(d, [row[1] for row in rows], [row[2] for row in rows])
+    file = io.StringIO(newline="")
+    answers.to_csv(file)
+    file.seek(0)
+    again = Answers.from_csv(file, k=3)
+    assert again.d.tobytes() == answers.d.tobytes()
+    assert again.y.tobytes() == answers.y.tobytes()
+    assert again.ids == answers.ids
+
+
+def test_a_csv_on_the_disk_reads_back(tmp_path):
+    answers = Answers([[0.1, 0.2, -0.3], [1 / 3, -1 / 3, 0]], [1, 0], ["a", "ü"])
+    answers.to_csv(tmp_path / "a.csv")
+    again = Answers.from_csv(tmp_path / "a.csv")
+    assert (again.d.tolist(), again.y.tolist(), again.ids) == (answers.d.tolist(), [1, 0], ("a", "ü"))
+    assert (tmp_path / "a.csv").read_text("utf-8").splitlines()[:2] == ["id,d_1,d_2,d_3,answer", "a,0.1,0.2,-0.3,1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "the file is empty"),
+        ("\n \n", "the file is empty"),
+        ("a,b\n", r"line 1 of the file must name the columns left_1.*it names a, b"),
+        ("d_1;d_2;answer\n", "separated by commas; it names d_1;d_2;answer"),
+        ("d_1,d_2\n", "answer, or else"),
+        ("d_1,left_1,right_1,answer\n", "or else"),
+        ("d_1,d_3,answer\n", "lacks the column 'd_2'"),
+        ("d_1,answer\n", "lacks the column 'd_2'"),
+        ("left_1,left_2,right_1,answer\n", "lacks the column 'right_2'"),
+        ("d_1,d_999999999999,answer\n", "lacks the column 'd_2'"),
+        ("d_0,d_1,d_2,answer\n", "names the column 'd_0': levels are counted 1, 2"),
+        ("d_01,d_02,answer\n", "'d_01'"),
+        ("d_1,d_2,D_1,answer\n", "names the column 'd_1' twice"),
+        ("d_1,d_2,d_3,d_4,answer\n", "columns for 4 levels, not k = 3"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,left\n\n1,x,-1,left\n", "line 4 of the file, column 'd_2': 'x' is no number"),
+        ("d_1,d_2,d_3,answer\n1,0,,left\n", "line 2 of the file, column 'd_3': '' is no number"),
+        ("d_1,d_2,d_3,answer\n1,0,inf,left\n", "line 2 of the file, column 'd_3': 'inf' is not finite"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,2\n", "line 2 of the file, column 'answer': '2' is none of -1, 0, 1, left"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,links\n", "column 'answer': 'links'"),
+        ("d_1,d_2,d_3,answer\n1,0,left\n", "line 2 of the file has 3 cells, but the header has 4"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,left,9\n", "line 2 of the file has 5 cells"),
+        ('d_1,d_2,d_3,answer\n1,"0"x,-1,left\n', "line 2 of the file is no CSV"),
+    ],
+)
+def test_bad_csv(text, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Answers.from_csv(io.StringIO(text), k=3 if "d_3" in text and "d_1,d_3" not in text else None)
+
+
+def test_a_csv_names_its_file(tmp_path):
+    path = tmp_path / "odd.csv"
+    path.write_bytes("d_1,d_2,answer\n1,-1,left,é\n".encode("latin-1"))
+    with pytest.raises(ValueError, match=r"odd\.csv is not in UTF-8"):
+        Answers.from_csv(path)
+    path.write_text("d_1,d_2,answer\n1,-1,up\n")
+    with pytest.raises(ValueError, match=r"line 2 of .*odd\.csv, column 'answer': 'up'"):
+        Answers.from_csv(path)
+    with pytest.raises(FileNotFoundError):
+        Answers.from_csv(tmp_path / "none.csv")
 
 
 def test_errors_say_whose_fault_it_is():

@@ -15,10 +15,11 @@ import pytest
 from lp_cases import Case, cases, dot, exact, from_tails, region_of, shares, tails
 
 from elicit.comparator import Comparator
+from elicit.hinges import Hinges, best_fit
 from elicit.lp import TIE_BAND, answer_rows
 from elicit.polytope import PolytopeComparator
 from elicit.query import Answers, Verdict
-from elicit.relaxed import LEAST_SLACK, RelaxedPolytopeComparator, _best_fit, _Hinges, _Sublevel
+from elicit.relaxed import LEAST_SLACK, RelaxedPolytopeComparator, _Sublevel
 from elicit.scale import tail_sums
 from elicit.testing import check_comparator
 
@@ -197,7 +198,7 @@ def test_values_are_the_analytic_centre_with_violations() -> None:
 
 
 def test_consistent_answers_and_no_slack_are_the_polytope_comparator() -> None:
-    for i, case in enumerate(cases(31, 70, most_levels=11, most_answers=60)):
+    for i, case in enumerate(cases(31, 56, most_levels=11, most_answers=60)):
         told = Answers(case.d, case.y)
         plain = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
         relaxed = RelaxedPolytopeComparator(case.k, margin=case.margin, prior=case.prior)
@@ -216,7 +217,7 @@ def test_consistent_answers_and_no_slack_are_the_polytope_comparator() -> None:
 
 def test_slack_only_ever_loosens() -> None:
     decided = loosened = 0
-    for i, case in enumerate(cases(32, 28, most_levels=8, most_answers=30)):
+    for i, case in enumerate(cases(32, 21, most_levels=8, most_answers=30)):
         told = flipped(case, i) if i % 2 else Answers(case.d, case.y)
         slacks = (0.0, 1e-12, 1e-3, 0.1, 1e9)
         several = [RelaxedPolytopeComparator(case.k, x, case.margin, case.prior).update(told) for x in slacks]
@@ -233,8 +234,8 @@ def test_slack_only_ever_loosens() -> None:
             loosened += int(np.count_nonzero(narrow != wide))
         free = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
         assert (several[-1].compare(case.ask) == free.compare(case.ask)).all()
-    assert decided > 150
-    assert loosened > 15
+    assert decided > 100
+    assert loosened > 10
 
 
 # ---- what is proven ---------------------------------------------------------------------------------------------
@@ -243,7 +244,7 @@ def test_slack_only_ever_loosens() -> None:
 def test_cuts_hold_exactly() -> None:
     """Of any rows and weights, in rationals: the cut asks no more of any g >= 0 of total 1 than the weighted sum."""
     for i, case in enumerate(cases(33, 56, most_levels=12, most_answers=60)):
-        rng, hinges = np.random.default_rng(i), _Hinges.of(flipped(case, i))
+        rng, hinges = np.random.default_rng(i), Hinges.of(flipped(case, i))
         if not len(hinges.rows):
             continue
         for _ in range(5):
@@ -266,7 +267,7 @@ def test_the_best_fit_is_a_scale_and_its_violation_no_less_than_told() -> None:
     for i, case in enumerate(cases(34, 28, most_levels=10, most_answers=60)):
         told = flipped(case, i)
         comparator = RelaxedPolytopeComparator(case.k, 0.1, case.margin, case.prior).update(told)
-        hinges = _Hinges.of(told)
+        hinges = Hinges.of(told)
         rows, rhs, owner = answer_rows(told, 0)
         assert (hinges.rows == rows).all()
         assert (hinges.owner == owner).all()
@@ -276,7 +277,7 @@ def test_the_best_fit_is_a_scale_and_its_violation_no_less_than_told() -> None:
             if weight > 2.0**-1000:
                 size = max(map(abs, exact(t))) * 2**shift
                 assert size == max(map(abs, exact(row))) * Fraction(weight) * unit
-        g = _best_fit(hinges, comparator._order)
+        g = best_fit(hinges, comparator._order)
         true = [x / sum(exact(g)) for x in exact(g)]
         region = region_of(case.k, case.margin, case.prior, case.d[:0], [])
         off = [limit - dot(row, true) for row, limit in zip(region.rows, region.rhs, strict=True)]
@@ -335,7 +336,7 @@ def test_where_the_blame_can_be_put_either_way_all_are_named() -> None:
 
 def test_violated_names_whom_some_best_fit_violates() -> None:
     several = 0
-    for seed in range(40):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         # few distinct numbers: best fits are often not unique
         d = np.array([from_tails(rng.integers(-3, 4, size=3).astype(float)) for _ in range(8)])
@@ -357,6 +358,18 @@ def test_an_answer_against_the_order() -> None:
     assert c.compare([[0.5, -0.5]]).tolist() == [WORSE]
     assert c.violated == ((0, "0"),)
     assert c.values.tolist() == [0.0, 1.0]
+
+
+def test_what_the_order_alone_leaves_at_zero() -> None:
+    """Least d.e is 0 over the prior, within rounding, but far from it over the best fits."""
+    g = 1 / 1.90625  # where the answers say it is
+    told = Answers([UP, DOWN, DOWN], [1, 1, 1])
+    for corner in (0.3, 0.4, 0.45):
+        c = RelaxedPolytopeComparator(3, prior=[f"e2 >= {corner}"]).update(told)
+        d = np.array([-corner, 1.0, 0.0]) - np.array([0.0, 0.0, corner])
+        assert [b[0] for b in c.bounds(d)] == pytest.approx([g - corner] * 2, abs=1e-8)
+        fresh = RelaxedPolytopeComparator(3, prior=[f"e2 >= {corner}"]).update(told)
+        assert fresh.compare([d, -d]).tolist() == [BETTER, WORSE]
 
 
 @pytest.mark.parametrize("prior", [["e3 >= 0.5", "e3 <= 0.5"], ["e2 >= 2*e3 - e4", "e2 <= 2*e3 - e4"]])
@@ -476,7 +489,7 @@ def test_errors() -> None:
 def test_slack_brings_the_truth_back() -> None:
     """One wrong answer among 60: with no slack the truth is never plausible, and every 20th verdict wrong."""
     inside, wrong = Counter[float](), Counter[float]()
-    runs = 12
+    runs = 10
     for seed in range(runs):
         e, told = noisy(seed, 5, 60, 0.0)
         rng = np.random.default_rng(seed)
@@ -497,7 +510,7 @@ def test_slack_brings_the_truth_back() -> None:
 
 
 def test_it_is_fast_enough() -> None:
-    """10,000 comparisons after 60 answers, some wrong: .1 to .5 s of computing time; an answer: 3 ms."""
+    """10,000 comparisons after 60 answers, some wrong: .2 to .9 s of computing time; an answer: 3 ms."""
     k = 10
     _, told = noisy(2, k, 60, 0.05)
     ask = shares(np.random.default_rng(3), k, 10_000, 1.0)
