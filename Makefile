@@ -21,8 +21,9 @@ lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(READY)  ## what a comparison costs, against cvxpy, Clarabel, HiGHS and SciPy: benchmarks/RESULTS.md
-	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS.md
+bench: $(READY)  ## what comparisons and fits cost, against other libraries (a quarter of an hour): benchmarks/RESULTS*.md
+	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS-lp.md
+	$(BIN)/python -m benchmarks.bradley_terry --out benchmarks/RESULTS-bradley-terry.md
 
 notebooks: $(READY)  ## run the notebooks at their full setting, in place
 	$(BIN)/python notebooks/execute.py
