@@ -42,6 +42,8 @@ ORDER: dict[str, tuple[str, ...]] = {
     "comparator": ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box"),
 }
 
+AUDITED = ("polytope", "relaxed")  # to a statistical model a surprising answer is no contradiction
+
 
 class Run(NamedTuple):
     """One finished run: its row of the table, and v (S,) of figure 4 for the comparison with the oracle's."""
@@ -81,8 +83,8 @@ def ablate(
     (``icu_sepsis``, hidden values from ``draw_values``); ``learners`` "q-learning" and "ivi"; ``comparators``
     "always" (asks about everything), "polytope", "relaxed" (the polytope with slack), "posterior", "posterior-close"
     (Q-learning alone: with an indifference of ``close``), "ensemble" and "box" (Bradley-Terry). An ``error_rate`` of 0
-    is a truthful tutor. ``audit`` > 0 adds a second, audited run to each cell of a comparator that learns; "relaxed",
-    which differs from "polytope" only where answers contradict each other, then has no other.
+    is a truthful tutor. ``audit`` > 0 adds a second, audited run to each cell of the polytope, which only so notices an
+    error; "relaxed", which differs from it only where answers contradict each other, then has no other.
     ``seeds`` consecutive seeds from ``seed``. ``settings`` are the keywords of ``run``. "always" with a
     truthful tutor is always run: it is the oracle that the others are paired with, all but the audited ones,
     which are shorter (their paired columns are nan).
@@ -133,7 +135,7 @@ def cells(
         for rate in error_rates:
             if not (audit and comparator == "relaxed"):
                 tutors.add((comparator, float(rate), 0.0))
-            if audit and comparator not in ("always", "posterior-close"):
+            if audit and comparator in AUDITED:
                 tutors.add((comparator, float(rate), float(audit)))
     plan = [
         dict(zip(KEYS, (problem, learner, *tutor, seed), strict=True))

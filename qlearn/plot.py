@@ -37,8 +37,6 @@ _STYLES: dict[str, dict[str, Any]] = {
     "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
 }
 
-_AUDITED = ("polytope", "relaxed")  # whose audited runs are shown for themselves, too
-
 _HEADER = (
     f"{'comparator':<16}{'errors':>7}{'questions':>13}{'% asked':>8}{'excess loss %':>14}{'wrong %':>8}"
     f"{'after 1st':>10}  {'audits to conflict':<20}notes"
@@ -69,7 +67,7 @@ def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None) -> str:
             place = (problem, learner, row.comparator, row.error_rate)
             lines.append(_line(row.comparator, row, audited.loc[[place]].iloc[0] if place in audited.index else None))
         short = summary[(summary.audit > 0) & (summary.problem == problem) & (summary.learner == learner)]
-        for row in short[short.comparator.isin(_AUDITED)].itertuples():
+        for row in short.itertuples():
             lines.append(_line(f"{row.comparator} *", row, row))
     return "\n".join(lines[1:])
 

@@ -48,9 +48,9 @@ def test_a_part_of_the_sweep_gives_the_same_rows(frame: pd.DataFrame) -> None:
 
 
 def test_one_row_a_cell_in_order(frame: pd.DataFrame) -> None:
-    # 2 error rates each: plain runs of all but the relaxed polytope, which is always audited, as the 4 others that
-    # learn are; the posterior with an indifference for Q-learning only
-    assert len(frame) == 2 * (6 + 5) + 2 * (5 + 5)
+    # 2 error rates each: plain runs of all but the relaxed polytope, which is always audited, as the polytope is once
+    # more; the posterior with an indifference for Q-learning only
+    assert len(frame) == 2 * (6 + 2) + 2 * (5 + 2)
     assert not frame.duplicated(list(KEYS)).any()
     assert frame.learner.unique().tolist() == ["q-learning", "ivi"]
     assert frame.comparator.unique().tolist() == [
