@@ -25,7 +25,8 @@ FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
 ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
 # answer is taken in by parts
 LEAST_SWEEPS, MOST_SWEEPS, MOVES = 4, 40, 0.7  # sweeps at a move: until a particle has moved so often on average
-NUDGE = 1e-4  # lets particles leave a subspace that all of them lie in
+LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
+NUDGE = 1e-9  # of the step: lets particles leave a subspace that all of them lie in
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX1, _MIX2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -290,8 +291,12 @@ def sweep(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, last: flo
         b += b >= max(a, i)
         # now and then a whole difference, which leaps between modes
         length = 1.0 if unit(mix(h, 2)) < 0.1 else 2.38 / math.sqrt(2.0 * p) * (0.5 + unit(mix(h, 3)))
+        apart = 0.0
         for j in range(p):
-            proposal[j] = x[i, j] + length * (x[a, j] - x[b, j]) + NUDGE * (unit(mix(h, 5 + j)) - 0.5)
+            apart = max(apart, abs(x[a, j] - x[b, j]))
+        for j in range(p):
+            nudge = NUDGE * apart * (unit(mix(h, 5 + j)) - 0.5)
+            proposal[j] = x[i, j] + length * (x[a, j] - x[b, j]) + nudge
         density = log_prior(proposal, prior, theta)
         least = logs[i] + math.log(unit(mix(h, 4))) - density
         if density == -math.inf or least > 0.0:
@@ -303,7 +308,7 @@ def sweep(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, last: flo
             for j in range(p):
                 x[i, j] = proposal[j]
             logs[i] = density + found
-            if x[a, 0] != x[b, 0]:
+            if apart > 0.0:
                 accepted += 1
                 fresh[i] = True
     return accepted
@@ -335,9 +340,9 @@ def weigh(d: Any, gaps: Any, weights: Any, level: float, verdicts: Any) -> None:
                     up += w
                 elif at[q] < 0.0:
                     down += w
-            if up + left < level - 1e-9 and down + left < level - 1e-9:
+            if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
                 break
-        if up >= level:
+        if up >= level - LEVEL_ROUNDING:
             verdicts[i] = BETTER
-        elif down >= level:
+        elif down >= level - LEVEL_ROUNDING:
             verdicts[i] = WORSE

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
+import warnings
 from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
@@ -21,16 +22,22 @@ from scipy.special import gammaln, ndtri
 from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.conflict import is_empty
 from elicit.lp import prior_rows
-from elicit.particles import LEAST_SWEEPS, Prior, densities, effective_size, learn, sweep, weigh
+from elicit.particles import LEAST_SWEEPS, LEVEL_ROUNDING, Prior, densities, effective_size, learn, sweep, weigh
 from elicit.prior import PriorLike, as_prior
 from elicit.query import Answers
 from elicit.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
 from elicit.seeds import Seed, fold, key_of
 from elicit.simplex import Region
 
+WORN = 0.02  # below this share of an effective sample the particles are reported
+_FAR = 1e12  # tail sums are no larger for the likelihood
 _NODES = 16  # of the quadrature over the prior's shape
 PRECISION = (math.log(100.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
+
+
+class Degenerate(RuntimeWarning):
+    """Too few particles carry the weight for probabilities to be trusted."""
 
 
 class Draws(NamedTuple):
@@ -104,15 +111,25 @@ class PosteriorComparator:
         if self.given_precision == 0 or not len(answers):
             return new
         t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
+        size = np.abs(t).max(axis=1, keepdims=True)
+        t = np.where(size > _FAR, t / np.where(size > 0, size, 1.0) * _FAR, t)  # beyond, no answer can be surer
         n = self._rows.shape[1]
         new._rows = np.ascontiguousarray(np.concatenate([self._rows, t.T], axis=1))
         new._tied = np.concatenate([self._tied, answers.y == 0])
         new._x, new._logs, new._fresh = self._x.copy(), self._logs.copy(), self._fresh.copy()
         for i in range(n, n + len(answers)):
-            counts = learn(
-                new._x, new._logs, new._fresh, new._rows, new._tied, i + 1, self._prior, fold(self._key, i)[()]
-            )
+            key = fold(self._key, i)[()]
+            with np.errstate(all="ignore"):  # the hash wraps around
+                counts = learn(new._x, new._logs, new._fresh, new._rows, new._tied, i + 1, self._prior, key)
             new.proposed, new.accepted = new.proposed + counts[0], new.accepted + counts[1]
+        if new.effective_size < WORN * self.particles:
+            warnings.warn(
+                f"after {len(new.answers)} answers the {self.particles} particles are worth only "
+                f"{new.effective_size:.0f} draws: take more particles, or a higher lapse if the answers contradict "
+                "each other",
+                Degenerate,
+                stacklevel=2,
+            )
         return new
 
     def compare(self, d: ArrayLike) -> Verdicts:
@@ -142,8 +159,8 @@ class PosteriorComparator:
         for i, scores in enumerate(_scores(t, gaps)):
             order = np.argsort(scores, kind="stable")
             below = np.cumsum(weights[order])
-            low[i] = scores[order[np.searchsorted(below, 1.0 - self.level, side="right")]]
-            high[i] = scores[order[np.searchsorted(below, self.level - 1e-12)]]
+            low[i] = scores[order[np.searchsorted(below, 1.0 - self.level + LEVEL_ROUNDING, side="right")]]
+            high[i] = scores[order[np.searchsorted(below, self.level - LEVEL_ROUNDING)]]
         least, greatest = order_bounds(t, 0.0)
         return np.clip(low, least, greatest), np.clip(high, least, greatest)
 
@@ -233,7 +250,8 @@ class PosteriorComparator:
             densities(x, nothing, untied, 1, 1.0, eased, logs)
             for turn in range(LEAST_SWEEPS * 4):
                 key = fold(self._key, m, stage, turn)[()]
-                sweep(x, logs, np.ones(m, dtype=np.bool_), nothing, untied, 1, 1.0, eased, key)
+                with np.errstate(all="ignore"):
+                    sweep(x, logs, np.ones(m, dtype=np.bool_), nothing, untied, 1, 1.0, eased, key)
         raise ValueError(
             f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: "
             "relax some of them"

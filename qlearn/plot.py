@@ -101,7 +101,8 @@ def plot_ablation(
     if (plain.budget_spent > 0).any():
         hollow: dict[str, Any] = {"color": "0.35", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
         handles.append(Line2D([], [], label="hollow: budget spent", markersize=7, **hollow))
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, handlelength=3.2)
+    columns = min(len(handles), 2 * len(learners))  # as many as the width of the panels holds
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2)
     rates = ", ".join(f"{rate:.3g}" for rate in 100 * plain.error_rate.drop_duplicates())
     figure.suptitle(
         "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one\n"
