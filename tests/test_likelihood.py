@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -76,9 +78,22 @@ def test_the_fit_is_the_convex_program(seed: int) -> None:
     ours = fit(t, y, precision=precision, centre=centre[None], strength=strength, monotone=monotone)
     theirs = fit_cvxpy(t, y, precision=precision, centre=centre, strength=strength, monotone=monotone)
     assert ours.converged.all()
-    assert np.abs(ours.gamma[0] - theirs).max() / precision < 1e-6
+    if np.abs(ours.gamma[0] - theirs).max() / precision >= 1e-6:  # then it is the cone program that stopped short:
+        gain = objective(ours.gamma[0], t, y, precision, strength, centre) - objective(
+            theirs, t, y, precision, strength, centre
+        )
+        assert gain > 0
+        assert seed in {177}  # one of two hundred
     if monotone:
         assert (ours.gamma >= 0).all()
+
+
+def objective(gamma: Any, t: Any, y: Any, precision: float, strength: float, centre: Any) -> float:
+    """The log-likelihood, a tie half an answer each way, less the ridge; straight from the formula."""
+    eta = t @ gamma
+    up, down = -np.logaddexp(0.0, -eta), -np.logaddexp(0.0, eta)
+    told = np.where(y == 0, 0.5 * (up + down), np.where(y > 0, up, down)).sum()
+    return float(told - 0.5 * strength * ((gamma / precision - centre) ** 2).sum())
 
 
 @pytest.mark.parametrize("monotone", [True, False])
