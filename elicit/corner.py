@@ -88,7 +88,7 @@ def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
 @compiled
 def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
     """The multipliers y (p,) of the objective s at corner q: that of sum g = 1, then the active constraints'.
-    Returns the place among these of the most negative, -1 where none is, within rounding."""
+    Returns the place among these of the negative one whose edge is steepest, -1 where none is, within rounding."""
     p = len(s)
     for i in range(p):
         y[i] = 0.0

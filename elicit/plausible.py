@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.comparator import Decisions, Tier, verdicts_from
+from elicit.conflict import is_empty
 from elicit.corner import DOUBTFUL_CORNER, USED
 from elicit.known import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
 from elicit.lp import Programs, certified_bound, pull_inside
 from elicit.query import Verdict
 from elicit.scale import Floats, order_bounds, tail_sums
 from elicit.settle import UNSETTLED, settle, settle_all, to_unit
-from elicit.simplex import End, Region, Vertex, minimise_exactly, rounding
+from elicit.simplex import Region, Vertex, minimise_exactly, rounding
 
 
 class Empty(ValueError):
@@ -172,6 +173,6 @@ class Sides(NamedTuple):
 
 def _check_some(region: Region) -> None:
     """Raise Empty where no point satisfies the region's constraints."""
-    vertex = minimise_exactly(np.zeros(region.p), region)
-    if vertex.end is End.EMPTY:
-        raise Empty(region, vertex)
+    proof = is_empty(region)
+    if proof is not None:
+        raise Empty(region, proof)

@@ -38,7 +38,7 @@ from elicit.jit import compiled
 def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
     """1 where s.g > target on K_t is proven, -1 where a point of K_t shows s.g < 0, else 0.
 
-    Goes from corner ``start`` along edges that lessen s.g (Dantzig's rule; Harris's ratio test), and keeps the
+    Goes from corner ``start`` along edges that lessen s.g (the steepest; Harris's ratio test), and keeps the
     corner where it ends. ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack: then -1 says
     that some corner seems to have s.g < target, no corner is kept, and nothing is proven by it.
     """
