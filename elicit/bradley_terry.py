@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
 from elicit.query import Answers, Verdict
+from elicit.rule import Rule, box, ensemble, silent
 from elicit.scale import Floats, as_vectors, dominance, dot, order_bounds, tail_sums, values_of
 from elicit.seeds import Seed, key_of
 
@@ -145,6 +146,14 @@ class BradleyTerryComparator:
             verdicts[undecided[lo > 0]] = _BETTER
             verdicts[undecided[hi < 0]] = _WORSE
         return Decisions(verdicts, tiers)
+
+    @property
+    def rule(self) -> Rule:
+        """The region as plain arrays, for ``elicit.judge``."""
+        region = self._model.region
+        if region is None:
+            return silent()
+        return box(region.lo, region.hi) if isinstance(region, _Box) else ensemble(region.gaps, region.cut)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """lo, hi (n,) of d.e over the region, in units of the point estimate's theta_k (eq. 6 without the

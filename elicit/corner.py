@@ -14,7 +14,8 @@ from elicit.scale import Floats
 CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
 """What a known corner is good for: its point alone, its point and its basis, its basis alone. A later cut may have
 taken the corner itself, by a hair, and left the point beside it: a basis is where to start, no proof of its own."""
-USED, SLOT, ROW = 0, 1, 2  # counters: corners in use, the next to be replaced, the row that settled last
+USED, SLOT, ROW, BEST = 0, 1, 2, 3  # counters: corners in use, the next to be replaced, the row and the corner that
+# settled last
 
 EPS = 2.0**-52
 TINY = 2.0**-1000
@@ -42,7 +43,7 @@ class Known(NamedTuple):
     active: NDArray[np.int64]  # (q, p - 1) j < p: g_j >= margin; p + i: row i
     kind: NDArray[np.int8]  # (q,)
     age: NDArray[np.int64]  # (q,) pivots since the inverse was computed afresh
-    counts: NDArray[np.int64]  # (3,)
+    counts: NDArray[np.int64]  # (4,)
 
 
 @compiled

@@ -14,6 +14,15 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """The function as machine code, kept on disk between processes; itself where there is no numba. No option
     that lets sums be reordered: both ways give the same numbers to the last bit."""
+    return _made(function, nogil=False)
+
+
+def unlocked(function: F) -> F:
+    """``compiled``, and other threads may run meanwhile: for functions whose arrays no other thread writes to."""
+    return _made(function, nogil=True)
+
+
+def _made(function: F, nogil: bool) -> F:
     try:
         from numba import config as settings
         from numba import njit
@@ -23,9 +32,9 @@ def compiled(function: F) -> F:
     usual = config.CACHE_DIR
     config.CACHE_DIR = _cache_of(usual, Path(function.__code__.co_filename).parent)
     try:
-        made: Any = njit(cache=True, error_model="numpy")(function)
+        made: Any = njit(cache=True, error_model="numpy", nogil=nogil)(function)
     except RuntimeError:  # nowhere to keep it
-        made = njit(error_model="numpy")(function)
+        made = njit(error_model="numpy", nogil=nogil)(function)
     finally:
         config.CACHE_DIR = usual
     return cast(F, made)

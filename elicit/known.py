@@ -257,7 +257,7 @@ def _of_region(region: Region) -> Known:
         active=np.empty((0, p - 1), dtype=np.int64),
         kind=np.empty(0, dtype=np.int8),
         age=np.empty(0, dtype=np.int64),
-        counts=np.zeros(3, dtype=np.int64),
+        counts=np.zeros(4, dtype=np.int64),
     )
 
 

@@ -18,6 +18,7 @@ from elicit.corner import DOUBTFUL_CORNER, USED
 from elicit.known import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
 from elicit.lp import Programs, certified_bound, pull_inside
 from elicit.query import Verdict
+from elicit.rule import Rule, proven
 from elicit.scale import Floats, order_bounds, tail_sums
 from elicit.settle import UNSETTLED, settle, settle_all, to_unit
 from elicit.simplex import Region, Vertex, minimise_exactly, rounding
@@ -73,6 +74,12 @@ class PlausibleSet:
             for i in (verdicts == UNSETTLED).nonzero()[0]:
                 verdicts[i], tiers[i] = self._solve(d[i])
         return Decisions(verdicts, tiers)
+
+    @property
+    def rule(self) -> Rule:
+        """The proofs as plain arrays, for ``elicit.judge``."""
+        self._close_gaps()
+        return proven(self._known)
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""

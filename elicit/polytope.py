@@ -25,6 +25,7 @@ from elicit.simplex import Region
 
 if TYPE_CHECKING:
     from elicit.explanation import Explanation
+    from elicit.rule import Rule
 
 
 class PolytopeComparator:
@@ -86,6 +87,11 @@ class PolytopeComparator:
     def decide(self, d: ArrayLike) -> Decisions:
         """Verdicts (n,) and the tier of each, from EQUAL to EXACT."""
         return self._set.decide(as_vectors(d, self.k))
+
+    @property
+    def rule(self) -> Rule:
+        """What is known of K_t as plain arrays, for ``elicit.judge``."""
+        return self._set.rule
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over K_t, tight to 1e-9 |d|_1."""

@@ -25,6 +25,7 @@ from elicit.lp import prior_rows
 from elicit.particles import LEAST_SWEEPS, LEVEL_ROUNDING, Prior, densities, effective_size, learn, sweep, weigh
 from elicit.prior import PriorLike, as_prior
 from elicit.query import Answers
+from elicit.rule import Rule, weighted
 from elicit.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
 from elicit.seeds import Seed, fold, key_of
 from elicit.simplex import Region
@@ -143,6 +144,11 @@ class PosteriorComparator:
         """``compare`` and the tier that decided each row: EQUAL, DOMINANCE or MODEL."""
         rows = as_vectors(d, self.k)
         return Decisions(self.compare(rows), dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+
+    @property
+    def rule(self) -> Rule:
+        """The particles as plain arrays, for ``elicit.judge``."""
+        return weighted(*self._gaps_and_weights, self.level)
 
     def probability(self, d: ArrayLike) -> Floats:
         """P(d.e > 0 | answers) (n,) for d (n, k)."""

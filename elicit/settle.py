@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from elicit.corner import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known, doubt_at, multipliers
+from elicit.corner import BEST, CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known, doubt_at, multipliers
 from elicit.jit import compiled
 from elicit.walk import bound_of, walk
 
@@ -40,7 +40,7 @@ def settle_all(d: Any, known: Known, verdicts: Any, tiers: Any) -> int:
             for j in range(p):
                 t[j] *= opened[j]
             doubt = doubt_at(p, to_unit(t))
-            verdict, tier = glance(t, doubt, side_of(t, inside, doubt), known.counts[USED], corners, work)
+            verdict, tier = glance(t, doubt, side_of(t, inside, doubt), known.counts, corners, work)
             if verdict == UNSETTLED:
                 verdict, tier = search(t, known)
                 left += verdict == UNSETTLED
@@ -89,12 +89,12 @@ def screen(t: Any, size: float, inside: Any, rows: Any, lifted: Any, masks: Any,
 
 
 @compiled
-def glance(t: Any, doubt: float, side: int, used: int, corners: Any, work: Any) -> tuple[int, int]:
+def glance(t: Any, doubt: float, side: int, counts: Any, corners: Any, work: Any) -> tuple[int, int]:
     """Verdict and tier by the known corners where t.g is least and greatest: they have both signs, or one of them
     proves to be the best of all. ``corners`` are ``Known``'s arrays about them, ``work`` three to write in."""
     margin, cuts, limits, points, inverses, active, kind = corners
     at, y, rest = work
-    p = len(t)
+    p, used = len(t), counts[USED]
     for q in range(used):
         at[q] = 0.0
     for j in range(p):
@@ -116,6 +116,7 @@ def glance(t: Any, doubt: float, side: int, used: int, corners: Any, work: Any) 
         rest[j] = sign * t[j]
     if multipliers(rest, inverses, best, y) >= 0 or not bound_of(rest, y, active, best, margin, cuts, limits) > 0.0:
         return UNSETTLED, BY_SCREEN
+    counts[BEST] = best
     return (BETTER if above else WORSE), BY_SIMPLEX
 
 

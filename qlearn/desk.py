@@ -18,6 +18,7 @@ from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, m
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
 from qlearn.learner import Audit, OnConflict, Result, Status
+from qlearn.standing import Standing
 
 Watch = Callable[[Floats, Decisions], None]
 
@@ -76,6 +77,7 @@ class Desk:
         self._number = 0
         self._said: dict[bytes, int] = {}  # verdicts told, in the pair's canonical direction
         self._binding: set[bytes] = set()  # pairs whose answer no model may overrule
+        self._said_codes = self._binding_codes = np.empty(0, np.uint64)  # the same pairs' hashes, sorted
         self._unclear: set[Place] = set()  # where the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
 
@@ -110,6 +112,21 @@ class Desk:
         if self._max_queries is not None and self.asked >= self._max_queries and len(rows):
             verdicts[rows], tiers[rows] = np.sign(dot(tail_sums(d[rows]), self._gaps())), Tier.GUESS
         return Decisions(verdicts, tiers)
+
+    def standing(self) -> Standing:
+        """The same for compiled loops, which come back with what only ``judge`` can tell."""
+        asks = self.signs is None
+        spent = asks and self._max_queries is not None and self.asked >= self._max_queries
+        return Standing(
+            indifference=self._indifference if asks else 0.0,
+            audit=self._audit,
+            key=np.uint64(self._key),
+            binding=self._binding_codes,
+            said=self._said_codes,
+            plain=self._audit == 0 and not len(self._binding_codes),
+            unclear=bool(self._unclear),
+            guess=self._gaps() if spent else np.empty(0),
+        )
 
     def commit(self, d: Floats, decisions: Decisions) -> None:
         """Count judgements that the learner acted on."""
@@ -170,11 +187,15 @@ class Desk:
                     self._unclear.add(where)
             else:
                 self.audits.append(Audit(query, expected, answer.verdict))
-            name, sign = _name(tail_sums(query.d))
+            t = tail_sums(query.d)
+            name, sign = _name(t)
             said = verdict if answer.verdict is None else answer.verdict
             self._said[name] = sign * said
+            code = unordered_pairs(self._key, t[None, :])[1]
+            self._said_codes = np.union1d(self._said_codes, code)
             if said == Verdict.EQUAL or unused:
                 self._binding.add(name)
+                self._binding_codes = np.union1d(self._binding_codes, code)
             if expected is not None and verdict != expected:
                 tier = int(Tier.KNOWN)  # by the audit's answer, not by what the answers before it implied
             self.counts[tier] += 1

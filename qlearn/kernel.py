@@ -1,7 +1,7 @@
 """The Q-learning loop as arrays and a cursor: runs until it is done or meets a pair it cannot decide.
 
-Plain scalar code over arrays, so that compiling it is one decorator. The cursor says where the loop
-stands (in the middle of a step's comparisons, if need be); calling again with a verdict goes on from
+Plain scalar code over arrays, compiled where numba is installed; both ways give the same numbers. The cursor says
+where the loop stands (in the middle of a step's comparisons, if need be); calling again with a verdict goes on from
 there. Random numbers are a hash of (key, purpose, counters): see ``elicit.seeds.fold``.
 """
 
@@ -12,17 +12,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-DONE, DEFER = 0, 1
-WORSE, EQUAL, BETTER, UNKNOWN = -1, 0, 1, 2  # as elicit.Verdict
-EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
-STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE = range(7)  # what the cursor holds
-IDLE = -1  # POSITION between two steps
+from elicit.hashed import mix, unit
+from elicit.jit import compiled
+from elicit.judge import FLOORED, holds
+from elicit.settle import (
+    BETTER,
+    BY_DOMINANCE,
+    BY_EQUAL,
+    BY_SCREEN,
+    BY_SIMPLEX,
+    EQUAL,
+    UNKNOWN,
+    UNSETTLED,
+    WORSE,
+    by_dominance,
+)
+from qlearn.standing import Standing, consult
 
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-_MIX1 = np.uint64(0xBF58476D1CE4E5B9)
-_MIX2 = np.uint64(0x94D049BB133111EB)
-_ONE = np.uint64(1)
-_S11, _S27, _S30, _S31 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(31)
+DONE, DEFER, FULL = 0, 1, 2
+EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
+STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE, KEPT = range(8)  # what the cursor holds
+IDLE = -1  # POSITION between two steps
 
 
 class Model(NamedTuple):
@@ -50,24 +60,21 @@ class State(NamedTuple):
     q: NDArray[np.float64]  # (S, A, k) shares
     best: NDArray[np.int64]  # (S,) B(s)
     visits: NDArray[np.int64]  # (S, A)
-    cursor: NDArray[np.int64]  # (7,)
-    decided: NDArray[np.int64]  # (2,) comparisons that were equal, and that dominance decided
-    t: NDArray[np.float64]  # (k-1,) tail sums of the pair at the cursor
+    cursor: NDArray[np.int64]  # (8,)
+    decided: NDArray[np.int64]  # comparisons settled here, by tier
+    floors: NDArray[np.float64]  # (S, A, p) how far the tail sums of (s, a) may sink (``elicit.judge.judge``)
+    sides: NDArray[np.int8]  # (S, A) the verdict that then holds, times its tier; 0: none
 
 
-def mix(h: Any, counter: Any) -> Any:
-    """One round of ``elicit.seeds.fold`` on unsigned 64-bit numbers."""
-    z = h + (np.uint64(counter) + _ONE) * _GOLDEN
-    z = (z ^ (z >> _S30)) * _MIX1
-    z = (z ^ (z >> _S27)) * _MIX2
-    return z ^ (z >> _S31)
+class Kept(NamedTuple):
+    """The comparisons that neither equality nor dominance settled, for whoever watches; c = 0: nobody does."""
+
+    d: NDArray[np.float64]  # (c, k)
+    verdicts: NDArray[np.int8]  # (c,)
+    tiers: NDArray[np.int8]  # (c,)
 
 
-def unit(h: Any) -> float:
-    """A hash as a number in [0, 1)."""
-    return float(h >> _S11) * 2.0**-53
-
-
+@compiled
 def draw(cumulative: Any, u: float) -> int:
     """The first index whose running sum exceeds u; the last with any probability if rounding hides it."""
     low, high = 0, len(cumulative) - 1
@@ -83,31 +90,28 @@ def draw(cumulative: Any, u: float) -> int:
     return low
 
 
-def compare(q: Any, state: int, challenger: int, incumbent: int, t: Any, dominance: bool) -> int:
-    """Tail sums of Q(s, challenger) - Q(s, incumbent) into t, and their verdict by eq. (4)."""
-    k = q.shape[2]
-    total = 0.0
-    some_up, some_down = False, False
-    for j in range(k - 1, 0, -1):
-        total += q[state, challenger, j] - q[state, incumbent, j]
+@compiled
+def difference(q: Any, state: int, challenger: int, incumbent: int, d: Any, t: Any) -> int:
+    """Q(s, challenger) - Q(s, incumbent) into d, its tail sums into t, and their verdict by eq. (4)."""
+    total = -0.0
+    for j in range(len(d) - 1, 0, -1):
+        d[j] = q[state, challenger, j] - q[state, incumbent, j]
+        total += d[j]
         t[j - 1] = total
-        some_up = some_up or total > 0.0
-        some_down = some_down or total < 0.0
-    if not some_up and not some_down:
-        return EQUAL
-    if dominance and not some_down:
-        return BETTER
-    if dominance and not some_up:
-        return WORSE
-    return UNKNOWN
+    d[0] = q[state, challenger, 0] - q[state, incumbent, 0]
+    return by_dominance(t)
 
 
-def advance(state: State, model: Model, verdict: int) -> int:
+@compiled
+def advance(state: State, model: Model, verdict: int, rule: Any, standing: Standing, kept: Kept) -> int:
     """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet).
 
-    Returns DONE, or DEFER with the cursor at a pair that neither equality nor dominance decides.
+    Returns DONE; FULL where ``kept`` must be emptied first; or DEFER with the cursor at a pair for the desk.
     """
-    q, best, cursor, decided, t = state.q, state.best, state.cursor, state.decided, state.t
+    q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
+    floors, sides = state.floors, state.sides
+    k = q.shape[2]
+    d, t, work = np.empty(k), np.empty(k - 1), np.empty((2, k - 1))
     while True:
         if cursor[POSITION] == IDLE:
             if cursor[STEP] >= model.steps:
@@ -118,21 +122,40 @@ def advance(state: State, model: Model, verdict: int) -> int:
             challenger = model.actions[s, cursor[POSITION]]
             incumbent = best[s]
             if challenger != incumbent:
-                code = verdict
-                if code == UNKNOWN:
-                    code = compare(q, s, challenger, incumbent, t, model.dominance)
-                    if code == UNKNOWN:
-                        return DEFER
-                    decided[1 if code != EQUAL else 0] += 1
-                verdict = UNKNOWN
-                if code == BETTER:  # Alg. 2, l. 7 and 15; equal keeps the incumbent
+                if verdict == UNKNOWN:
+                    verdict, tier = difference(q, s, challenger, incumbent, d, t), BY_DOMINANCE
+                    if verdict == EQUAL:
+                        tier = BY_EQUAL
+                    elif verdict == UNKNOWN or not model.dominance:
+                        if len(kept.tiers) > 0 and cursor[KEPT] == len(kept.tiers):
+                            return FULL
+                        side = sides[s, challenger]
+                        if side != 0 and standing.plain and holds(t, 1 if side > 0 else -1, floors[s, challenger]):
+                            verdict, tier = (BETTER, int(side)) if side > 0 else (WORSE, -int(side))
+                        else:
+                            verdict, tier = consult(d, t, work, rule, standing, floors[s, challenger])
+                            sides[s, challenger] = 0
+                            if verdict == UNSETTLED:
+                                return DEFER
+                            if tier >= FLOORED:
+                                tier -= FLOORED
+                                sides[s, challenger] = verdict * (BY_SCREEN if tier == BY_SIMPLEX else tier)
+                        if len(kept.tiers) > 0:
+                            kept.d[cursor[KEPT]] = d
+                            kept.verdicts[cursor[KEPT]] = verdict
+                            kept.tiers[cursor[KEPT]] = tier
+                            cursor[KEPT] += 1
+                    decided[tier] += 1
+                if verdict == BETTER:  # Alg. 2, l. 7 and 15; equal keeps the incumbent
                     best[s] = challenger
+                verdict = UNKNOWN
             cursor[POSITION] += 1
         cursor[POSITION] = IDLE
         cursor[STATE] = cursor[NEXT]
         cursor[STEP] += 1
 
 
+@compiled
 def learn(state: State, model: Model) -> None:
     """Lines 7 to 10 of Algorithm 1: act, observe, update; then set the cursor to lines 11 to 15."""
     q, best, visits, cursor = state.q, state.best, state.visits, state.cursor

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from elicit.comparator import AlwaysAsk, Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
+from elicit.rule import PROVEN, rule_of
 from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
 from qlearn import kernel
@@ -17,6 +18,7 @@ from qlearn.desk import Desk, Watch, place
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 
+KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 Start: TypeAlias = Literal["worst", "zero"]
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
@@ -92,27 +94,30 @@ class InteractiveQLearning:
         )
         self._state = _first_state(mdp, self._model, start)
         self._verdict = int(Verdict.UNKNOWN)
-        self._ahead: dict[tuple[int, int, int], tuple[Floats, Decisions]] = {}  # by step, position and incumbent
+        self._kept = _kept(mdp.k, KEPT_AT_ONCE)
 
     def ask(self) -> tuple[Query, ...]:
         """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
         if self._desk.pending:
             return self._desk.ask()
-        with np.errstate(over="ignore"):  # the hash wraps around
-            while kernel.advance(self._state, self._model, self._verdict) != kernel.DONE:
-                self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
+        rule, standing = rule_of(self._desk.comparator), self._desk.standing()
+        kept = self._kept if self._desk.watch is not None else _kept(self._mdp.k, 0)
+        code = kernel.FULL
+        while code != kernel.DONE:
+            with np.errstate(all="ignore"):  # the hash wraps around
+                code = kernel.advance(self._state, self._model, self._verdict, rule, standing, kept)
+            self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
+            self._show(kept)
+            if code == kernel.DEFER:
+                pair = self._pair()
+                d = (pair[0] - pair[1])[None, :]
                 if self._desk.signs is not None and not self._model.dominance:  # AlwaysAsk has no say
-                    left, right, *_ = self._pair()
-                    self._verdict = int(self._desk.consult((left - right)[None, :])[0])
+                    self._verdict = int(self._desk.consult(d)[0])
                     continue
-                where = self._where(self._state.cursor[kernel.POSITION])
-                if where not in self._ahead:
-                    self._look_ahead()
-                d, decisions = self._ahead.pop(where)
+                decisions = self._judge(d, pair[2:])
+                if decisions.verdicts[0] == Verdict.UNKNOWN:
+                    return self._desk.open([pair], decisions)
                 self._verdict = int(decisions.verdicts[0])
-                if self._verdict == Verdict.UNKNOWN:
-                    self._ahead.clear()
-                    return self._desk.open([self._pair()], decisions)
                 self._desk.commit(d, decisions)
         return ()
 
@@ -122,14 +127,16 @@ class InteractiveQLearning:
         verdicts, dropped = self._desk.tell(answers, on_conflict)
         for verdict in verdicts.values():
             self._verdict = int(verdict)
+        rule = rule_of(self._desk.comparator)
+        if rule.kind != PROVEN or np.isnan(rule.known.inside[0]):  # only what is proven of K_t holds for ever
+            self._state.sides[:] = 0
         return dropped
 
     def result(self) -> Result:
         """The greedy policy and the counts so far."""
         done = self._state.cursor[kernel.STEP] >= self._model.steps and not self._desk.pending
-        finished = Status.GUESSED if self._desk.counts[Tier.GUESS] else Status.DONE
-        tiers = self._desk.counts.copy()
-        tiers[[Tier.EQUAL, Tier.DOMINANCE]] += self._state.decided
+        tiers = self._desk.counts + self._state.decided
+        finished = Status.GUESSED if tiers[Tier.GUESS] else Status.DONE
         return self._desk.result(
             policy=self._state.best.copy(),
             q=self._state.q.copy(),
@@ -151,25 +158,14 @@ class InteractiveQLearning:
         """What is known of the scale."""
         return self._desk.comparator
 
-    def _look_ahead(self) -> None:
-        """Judge the pair at the cursor together with those that follow it at this step if the incumbent stays:
-        the same verdicts as one by one, at nearly the price of one."""
-        cursor = self._state.cursor
-        s = cursor[kernel.STATE]
-        positions = np.arange(cursor[kernel.POSITION], cursor[kernel.LAST])
-        incumbent, challengers = self._state.best[s], self._model.actions[s, positions]
-        positions, challengers = positions[challengers != incumbent], challengers[challengers != incumbent]
-        d = self._state.q[s, challengers] - self._state.q[s, incumbent]
-        verdicts, tiers = self._desk.judge(d, lambda row: place(s, challengers[row], incumbent))
-        self._ahead = {
-            self._where(position): (d[i : i + 1], Decisions(verdicts[i : i + 1], tiers[i : i + 1]))
-            for i, position in enumerate(positions)
-        }
+    def _judge(self, d: Floats, where: tuple[int, int, int]) -> Decisions:
+        return self._desk.judge(d, lambda row: place(*where))
 
-    def _where(self, position: int) -> tuple[int, int, int]:
-        """What a judgement made ahead holds for: dominance may change the incumbent in between."""
-        cursor = self._state.cursor
-        return int(cursor[kernel.STEP]), int(position), int(self._state.best[cursor[kernel.STATE]])
+    def _show(self, kept: kernel.Kept) -> None:
+        """Hand what the loop kept to the watcher."""
+        n, self._state.cursor[kernel.KEPT] = int(self._state.cursor[kernel.KEPT]), 0
+        if n and self._desk.watch is not None:
+            self._desk.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
 
     def _pair(self) -> tuple[Floats, Floats, int, int, int]:
         """The vectors at the cursor, the state, and the two actions."""
@@ -236,7 +232,19 @@ def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.S
         q[s] = np.eye(k)[model.levels[s, model.actions[s, 0]]]
     pick = (uniform(fold(model.key, kernel.FIRST_BEST, np.arange(n))) * model.n_actions).astype(np.int64)
     best = model.actions[np.arange(n), pick]  # Alg. 1, l. 5
-    cursor = np.zeros(7, dtype=np.int64)
+    cursor = np.zeros(8, dtype=np.int64)
     cursor[kernel.POSITION] = kernel.IDLE
     cursor[kernel.STATE] = kernel.draw(model.initial, float(uniform(fold(model.key, kernel.RESTART, 0))))
-    return kernel.State(q, best, np.zeros((n, m), np.int64), cursor, np.zeros(2, np.int64), np.zeros(k - 1))
+    return kernel.State(
+        q=q,
+        best=best,
+        visits=np.zeros((n, m), np.int64),
+        cursor=cursor,
+        decided=np.zeros(len(Tier), np.int64),
+        floors=np.zeros((n, m, k - 1)),
+        sides=np.zeros((n, m), np.int8),
+    )
+
+
+def _kept(k: int, room: int) -> kernel.Kept:
+    return kernel.Kept(np.empty((room, k)), np.empty(room, np.int8), np.empty(room, np.int8))

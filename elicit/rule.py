@@ -1,0 +1,79 @@
+"""What a comparator knows, as plain arrays: the rule by which compiled loops judge (``elicit.judge``).
+
+A loop that compares by the million cannot call Python for each comparison. It takes a comparator's ``rule`` anew after
+every update. One type for all rules, so that a loop is compiled once, for whatever comparator.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.comparator import Comparator, Dominance
+from elicit.corner import Known
+from elicit.scale import Floats
+
+NOTHING, SILENT, PROVEN, WEIGHTED, ENSEMBLE, BOX = range(6)
+
+
+class Rule(NamedTuple):
+    """How to judge: by ``kind``, with the arrays that it needs; the others are empty."""
+
+    kind: int
+    known: Known
+    scales: Floats  # (p, m)
+    weights: Floats  # (m,)
+    level: float
+
+
+def nothing() -> Rule:
+    """No arrays: only the comparator itself can tell."""
+    return Rule(NOTHING, _NONE, np.empty((0, 0)), np.empty(0), 0.0)
+
+
+def silent() -> Rule:
+    """Beyond the order of the levels nothing is known: every other comparison is UNKNOWN."""
+    return nothing()._replace(kind=SILENT)
+
+
+def proven(known: Known) -> Rule:
+    """By proofs about K_t."""
+    return nothing()._replace(kind=PROVEN, known=known)
+
+
+def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
+    """BETTER where scales of gaps (p, m) that carry the weight ``level`` say so; weights (m,) of total 1."""
+    return nothing()._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
+
+
+def ensemble(gaps: Floats, left_out: int) -> Rule:
+    """BETTER where the last of the scales of gaps (p, m) says so, and all but so many of the others."""
+    return nothing()._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
+
+
+def box(low: Floats, high: Floats) -> Rule:
+    """BETTER where the whole box of values low (p,) to high (p,) of levels 2..k says so."""
+    return nothing()._replace(kind=BOX, scales=np.ascontiguousarray(np.stack([low, high], axis=1)))
+
+
+def rule_of(comparator: Comparator) -> Rule:
+    """The comparator's ``rule``; ``nothing()`` where it has none."""
+    if isinstance(comparator, Dominance):
+        return silent()
+    rule: Rule | None = getattr(comparator, "rule", None)
+    return nothing() if rule is None else rule
+
+
+def _no_proofs() -> Known:
+    none, table, count = np.empty(0), np.empty((0, 0)), np.empty(0, np.int64)
+    masks: NDArray[np.uint64] = np.empty(0, np.uint64)
+    return Known(
+        margin=0.0, cuts=table, limits=none, open=none, rows=table, lifted=table, masks=masks, inside=none, room=none,
+        points=table, inverses=np.empty((0, 0, 0)), active=np.empty((0, 0), np.int64), kind=np.empty(0, np.int8),
+        age=count, counts=np.zeros(4, np.int64),
+    )  # fmt: skip
+
+
+_NONE = _no_proofs()
