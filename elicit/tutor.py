@@ -18,6 +18,19 @@ from scipy.special import expit
 
 from elicit.log import Entry
 from elicit.query import Answer, Query, Verdict
+from elicit.respond import (
+    FLIPPING,
+    GIVEN,
+    LOGISTIC,
+    PAIRS,
+    TRUTHFUL,
+    WRONG,
+    Respondent,
+    all_asked_before,
+    chance,
+    nobody,
+    place_of,
+)
 from elicit.scale import Floats, as_vectors, dot, gaps, normalise, tail_sums
 from elicit.seeds import Seed, fold, key_of, name_code, uniform, unordered_pairs
 
@@ -46,7 +59,7 @@ class _Simulated:
         self._g = gaps(values)
         self._g_down: list[float] = self._g[::-1].tolist()  # best level first, as tail sums run
         self._slack = _slack(len(self._g))
-        self._given = self._wrong = 0
+        self._tally = np.zeros(3, dtype=np.int64)
 
     @property
     def k(self) -> int:
@@ -62,7 +75,7 @@ class _Simulated:
     def realised_error_rate(self) -> float:
         """Wrong answers as a share of all answers given so far; nan before the first. To call either of
         two exactly equal vectors better is not wrong."""
-        return self._wrong / self._given if self._given else float("nan")
+        return int(self._tally[WRONG]) / int(self._tally[GIVEN]) if self._tally[GIVEN] else float("nan")
 
     def __call__(self, query: Query) -> Answer:
         """The answer to one query. Raises ValueError if it is not about k levels."""
@@ -76,9 +89,15 @@ class _Simulated:
         t = tail_sums(as_vectors(d, self.k))
         truth, size = _exact_signs(t, self._g)
         answers = self._answer(t, truth, size)
-        self._given += len(t)
-        self._wrong += int(np.count_nonzero(answers * truth < 0))
+        self._tally[GIVEN] += len(t)
+        self._tally[WRONG] += int(np.count_nonzero(answers * truth < 0))
         return answers
+
+    @property
+    def respondent(self) -> Respondent:
+        """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
+        whenever it has come back UNSETTLED."""
+        return nobody()._replace(kind=TRUTHFUL, gaps=self._g, slack=self._slack, tally=self._tally)
 
     def _answer(self, t: Floats, truth: Signs, size: Floats) -> Signs:
         return truth
@@ -105,7 +124,7 @@ class TruthfulTutor(_Simulated):
             slack = self._slack * size + _TINY
             # False also where something overflowed; `signs` copes with that
             if total > slack or -total > slack:
-                self._given += 1
+                self._tally[GIVEN] += 1
                 return Answer(query, _BETTER if total > 0 else _WORSE)
         return super().__call__(query)
 
@@ -116,21 +135,43 @@ class _Erring(_Simulated):
     def __init__(self, values: ArrayLike, seed: Seed) -> None:
         super().__init__(values)
         self._key = fold(key_of(seed), _PURPOSE)
-        self._asked: dict[int, int] = {}
+        self._pairs, self._times = np.zeros(1024, np.uint64), np.zeros(1024, np.int64)
+
+    @property
+    def respondent(self) -> Respondent:
+        """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
+        whenever it has come back UNSETTLED."""
+        kind, rate = self._law
+        return super().respondent._replace(
+            kind=kind, rate=rate, key=np.uint64(self._key), pairs=self._pairs, times=self._times
+        )
 
     def _answer(self, t: Floats, truth: Signs, size: Floats) -> Signs:
         orientation, pairs = unordered_pairs(self._key, t)
-        before = []
-        for pair in pairs.tolist():
-            before.append(self._asked.get(pair, 0))
-            self._asked[pair] = before[-1] + 1
+        before = np.empty(len(t), dtype=np.int64)
+        self._make_room(len(t))
+        all_asked_before(pairs, self._pairs, self._times, self._tally, before)
         u = uniform(fold(pairs, before))
         y: Signs = np.where(u < self._error_probability(size), -truth, truth).astype(np.int8)
         tie = (truth == 0) & self._tosses_ties
         y[tie] = (orientation * np.where(u < 0.5, 1, -1))[tie]
         return y
 
+    def _make_room(self, more: int) -> None:
+        """Double the table until it can take so many more pairs and stay half empty."""
+        while 2 * (int(self._tally[PAIRS]) + more) > len(self._pairs):
+            pairs, times = np.zeros(2 * len(self._pairs), np.uint64), np.zeros(2 * len(self._pairs), np.int64)
+            for i in np.flatnonzero(self._pairs):
+                place = place_of(self._pairs[i], pairs)
+                pairs[place], times[place] = self._pairs[i], self._times[i]
+            self._pairs, self._times = pairs, times
+
     _tosses_ties = False
+
+    @property
+    def _law(self) -> tuple[int, float]:
+        """The kind of errors, and their parameter."""
+        raise NotImplementedError
 
     def _error_probability(self, size: Floats) -> Floats | float:
         raise NotImplementedError
@@ -157,6 +198,10 @@ class FlippingTutor(_Erring):
         unless 0 < rate < 1/2 and the reference allows it."""
         size = _reference_sizes(values, rate, reference)
         return cls(values, rate / float(np.mean(size > 0)), seed)
+
+    @property
+    def _law(self) -> tuple[int, float]:
+        return FLIPPING, self.error_rate
 
     def _error_probability(self, size: Floats) -> float:
         return self.error_rate
@@ -201,9 +246,12 @@ class BradleyTerryTutor(_Erring):
             low, high = low / 2.0, low
         return cls(values, brentq(excess, low, high, xtol=1e-14 * low), seed)
 
+    @property
+    def _law(self) -> tuple[int, float]:
+        return LOGISTIC, self.precision
+
     def _error_probability(self, size: Floats) -> Floats:
-        p: Floats = expit(-self.precision * size)
-        return p
+        return np.array([chance(x, self.precision) for x in size.tolist()])
 
     def _answer(self, t: Floats, truth: Signs, size: Floats) -> Signs:
         return np.where((t == 0).all(axis=1), np.int8(0), super()._answer(t, truth, size))

@@ -12,9 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.comparator import Tier
 from elicit.hashed import mix, unit
 from elicit.jit import compiled
 from elicit.judge import FLOORED, holds
+from elicit.respond import NOBODY, Respondent, respond
+from elicit.rule import Rule
 from elicit.settle import (
     BETTER,
     BY_DOMINANCE,
@@ -33,6 +36,7 @@ DONE, DEFER, FULL = 0, 1, 2
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
 STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE, KEPT = range(8)  # what the cursor holds
 IDLE = -1  # POSITION between two steps
+BY_TUTOR = int(Tier.TUTOR)
 
 
 class Model(NamedTuple):
@@ -103,8 +107,11 @@ def difference(q: Any, state: int, challenger: int, incumbent: int, d: Any, t: A
 
 
 @compiled
-def advance(state: State, model: Model, verdict: int, rule: Any, standing: Standing, kept: Kept) -> int:
+def advance(
+    state: State, model: Model, verdict: int, rule: Rule, standing: Standing, oracle: Respondent, kept: Kept
+) -> int:
     """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet).
+    With an ``oracle`` it is asked whatever dominance leaves open.
 
     Returns DONE; FULL where ``kept`` must be emptied first; or DEFER with the cursor at a pair for the desk.
     """
@@ -130,7 +137,11 @@ def advance(state: State, model: Model, verdict: int, rule: Any, standing: Stand
                         if len(kept.tiers) > 0 and cursor[KEPT] == len(kept.tiers):
                             return FULL
                         side = sides[s, challenger]
-                        if side != 0 and standing.plain and holds(t, 1 if side > 0 else -1, floors[s, challenger]):
+                        if oracle.kind != NOBODY:
+                            verdict, tier = respond(t, work[0], oracle), BY_TUTOR
+                            if verdict == UNSETTLED:
+                                return DEFER
+                        elif side != 0 and standing.plain and holds(t, 1 if side > 0 else -1, floors[s, challenger]):
                             verdict, tier = (BETTER, int(side)) if side > 0 else (WORSE, -int(side))
                         else:
                             verdict, tier = consult(d, t, work, rule, standing, floors[s, challenger])

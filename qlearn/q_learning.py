@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit.comparator import AlwaysAsk, Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
+from elicit.respond import NOBODY, nobody
 from elicit.rule import PROVEN, rule_of
 from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
@@ -95,24 +96,31 @@ class InteractiveQLearning:
         self._state = _first_state(mdp, self._model, start)
         self._verdict = int(Verdict.UNKNOWN)
         self._kept = _kept(mdp.k, KEPT_AT_ONCE)
+        self._oracle: Any = None
 
     def ask(self) -> tuple[Query, ...]:
         """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
         if self._desk.pending:
             return self._desk.ask()
-        rule, standing = rule_of(self._desk.comparator), self._desk.standing()
+        rule, standing, oracle = rule_of(self._desk.comparator), self._desk.standing(), nobody()
+        if isinstance(self._desk.comparator, AlwaysAsk) and self._oracle is not None:
+            oracle = self._oracle.respondent
         kept = self._kept if self._desk.watch is not None else _kept(self._mdp.k, 0)
         code = kernel.FULL
         while code != kernel.DONE:
             with np.errstate(all="ignore"):  # the hash wraps around
-                code = kernel.advance(self._state, self._model, self._verdict, rule, standing, kept)
+                code = kernel.advance(self._state, self._model, self._verdict, rule, standing, oracle, kept)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
             self._show(kept)
+            if oracle.kind != NOBODY:
+                self._desk.asked = int(self._desk.counts[Tier.TUTOR] + self._state.decided[Tier.TUTOR])
             if code == kernel.DEFER:
                 pair = self._pair()
                 d = (pair[0] - pair[1])[None, :]
                 if self._desk.signs is not None and not self._model.dominance:  # AlwaysAsk has no say
                     self._verdict = int(self._desk.consult(d)[0])
+                    if self._oracle is not None:
+                        oracle = self._oracle.respondent
                     continue
                 decisions = self._judge(d, pair[2:])
                 if decisions.verdicts[0] == Verdict.UNKNOWN:
@@ -148,6 +156,8 @@ class InteractiveQLearning:
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Let ``signs`` answer from now on: counted, not logged."""
         self._desk.signs = signs
+        tutor = getattr(signs, "__self__", None)
+        self._oracle = tutor if hasattr(tutor, "respondent") else None
 
     def watch(self, watcher: Watch) -> None:
         """Call ``watcher(d, decisions)`` for every comparison that neither equality nor dominance settled."""

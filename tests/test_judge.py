@@ -15,11 +15,12 @@ from elicit.polytope import PolytopeComparator
 from elicit.posterior import PosteriorComparator
 from elicit.query import Answers, Verdict
 from elicit.relaxed import RelaxedPolytopeComparator
+from elicit.respond import respond
 from elicit.rule import rule_of
 from elicit.scale import Floats, dominance, tail_sums
 from elicit.seeds import fold, uniform, unordered_pairs
 from elicit.settle import UNSETTLED
-from elicit.tutor import FlippingTutor, TruthfulTutor
+from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
 NOWHERE = np.empty(0)
 K = 6
@@ -131,3 +132,28 @@ def test_hashes_one_by_one_are_those_of_arrays() -> None:
         assert (ours[:50] == ours[50:100]).all()
         assert mix(key, np.uint64(3)) == fold(key, 3)[()]
         assert unit(mix(key, np.uint64(3))) == uniform(fold(key, 3))
+
+
+@pytest.mark.parametrize(
+    "make", [TruthfulTutor, lambda v: FlippingTutor(v, 0.3, 5), lambda v: BradleyTerryTutor(v, 8.0, 5)]
+)
+def test_a_respondent_says_what_its_tutor_says(make: Callable[[Floats], TruthfulTutor]) -> None:
+    values = np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0])
+    rows = differences(np.random.default_rng(3), 3000)
+    rows = np.concatenate([rows, rows[:50], -rows[:50], rows[:20]])  # asked again, and the other way round
+    tie = tail_sums(rows[:1])[0] * 0
+    tie[0], tie[2] = 13.0, -3.0
+    asked, told = make(values), make(values)
+    out = []
+    for t in [*tail_sums(rows), tie]:
+        found = respond(t, np.empty(K - 1), told.respondent)
+        if found == UNSETTLED:
+            d = np.concatenate([[0.0], t - np.append(t[1:], 0.0)])
+            found = int(told.signs(d)[0])
+        out.append(found)
+    want = asked.signs(rows).tolist()
+    assert out[:-1] == want
+    assert told.realised_error_rate == pytest.approx(asked.realised_error_rate, abs=1e-3)
+    if not isinstance(asked, TruthfulTutor):
+        assert 0.1 < asked.realised_error_rate < 0.4
+        assert len(told.respondent.pairs) > 1024  # it grew
