@@ -7,6 +7,7 @@ hold the one to the other.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import clarabel
@@ -14,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from elicit.jit import compiled
 from elicit.prior import Prior
 from elicit.query import Answers
-from elicit.scale import Floats, tail_sums
+from elicit.scale import Floats
 from elicit.simplex import Region, minimise, minimise_exactly, rounding
 
 TIE_BAND = 1e-9
@@ -162,19 +164,39 @@ def _slack(g: Floats, region: Region) -> tuple[Floats, Floats]:
 def _unit_rows(d: Floats, name: str) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Tail sums (n, p) with a largest entry in [1/2, 1), d (n, k) at the same scale, and the exponents (n,)
     of two by which they were divided. Raises ValueError where that would lose bits."""
-    top = d[:, 1:]
-    _, largest = np.frexp(np.abs(top).max(axis=1, initial=0.0))
-    first = largest.astype(np.int64) + d.shape[1].bit_length()  # leaves the sums below 1
-    with np.errstate(over="ignore"):
-        small = np.ldexp(d, -first[:, None])
-        if (lost := (np.ldexp(small[:, 1:], first[:, None]) != top).any(axis=1)).any():
-            row = int(np.argmax(lost))
-            raise ValueError(
-                f"row {row} of {name} holds both huge and tiny numbers, {d[row]}: round the tiny ones to 0"
-            )
-        t = tail_sums(small)
-        _, rest = np.frexp(np.abs(t).max(axis=1, initial=0.0))
-        return np.ldexp(t, -rest[:, None]) + 0.0, np.ldexp(small, -rest[:, None]), first + rest
+    t, small, exponents = np.empty((len(d), d.shape[1] - 1)), np.empty(d.shape), np.empty(len(d), dtype=np.int64)
+    row = scale_rows(d, d.shape[1].bit_length(), t, small, exponents)
+    if row >= 0:
+        raise ValueError(f"row {row} of {name} holds both huge and tiny numbers, {d[row]}: round the tiny ones to 0")
+    return t, small, exponents
+
+
+@compiled
+def scale_rows(d: Any, spare: int, t: Any, small: Any, exponents: Any) -> int:
+    """``_unit_rows`` into the last three arguments; the first row that would lose bits, else -1. ``spare`` bits leave
+    the sums below 1."""
+    k = d.shape[1]
+    for i in range(len(d)):
+        largest = 0.0
+        for j in range(1, k):
+            largest = max(largest, abs(d[i, j]))
+        first = math.frexp(largest)[1] + spare
+        for j in range(k):
+            small[i, j] = math.ldexp(d[i, j], -first)
+            if j > 0 and math.ldexp(small[i, j], first) != d[i, j]:
+                return i
+        total, largest = 0.0, 0.0
+        for j in range(k - 1, 0, -1):
+            total += small[i, j]
+            t[i, j - 1] = total
+            largest = max(largest, abs(total))
+        rest = math.frexp(largest)[1]
+        for j in range(k - 1):
+            t[i, j] = math.ldexp(t[i, j], -rest) + 0.0
+        for j in range(k):
+            small[i, j] = math.ldexp(small[i, j], -rest)
+        exponents[i] = first + rest
+    return -1
 
 
 def answer_rows(answers: Answers, first: int) -> tuple[Floats, Floats, NDArray[np.int64]]:

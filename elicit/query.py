@@ -122,11 +122,15 @@ class Answers:
         names = tuple(str(i) for i in (ids if ids is not None else range(len(rows))))
         if len(names) != len(rows):
             raise ValueError(f"ids must have one entry a row of d: {len(rows)} rows, {len(names)} ids")
-        codes = signs.astype(np.int8)
-        rows.flags.writeable = codes.flags.writeable = False
-        object.__setattr__(self, "d", rows)
-        object.__setattr__(self, "y", codes)
-        object.__setattr__(self, "ids", names)
+        self._keep(rows, signs.astype(np.int8), names)
+
+    def _keep(self, d: Floats, y: NDArray[np.int8], ids: tuple[str, ...]) -> Answers:
+        """Hold valid parts as they are."""
+        d.flags.writeable = y.flags.writeable = False
+        object.__setattr__(self, "d", d)
+        object.__setattr__(self, "y", y)
+        object.__setattr__(self, "ids", ids)
+        return self
 
     @staticmethod
     def none(k: int) -> Answers:
@@ -143,9 +147,9 @@ class Answers:
             if len(answer.query.left) != k:
                 found = len(answer.query.left)
                 raise ValueError(f"query {answer.query.id} is about {found} levels, but the answers are about {k}")
-        return Answers(
-            np.stack([a.query.d for a in told]), [int(a.verdict or 0) for a in told], [a.query.id for a in told]
-        )
+        d = as_vectors(np.array([a.query.d for a in told]))
+        y = np.array([a.verdict for a in told], dtype=np.int8)  # an Answer's verdict is one of these
+        return object.__new__(Answers)._keep(d, y, tuple(a.query.id for a in told))
 
     @staticmethod
     def from_csv(file: File, k: int | None = None) -> Answers:
@@ -179,12 +183,9 @@ class Answers:
     def __add__(self, other: Answers) -> Answers:
         if other.k != self.k:
             raise ValueError(f"these answers are about {other.k} levels, not {self.k}")
-        both = object.__new__(Answers)  # the parts are valid, so checking the whole again would only cost time
-        for name, joined in (("d", np.concatenate([self.d, other.d])), ("y", np.concatenate([self.y, other.y]))):
-            joined.flags.writeable = False
-            object.__setattr__(both, name, joined)
-        object.__setattr__(both, "ids", self.ids + other.ids)
-        return both
+        # the parts are valid, so checking the whole again would only cost time
+        d, y = np.concatenate([self.d, other.d]), np.concatenate([self.y, other.y])
+        return object.__new__(Answers)._keep(d, y, self.ids + other.ids)
 
     def __getitem__(self, rows: slice) -> Answers:
         return Answers(self.d[rows], self.y[rows], self.ids[rows])
@@ -226,7 +227,10 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
                 "what ask() returns now"
             )
         asked = waiting[name]
-        if not (np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)):
+        same = answer.query is asked or (
+            np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)
+        )
+        if not same:
             raise StaleAnswer(
                 f"the answer with the id {name!r} is about other vectors than the pending query of that id; answer the "
                 "very query that ask() returned (were its numbers rounded on the way?)"

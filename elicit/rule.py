@@ -6,6 +6,7 @@ every update. One type for all rules, so that a loop is compiled once, for whate
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -30,40 +31,51 @@ class Rule(NamedTuple):
 
 def nothing() -> Rule:
     """No arrays: only the comparator itself can tell."""
-    return Rule(NOTHING, _NONE, np.empty((0, 0)), np.empty(0), 0.0)
+    return _NOTHING
 
 
 def silent() -> Rule:
     """Beyond the order of the levels nothing is known: every other comparison is UNKNOWN."""
-    return nothing()._replace(kind=SILENT)
+    return _NOTHING._replace(kind=SILENT)
 
 
 def proven(known: Known) -> Rule:
     """By proofs about K_t."""
-    return nothing()._replace(kind=PROVEN, known=known)
+    return _NOTHING._replace(kind=PROVEN, known=known)
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
     """BETTER where scales of gaps (p, m) that carry the weight ``level`` say so; weights (m,) of total 1."""
-    return nothing()._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
+    return _NOTHING._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
 
 
 def ensemble(gaps: Floats, left_out: int) -> Rule:
     """BETTER where the last of the scales of gaps (p, m) says so, and all but so many of the others."""
-    return nothing()._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
+    return _NOTHING._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
 
 
 def box(low: Floats, high: Floats) -> Rule:
     """BETTER where the whole box of values low (p,) to high (p,) of levels 2..k says so."""
-    return nothing()._replace(kind=BOX, scales=np.ascontiguousarray(np.stack([low, high], axis=1)))
+    return _NOTHING._replace(kind=BOX, scales=np.ascontiguousarray(np.stack([low, high], axis=1)))
 
 
 def rule_of(comparator: Comparator) -> Rule:
-    """The comparator's ``rule``; ``nothing()`` where it has none."""
-    if isinstance(comparator, Dominance):
+    """The comparator's ``rule``; ``nothing()`` where it has none, or a class derived from it compares otherwise."""
+    kind = type(comparator)
+    if kind is Dominance:
         return silent()
-    rule: Rule | None = getattr(comparator, "rule", None)
-    return nothing() if rule is None else rule
+    if not _rules(kind):
+        return nothing()
+    rule: Rule = comparator.rule  # type: ignore[attr-defined]
+    return rule
+
+
+@cache
+def _rules(kind: type) -> bool:
+    """Whether the class that says how to compare also says by which rule."""
+    says = {name: [name in vars(parent) for parent in kind.__mro__] for name in ("rule", "compare", "decide")}
+    first = {name: found.index(True) for name, found in says.items() if True in found}
+    return "rule" in first and first["rule"] <= min(first.get("compare", 0), first.get("decide", first["rule"]))
 
 
 def _no_proofs() -> Known:
@@ -76,4 +88,4 @@ def _no_proofs() -> Known:
     )  # fmt: skip
 
 
-_NONE = _no_proofs()
+_NOTHING = Rule(NOTHING, _no_proofs(), np.empty((0, 0)), np.empty(0), 0.0)

@@ -22,6 +22,7 @@ from elicit.respond import (
     FLIPPING,
     GIVEN,
     LOGISTIC,
+    NOBODY,
     PAIRS,
     TRUTHFUL,
     WRONG,
@@ -96,7 +97,9 @@ class _Simulated:
     @property
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
-        whenever it has come back UNSETTLED."""
+        whenever it has come back UNSETTLED. Nobody, for a class that has ``signs`` of its own."""
+        if type(self).signs is not _Simulated.signs:
+            return nobody()
         return nobody()._replace(kind=TRUTHFUL, gaps=self._g, slack=self._slack, tally=self._tally)
 
     def _answer(self, t: Floats, truth: Signs, size: Floats) -> Signs:
@@ -141,10 +144,10 @@ class _Erring(_Simulated):
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
         whenever it has come back UNSETTLED."""
-        kind, rate = self._law
-        return super().respondent._replace(
-            kind=kind, rate=rate, key=np.uint64(self._key), pairs=self._pairs, times=self._times
-        )
+        truthful, (kind, rate) = super().respondent, self._law
+        if truthful.kind == NOBODY:
+            return truthful
+        return truthful._replace(kind=kind, rate=rate, key=np.uint64(self._key), pairs=self._pairs, times=self._times)
 
     def _answer(self, t: Floats, truth: Signs, size: Floats) -> Signs:
         orientation, pairs = unordered_pairs(self._key, t)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.comparator import BY_ANSWERS, Comparator, Decisions, Tier, decide
+from elicit.hashed import pair_code
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
@@ -73,7 +74,7 @@ class Desk:
         self._indifference = float(indifference)
         self._max_queries = max_queries
         self._audit = float(audit)
-        self._key = key_of(seed)
+        self._key = np.uint64(key_of(seed))
         self._number = 0
         self._said: dict[bytes, int] = {}  # verdicts told, in the pair's canonical direction
         self._binding: set[bytes] = set()  # pairs whose answer no model may overrule
@@ -120,7 +121,7 @@ class Desk:
         return Standing(
             indifference=self._indifference if asks else 0.0,
             audit=self._audit,
-            key=np.uint64(self._key),
+            key=self._key,
             binding=self._binding_codes,
             said=self._said_codes,
             plain=self._audit == 0 and not len(self._binding_codes),
@@ -191,11 +192,12 @@ class Desk:
             name, sign = _name(t)
             said = verdict if answer.verdict is None else answer.verdict
             self._said[name] = sign * said
-            code = unordered_pairs(self._key, t[None, :])[1]
-            self._said_codes = np.union1d(self._said_codes, code)
+            with np.errstate(over="ignore"):  # the hash wraps around
+                code = pair_code(self._key, t, np.empty(len(t)))
+            self._said_codes = _with(self._said_codes, code)
             if said == Verdict.EQUAL or unused:
                 self._binding.add(name)
-                self._binding_codes = np.union1d(self._binding_codes, code)
+                self._binding_codes = _with(self._binding_codes, code)
             if expected is not None and verdict != expected:
                 tier = int(Tier.KNOWN)  # by the audit's answer, not by what the answers before it implied
             self.counts[tier] += 1
@@ -304,6 +306,12 @@ def _name(t: Floats) -> tuple[bytes, int]:
     lead = t[np.flatnonzero(t)[0]] if t.any() else 1.0
     sign = 1 if lead > 0 else -1
     return (sign * t + 0.0).tobytes(), sign
+
+
+def _with(codes: NDArray[np.uint64], code: np.uint64) -> NDArray[np.uint64]:
+    """Sorted codes, with one more."""
+    at = int(np.searchsorted(codes, code))
+    return np.concatenate([codes[:at], np.array([code], np.uint64), codes[at:]])
 
 
 def place(state: int, a: int, b: int) -> Place:

@@ -32,7 +32,7 @@ from elicit.settle import (
 )
 from qlearn.standing import Standing, consult
 
-DONE, DEFER, FULL = 0, 1, 2
+DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
 STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE, KEPT = range(8)  # what the cursor holds
 IDLE = -1  # POSITION between two steps
@@ -113,7 +113,8 @@ def advance(
     """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet).
     With an ``oracle`` it is asked whatever dominance leaves open.
 
-    Returns DONE; FULL where ``kept`` must be emptied first; or DEFER with the cursor at a pair for the desk.
+    Returns DONE; FULL where ``kept`` must be emptied first; or, with the cursor at a pair, ASK where only the tutor
+    can settle it and DEFER where perhaps the desk can.
     """
     q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
     floors, sides = state.floors, state.sides
@@ -146,8 +147,8 @@ def advance(
                         else:
                             verdict, tier = consult(d, t, work, rule, standing, floors[s, challenger])
                             sides[s, challenger] = 0
-                            if verdict == UNSETTLED:
-                                return DEFER
+                            if verdict in (UNSETTLED, UNKNOWN):
+                                return DEFER if verdict == UNSETTLED else ASK
                             if tier >= FLOORED:
                                 tier -= FLOORED
                                 sides[s, challenger] = verdict * (BY_SCREEN if tier == BY_SIMPLEX else tier)

@@ -19,6 +19,7 @@ from qlearn.desk import Desk, Watch, place
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 
+_TO_ASK = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
 KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 Start: TypeAlias = Literal["worst", "zero"]
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
@@ -114,7 +115,9 @@ class InteractiveQLearning:
             self._show(kept)
             if oracle.kind != NOBODY:
                 self._desk.asked = int(self._desk.counts[Tier.TUTOR] + self._state.decided[Tier.TUTOR])
-            if code == kernel.DEFER:
+            if code == kernel.ASK and self._desk.signs is None:
+                return self._desk.open([self._pair()], _TO_ASK)
+            if code in (kernel.ASK, kernel.DEFER):
                 pair = self._pair()
                 d = (pair[0] - pair[1])[None, :]
                 if self._desk.signs is not None and not self._model.dominance:  # AlwaysAsk has no say

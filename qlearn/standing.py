@@ -39,7 +39,7 @@ def among(code: Any, codes: Any) -> bool:
 @compiled
 def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, floor: Any) -> tuple[int, int]:
     """Verdict and tier of a pair on which dominance is silent, as ``Desk.judge`` has them; UNSETTLED where only
-    the desk can tell, or the tutor."""
+    the desk can tell, UNKNOWN where only the tutor can."""
     work[0, :] = t
     if len(standing.binding) > 0 and among(pair_code(standing.key, t, work[1]), standing.binding):
         return UNSETTLED, BY_EQUAL
@@ -59,4 +59,4 @@ def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, floor: Any
             return (BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL), GUESS
     elif verdict != EQUAL and standing.audit > 0.0 and unit(pair_code(standing.key, work[0], work[1])) < standing.audit:
         return UNSETTLED, BY_EQUAL
-    return (UNSETTLED if verdict == UNKNOWN else verdict), tier
+    return verdict, tier
