@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -28,25 +29,51 @@ def _made(function: F, nogil: bool) -> F:
         from numba import njit
     except ImportError:
         return function
+    _announce_compiling()
     config: Any = settings
-    usual = config.CACHE_DIR
-    config.CACHE_DIR = _cache_of(usual, Path(function.__code__.co_filename).parent)
+    usual, folder = config.CACHE_DIR, Path(function.__code__.co_filename).parent
+    _FOLDERS.add(folder)  # what this function calls was imported, and is known here, before it
+    config.CACHE_DIR = _cache_of(usual, folder, frozenset(_FOLDERS))
     try:
         made: Any = njit(cache=True, error_model="numpy", nogil=nogil)(function)
     except RuntimeError:  # nowhere to keep it
         made = njit(error_model="numpy", nogil=nogil)(function)
     finally:
         config.CACHE_DIR = usual
+    _OURS.add(function)
     return cast(F, made)
 
 
+_FOLDERS: set[Path] = {Path(__file__).parent}
+_OURS: set[Any] = set()
+
+
 @cache
-def _cache_of(usual: str, folder: Path) -> str:
+def _cache_of(usual: str, folder: Path, called: frozenset[Path] = frozenset(_FOLDERS)) -> str:
     """Where to keep the machine code of a folder's functions: a place of its own for each state of the sources.
     numba looks for changes in a function's own file only, not in the files of the functions it calls."""
-    sources = {path: path.read_bytes() for home in {folder, Path(__file__).parent} for path in home.glob("*.py")}
+    sources = {path: path.read_bytes() for home in {folder} | called for path in home.glob("*.py")}
     digest = hashlib.blake2b(digest_size=8)
     for path in sorted(sources):
-        if b"@compiled" in sources[path]:
+        if b"@compiled" in sources[path] or b"@unlocked" in sources[path]:
             digest.update(sources[path])
     return str(Path(usual or folder / "__pycache__") / f"numba-{digest.hexdigest()}")
+
+
+@cache
+def _announce_compiling() -> None:
+    """Say once, on the standard error, what a first call waits for."""
+    from numba.core import event
+
+    class Announcer(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if event.data["dispatcher"].py_func in _OURS and not said:
+                said.append(True)
+                print("elicit: compiling, once on this machine: up to a minute ...", file=sys.stderr, flush=True)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    said: list[bool] = []
+    register: Any = event.register
+    register("numba:compile", Announcer())

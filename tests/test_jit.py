@@ -133,6 +133,20 @@ def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
     assert place("", tmp_path) == before
 
 
+def test_the_first_call_says_what_it_waits_for(tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.stderr = sys.stdout; import helper; helper.helper(1)"
+    )
+    again = "; helper.helper(1.5)"
+    kept = str(tmp_path / "kept")
+    said = run(code + again, NUMBA_CACHE_DIR=kept)
+    assert len(said) == 1
+    assert "compiling" in said[0]
+    assert run(code + again, NUMBA_CACHE_DIR=kept) == []
+
+
 def test_numbas_own_settings_are_left_as_they_were() -> None:
     numba = pytest.importorskip("numba")
     before = str(numba.config.CACHE_DIR)
