@@ -8,33 +8,20 @@ rebuilt by hand with that seed as ``rng`` and ``seed``.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from time import perf_counter
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from inspect import signature
+from pathlib import Path
+from typing import Any
 
-import joblib
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
-from elicit.bradley_terry import BradleyTerryComparator
-from elicit.comparator import AlwaysAsk, Comparator
-from elicit.polytope import PolytopeComparator
-from elicit.posterior import PosteriorComparator
-from elicit.relaxed import RelaxedPolytopeComparator
-from elicit.scale import Floats
-from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
-from qlearn.environments import draw_values, icu_sepsis, random_mdp
-from qlearn.ivi import InteractiveValueIteration
-from qlearn.learner import drive
-from qlearn.mdp import OrdinalMDP
-from qlearn.metrics import CELL, Watch, audits, counts, estimated_values, paper_loss, reference_differences, summarise
-from qlearn.planning import policy_loss
-from qlearn.q_learning import InteractiveQLearning
+from qlearn.metrics import CELL, paper_loss, summarise
+from qlearn.runs import Cell, Run, Size, instance, run, run_named, sources
+from qlearn.sweep import Unfinished, sweep
 
 __all__ = ["Interrupted", "Run", "ablate", "cells", "run", "summarise"]
 
-Cell = dict[str, Any]
 KEYS = (*CELL, "seed")
 ORDER: dict[str, tuple[str, ...]] = {
     "problem": ("random", "icu"),
@@ -43,13 +30,7 @@ ORDER: dict[str, tuple[str, ...]] = {
 }
 
 AUDITED = ("polytope", "relaxed")  # to a statistical model a surprising answer is no contradiction
-
-
-class Run(NamedTuple):
-    """One finished run: its row of the table, and v (S,) of figure 4 for the comparison with the oracle's."""
-
-    row: Cell
-    v: Floats
+_SLOW = {"box": 5.0, "ensemble": 4.0, "always": 3.0, "posterior": 2.0, "posterior-close": 2.0}  # roughly; others 1
 
 
 class Interrupted(KeyboardInterrupt):
@@ -73,7 +54,9 @@ def ablate(
     actions: int = 5,
     levels: int = 10,
     discount: float = 0.95,
-    jobs: int = -1,
+    jobs: int | None = None,
+    journal: Path | None = None,
+    fresh: bool = False,
     progress: Callable[[int, int], None] | None = None,
     **settings: Any,
 ) -> pd.DataFrame:
@@ -89,28 +72,28 @@ def ablate(
     truthful tutor is always run: it is the oracle that the others are paired with, all but the audited ones,
     which are shorter (their paired columns are nan).
 
-    The rows do not depend on ``jobs`` (processes; -1: one a core), only the seconds do. ``progress`` is called
-    with (runs finished, runs in all). Raises ValueError for unknown names, ImportError without the tables of
-    ICU-Sepsis, and Interrupted on Ctrl-C.
+    The rows do not depend on ``jobs`` (processes; None: as an outer ``joblib.parallel_config`` says, a Dask cluster
+    say, else one a core), nor on whether a run is read from ``journal``, the file in which finished runs are kept and
+    looked up; only the seconds do. There a run counts as the same while its settings, the sources of both packages and
+    the versions of the libraries that compute are the same; ``fresh`` empties the journal. ``progress`` is
+    called with (runs finished, runs in all). Raises ValueError for unknown names, ImportError without the tables of
+    ICU-Sepsis, Interrupted on Ctrl-C, and as ``sweep`` does.
     """
     plan = cells(problems, learners, comparators, error_rates, audit, range(seed, seed + seeds))
-    icu = icu_sepsis() if "icu" in problems else None
-    instances: dict[tuple[str, int], tuple[OrdinalMDP, Floats]] = {}
-    for s in range(seed, seed + seeds):
-        if "random" in problems:
-            instances["random", s] = random_mdp(states, actions, levels, discount, rng=s)
-        if icu is not None:
-            instances["icu", s] = icu, draw_values(icu.k, rng=s)
-    finished: list[Run] = []
+    size = (states, actions, levels, discount)
+    for problem in {cell["problem"] for cell in plan}:
+        instance(problem, seed, size)  # what is wrong with a problem is said before the runs
+    arguments = signature(run).bind(None, None, None, **settings)
+    arguments.apply_defaults()  # named or not, a default is the same setting
+    given = {name: value for name, value in arguments.arguments.items() if name not in ("cell", "mdp", "values")}
+    shared = {"size": size, "built": sources(), "settings": given}
     try:
-        tasks = (joblib.delayed(run)(cell, *instances[cell["problem"], cell["seed"]], **settings) for cell in plan)
-        for done in _results(tasks, jobs):
-            finished.append(done)
-            if progress is not None:
-                progress(len(finished), len(plan))
-    except KeyboardInterrupt:
-        raise Interrupted(_paired(finished, instances)) from None
-    return _paired(finished, instances)
+        rows = sweep(
+            run_named, plan, shared=shared, journal=journal, fresh=fresh, jobs=jobs, cost=_cost, progress=progress
+        )
+    except Unfinished as stopped:
+        raise Interrupted(_paired(stopped.rows, size)) from None
+    return _paired(rows, size)
 
 
 def cells(
@@ -148,125 +131,21 @@ def cells(
     return sorted(plan, key=lambda cell: (not _is_oracle(cell), _place(cell)))
 
 
-def run(
-    cell: Cell,
-    mdp: OrdinalMDP,
-    values: Floats,
-    *,
-    steps: int = 20_000,
-    epsilon: float = 1.0,
-    indifference: float = 0.0,
-    close: float = 0.005,
-    tolerance: float = 0.005,
-    max_sweeps: int = 200,
-    max_queries: int = 2000,
-    audit_length: float = 0.1,
-    precision: float = 300.0,
-    n_boot: int = 50,
-    level: float = 0.95,
-    refit_growth: float = 0.05,
-    lapse: float = 0.1,
-    particles: int = 500,
-    slack: float = 0.0,
-    noise: Literal["flip", "logistic"] = "flip",
-) -> Run:
-    """One run of one cell, on one thread.
-
-    steps, epsilon  of Q-learning. An epsilon of 1 explores uniformly: then all comparators see the same transitions,
-                    and losses differ by verdicts alone
-    indifference    of Q-learning, share of the value range; value iteration derives its own from the tolerance
-    close           indifference of Q-learning with "posterior-close"
-    tolerance       of value iteration: policy loss with right verdicts, share of the value range
-    max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
-    max_queries     question budget; "always" has none
-    audit_length    of an audited run, as a share of steps and max_sweeps: contradictions show early
-    precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
-                    value range is answered rightly 95 times in 100
-    n_boot, level, refit_growth   of the Bradley-Terry comparators: resamples, confidence (the posterior's too), and
-                    how much the answers grow between two refits
-    lapse, particles   of the posterior: share of answers given at random, and number of particles
-    slack           of the relaxed polytope
-    noise           of a tutor who errs: "flip" (any answer, however clear) or "logistic" (near ties mostly; the
-                    precision is set so that the error rate holds on average over ``reference_differences``)
-    """
-    seed, rate, ivi = cell["seed"], cell["error_rate"], cell["learner"] == "ivi"
-    name, k = cell["comparator"], mdp.k
-    comparator: Comparator
-    if name == "always":
-        comparator = AlwaysAsk(k)
-    elif name == "polytope":
-        comparator = PolytopeComparator(k)
-    elif name == "relaxed":
-        comparator = RelaxedPolytopeComparator(k, slack=slack)
-    elif name.startswith("posterior"):
-        comparator = PosteriorComparator(k, lapse=lapse, level=level, particles=particles, seed=seed)
-    else:
-        comparator = BradleyTerryComparator(
-            k, precision=precision, n_boot=n_boot, level=level, region=name, refit_growth=refit_growth, seed=seed
-        )
-    if name == "posterior-close":
-        indifference = close
-    indifference = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
-    if cell["audit"]:
-        steps, max_sweeps = math.ceil(steps * audit_length), math.ceil(max_sweeps * audit_length)
-    common = {"rng": seed, "max_queries": max_queries, "indifference": indifference, "audit": cell["audit"]}
-    # one thread: how a sum is split among threads would show in its last digits
-    with threadpool_limits(1):
-        tutor = _tutor(noise, rate, mdp, values, seed)
-        learner: InteractiveValueIteration | InteractiveQLearning = (
-            InteractiveValueIteration(mdp, comparator, tolerance=tolerance, max_sweeps=max_sweeps, **common)
-            if ivi
-            else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, **common)
-        )
-        watch = Watch(values, indifference, erred=lambda: tutor.realised_error_rate > 0)
-        learner.watch(watch)
-        start = perf_counter()
-        result = drive(learner, tutor, on_conflict="drop" if cell["audit"] else "raise")
-        seconds = perf_counter() - start
-        loss = policy_loss(mdp, result.policy, values)
-        return Run(
-            {
-                **cell,
-                **counts(result),
-                "realised_error_rate": tutor.realised_error_rate,
-                **watch.counts._asdict(),
-                **audits(result, values),
-                "loss": float(np.mean(loss)),
-                "loss_initial": float(mdp.initial @ loss),
-                "seconds": seconds,
-            },
-            estimated_values(mdp, result.q, values),
-        )
+def _cost(cell: Cell) -> float:
+    """The oracles first, which the others are paired with, should the sweep be interrupted; then what takes long."""
+    if _is_oracle(cell):
+        return math.inf
+    return _SLOW.get(cell["comparator"], 1.0) * (2.0 if cell["error_rate"] else 1.0) / (10.0 if cell["audit"] else 1.0)
 
 
-def _results(tasks: Iterable[Any], jobs: int) -> Iterator[Run]:
-    """Results as they come, in any order."""
-    if jobs == 1:
-        return (function(*args, **kwargs) for function, args, kwargs in tasks)
-    with joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1):
-        results: Iterator[Run] = joblib.Parallel(return_as="generator_unordered")(tasks)
-    return results
-
-
-def _tutor(
-    noise: str, rate: float, mdp: OrdinalMDP, values: Floats, seed: int
-) -> TruthfulTutor | FlippingTutor | BradleyTerryTutor:
-    if noise not in ("flip", "logistic"):
-        raise ValueError(f"noise must be 'flip' or 'logistic', not {noise!r}")
-    if rate == 0:
-        return TruthfulTutor(values)
-    if noise == "flip":
-        return FlippingTutor(values, rate, seed)
-    return BradleyTerryTutor.from_error_rate(values, rate, reference_differences(mdp, values), seed)
-
-
-def _paired(runs: Sequence[Run], instances: dict[tuple[str, int], tuple[OrdinalMDP, Floats]]) -> pd.DataFrame:
-    """The table, each run beside the oracle of its problem, learner and seed."""
+def _paired(results: Iterable[Any], size: Size) -> pd.DataFrame:
+    """The table of the runs that have finished, each beside the oracle of its problem, learner and seed."""
+    runs = [Run(row, np.array(v)) for row, v in filter(None, results)]
     oracles = {_group(run.row): run for run in runs if _is_oracle(run.row)}
-    rows = []
-    for row, v in sorted(runs, key=lambda run: _place(run.row)):
+    rows: list[Cell] = []
+    for row, v in sorted(runs, key=lambda run: _group(run.row)):  # each problem is made once
         oracle = None if row["audit"] else oracles.get(_group(row))  # audited runs are shorter than the oracle
-        mdp, values = instances[row["problem"], row["seed"]]
+        mdp, values = instance(row["problem"], row["seed"], size)
         nothing = float("nan")
         rows.append(
             row
@@ -277,6 +156,7 @@ def _paired(runs: Sequence[Run], instances: dict[tuple[str, int], tuple[OrdinalM
                 "seconds": row["seconds"],
             }
         )
+    rows.sort(key=_place)
     frame = pd.DataFrame(rows)
     return frame[[*(c for c in frame.columns if c != "seconds"), "seconds"]] if rows else frame
 
@@ -286,7 +166,7 @@ def _is_oracle(cell: Cell) -> bool:
 
 
 def _group(cell: Cell) -> tuple[Any, ...]:
-    return cell["problem"], cell["learner"], cell["seed"]
+    return cell["problem"], cell["seed"], cell["learner"]
 
 
 def _place(cell: Cell) -> tuple[Any, ...]:

@@ -44,19 +44,24 @@ def _ablate(options: dict[str, Any]) -> int:
     bar = tqdm(desc="ablation", unit="run", disable=None)
 
     def show(done: int, total: int) -> None:
-        bar.total = total
+        if bar.total is None:  # the start: what is read back says nothing about the speed
+            bar.total, bar.initial, bar.n = total, done, done
+            bar.refresh()
+            if done:
+                bar.write(f"{done} of the {total} runs had finished before (--fresh starts over)", file=sys.stderr)
         bar.update(done - bar.n)
 
     code = 0
     try:
         with bar:
-            frame = ablate(progress=show, **settings)
+            frame = ablate(progress=show, journal=out / "journal.jsonl", **settings)
     except Interrupted as stopped:
         frame, code = stopped.frame, 130
-        print(f"interrupted: keeping the {len(frame)} runs that had finished", file=sys.stderr)
+        print(f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on", file=sys.stderr)
         if frame.empty:
             return code
-    except (ImportError, ValueError) as error:  # no tables of ICU-Sepsis; options that do not go together
+    # no tables of ICU-Sepsis; options that do not go together; a journal that is in use, or not to be written
+    except (ImportError, ValueError, OSError) as error:
         return _fail(str(error))
 
     times = [*KEYS, "seconds"]
@@ -70,7 +75,8 @@ def _ablate(options: dict[str, Any]) -> int:
     figure = plot_ablation(summary, max_queries=defaults["max_queries"], names=names)
     figure.savefig(out / "ablation.png", dpi=150)
     print(table(summary, names), LEGEND, sep="\n\n")
-    print(f"\nwritten to {out}: runs.csv (a row a run), summary.csv (a row a cell), times.csv, ablation.png")
+    print(f"\nwritten to {out}: runs.csv (a row a run), summary.csv (a row a cell), times.csv, ablation.png; and")
+    print("journal.jsonl, from which the same command takes what has finished")
     return code
 
 
@@ -178,7 +184,8 @@ def _parser() -> argparse.ArgumentParser:
         help="compare the comparators: what they cost in questions and in policy loss, and where they break",
         description="Run comparators x learners x tutors x problems over several seeds with common random numbers. "
         "Prints a table and writes runs.csv (one row a run), summary.csv (one a cell), times.csv and ablation.png. "
-        "Runs.csv is the same for the same options on any number of processes. Ctrl-C keeps what has finished.",
+        "Runs.csv is the same for the same options on any number of processes. Every run is kept in journal.jsonl as "
+        "it finishes: after Ctrl-C, or worse, the same command computes what is missing.",
     )
     ablation.set_defaults(command=_ablate)
     ablation.add_argument(
@@ -187,6 +194,7 @@ def _parser() -> argparse.ArgumentParser:
     ablation.add_argument(
         "--jobs", type=_COUNT, default=-1, metavar="N", help="number of processes, one thread each [one a core]"
     )
+    ablation.add_argument("--fresh", action="store_true", help="forget the runs that have finished, and start over")
     size = ablation.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="a tiny setting, to see that it works (seconds)")
     size.add_argument(

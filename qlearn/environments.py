@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from elicit.scale import Floats
 from elicit.seeds import Seed, key_of
-from qlearn.mdp import Flags, OrdinalMDP
+from qlearn.mdp import OrdinalMDP
+from qlearn.rows import BLOCK, Flags
 
 _VALUES = 100  # hidden values are integers 0..99 (section 5)
 _DIED, _RECOVERED, _ABSORBING, _ACTIONS = 713, 714, 715, 25
@@ -57,11 +58,14 @@ def random_mdp(
         raise ValueError(f'weights must be "dirichlet" or "gaussian", not {weights!r}')
     generator = np.random.default_rng(key_of(rng))
     b = max(1, (n_states - 1).bit_length()) if branching == "log2" else ceil(log(1 + n_states))
-    successors = _samples(n_states, b, n_states * n_actions, generator).reshape(n_states, n_actions, b)
+    successors = _samples(n_states, b, (n_states, n_actions), generator)
     draw = generator.standard_exponential if weights == "dirichlet" else generator.standard_normal
-    mass = np.abs(draw(successors.shape))
-    probabilities = mass / mass.sum(axis=2, keepdims=True)
+    probabilities = draw(successors.shape)
+    for part in np.array_split(probabilities, max(1, probabilities.size // BLOCK)):  # in place: it may be a gigabyte
+        np.abs(part, out=part)
+        part /= part.sum(axis=2, keepdims=True)
     levels = generator.integers(n_levels, size=(n_states, n_actions))
+    successors.flags.writeable = probabilities.flags.writeable = False  # handed over, not copied
     labels = tuple(f"level {i + 1}" for i in range(n_levels))
     mdp = OrdinalMDP(successors, probabilities, levels, discount, labels)
     return mdp, _values(n_levels, generator)
@@ -181,16 +185,17 @@ def _values(k: int, generator: np.random.Generator) -> Floats:
     return np.sort(generator.choice(_VALUES, size=k, replace=False)).astype(np.float64)
 
 
-def _samples(n: int, b: int, rows: int, generator: np.random.Generator) -> NDArray[np.int32]:
-    """(rows, b): in each row b distinct states of n, every set equally likely, ascending.
+def _samples(n: int, b: int, shape: tuple[int, ...], generator: np.random.Generator) -> NDArray[np.int32]:
+    """(*shape, b): in each row b distinct states of n, every set equally likely, ascending.
 
     Floyd's algorithm (Bentley and Floyd, CACM 1987), for all rows at once.
     """
-    sample = np.empty((rows, b), dtype=np.int32)
+    samples = np.empty((*shape, b), dtype=np.int32)
+    rows = samples.reshape(-1, b)
     for j in range(b):
         top = n - b + j
-        pick = generator.integers(top + 1, size=rows, dtype=np.int32)
-        taken = (sample[:, :j] == pick[:, None]).any(axis=1)
-        sample[:, j] = np.where(taken, top, pick)
-    sample.sort(axis=1)
-    return sample
+        pick = generator.integers(top + 1, size=len(rows), dtype=np.int32)
+        taken = (rows[:, :j] == pick[:, None]).any(axis=1)
+        rows[:, j] = np.where(taken, top, pick)
+    rows.sort(axis=1)
+    return samples

@@ -46,13 +46,31 @@ class Audit:
         return self.answer is not None and self.expected * self.answer == -1
 
 
+class OnDemand:
+    """A field that may be given as a function: called when the field is first read."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: object, owner: type | None = None) -> Floats:
+        if instance is None:
+            raise AttributeError(self._name)  # says to dataclass: there is no default
+        value: Floats | Callable[[], Floats] = vars(instance)[self._name]
+        if callable(value):
+            value = vars(instance)[self._name] = value()
+        return value
+
+    def __set__(self, instance: object, value: Floats | Callable[[], Floats]) -> None:
+        vars(instance)[self._name] = value
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a learner knows so far. ``policy`` (S,) actions; ``q`` (S, A, k) shares; ``asked``: questions
-    to the tutor, audits not counted; ``decided``: comparisons by tier; ``rounds``: steps or sweeps done."""
+    """What a learner knows so far. ``policy`` (S,) actions; ``q`` (S, A, k) shares, of many states computed when
+    first read; ``asked``: questions to the tutor, audits not counted; ``decided``: comparisons by tier;
+    ``rounds``: steps or sweeps done."""
 
     policy: NDArray[np.int64]
-    q: Floats
     status: Status
     asked: int
     decided: Mapping[str, int]
@@ -61,6 +79,7 @@ class Result:
     audits: tuple[Audit, ...]
     cannot_tell: int
     rounds: int
+    q: OnDemand = OnDemand()
 
     @property
     def audited(self) -> int:

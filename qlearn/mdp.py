@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
 from elicit.scale import Floats, normalise
+from qlearn import rows
+from qlearn.rows import Flags, Indices
 
-Indices = NDArray[np.int32]
-Flags = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from qlearn import tables
 
 _DEFAULT: Any = None  # the fields below are never None once constructed, whatever was passed
-_SUM_TOLERANCE = 1e-9  # farther from 1 than this, a row is no distribution
-_ROUNDING = 1e-12  # nearer to 1 than this, a row is kept bit for bit, so that copies are identical
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -32,8 +32,8 @@ class OrdinalMDP:
     probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0, 1), ``labels`` the k names.
     ``initial`` (S,) is where episodes start (default: uniform over the states that are not
     terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A)
-    bool which actions there are (default: all). Array-likes are accepted and copied; the stored
-    arrays are read-only.
+    bool which actions there are (default: all). Array-likes are accepted and copied, but for arrays of the
+    stored type that are read-only and own their memory; the stored arrays are read-only.
 
     A terminal state's value is its level for ever, so its levels must agree over its admissible
     actions. What is never read needs no valid entries and is overwritten: the rows of a terminal
@@ -55,46 +55,35 @@ class OrdinalMDP:
     admissible: Flags = _DEFAULT
 
     def __post_init__(self) -> None:
-        probabilities = _numbers("probabilities", self.probabilities)
+        probabilities = rows.numbers("probabilities", self.probabilities)
         if probabilities.ndim != 3 or 0 in probabilities.shape:
             raise ValueError(
                 f"probabilities must have shape (S, A, b), each at least 1, not {probabilities.shape}; "
-                "OrdinalMDP.from_dense takes a table (S, A, S)"
+                "OrdinalMDP.from_dense takes a table (S, A, S), from_sparse a sparse one"
             )
         n, m, b = probabilities.shape
-        targets = _numbers("successors", self.successors, (n, m, b))
-        levels = _integers("levels", _numbers("levels", self.levels, (n, m)))
-        labels = _names(self.labels)
+        targets = rows.numbers("successors", self.successors, (n, m, b), whole=True)
+        levels = rows.integers("levels", rows.numbers("levels", self.levels, (n, m), whole=True))
+        labels = rows.names(self.labels)
         discount = float(self.discount)
         if not 0 <= discount < 1:
             raise ValueError(f"discount must be in [0, 1), not {discount}")
-        terminal = _flags("terminal", self.terminal, (n,), default=False)
-        admissible = _flags("admissible", self.admissible, (n, m), default=True)
+        terminal = rows.flags("terminal", self.terminal, (n,), default=False)
+        admissible = rows.flags("admissible", self.admissible, (n, m), default=True)
         if terminal.all():
             raise ValueError(f"all {n} states are terminal: there is nothing to decide; clear at least one")
         if not admissible.any(axis=1).all():
             s = int(np.argmin(admissible.any(axis=1)))
             raise ValueError(f"state {s} has no admissible action; set at least one of admissible[{s}]")
-        _reject("levels", levels, (levels < 0) | (levels >= len(labels)), f"must be in 0..{len(labels) - 1}")
-        _check_terminal_levels(levels, terminal, admissible)
-
-        own = np.arange(n, dtype=np.float64)[:, None, None]
-        unread = (~admissible | terminal[:, None])[:, :, None]
-        targets = np.where(unread, own, targets)
-        probabilities = np.where(unread, 0.0, probabilities)
-        probabilities[terminal, :, 0] = admissible[terminal]
-        padding = probabilities == 0
-        last = b - 1 - np.argmin(padding[:, :, ::-1], axis=2, keepdims=True)
-        targets = np.where(padding, np.take_along_axis(targets, last, axis=2), targets)
-        successors = _integers("successors", targets)
-        _reject("successors", successors, (successors < 0) | (successors >= n), f"must be a state in 0..{n - 1}")
-        probabilities = _distributions("probabilities", probabilities, needed=admissible)
+        rows.reject("levels", levels, (levels < 0) | (levels >= len(labels)), f"must be in 0..{len(labels) - 1}")
+        rows.check_terminal_levels(levels, terminal, admissible)
+        successors, probabilities = rows.clean(targets, probabilities, terminal, admissible)
 
         if self.initial is None:
             initial = ~terminal / np.count_nonzero(~terminal)
         else:
-            initial = _distributions("initial", _numbers("initial", self.initial, (n,)))
-            _reject(
+            initial = rows.distributions("initial", rows.numbers("initial", self.initial, (n,)))
+            rows.reject(
                 "initial", initial, terminal & (initial != 0), "must be 0: an episode cannot start in a terminal state"
             )
 
@@ -125,23 +114,86 @@ class OrdinalMDP:
         admissible: ArrayLike | None = None,
     ) -> OrdinalMDP:
         """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s')."""
-        table = _numbers("transitions", transitions)
-        if table.ndim != 3 or table.shape[0] != table.shape[2] or 0 in table.shape:
-            raise ValueError(f"transitions must have shape (S, A, S), not {table.shape}")
-        n, m, _ = table.shape
-        ends = _flags("terminal", terminal, (n,), default=False)
-        offered = _flags("admissible", admissible, (n, m), default=True)
-        used = (table != 0) & (offered & ~ends[:, None])[:, :, None]
-        counts = np.count_nonzero(used, axis=2)
-        state, action, successor = np.nonzero(used)
-        slot = np.arange(state.size) - np.repeat(np.cumsum(counts) - counts.ravel(), counts.ravel())
-        shape = (n, m, max(1, int(counts.max())))
-        successors = np.zeros(shape, dtype=np.int32)
-        probabilities = np.zeros(shape)
-        successors[state, action, slot] = successor
-        probabilities[state, action, slot] = table[state, action, successor]
-        given: dict[str, Any] = {"initial": initial, "terminal": ends, "admissible": offered}
-        return cls(successors, probabilities, np.asarray(levels), discount, tuple(labels), **given)
+        from qlearn import tables
+
+        return cls(**tables.dense(transitions, levels, discount, labels, initial, terminal, admissible))
+
+    @classmethod
+    def from_sparse(
+        cls,
+        transitions: tables.Matrix | Sequence[tables.Matrix],
+        levels: ArrayLike,
+        discount: float,
+        labels: Sequence[str],
+        *,
+        initial: ArrayLike | None = None,
+        terminal: ArrayLike | None = None,
+        admissible: ArrayLike | None = None,
+    ) -> OrdinalMDP:
+        """The same from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as
+        in ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
+
+        Rows are stored at the length of the longest, so one state with very many successors costs
+        memory for all. Raises ValueError.
+        """
+        from qlearn import tables
+
+        return cls(**tables.sparse_rows(transitions, levels, discount, labels, initial, terminal, admissible))
+
+    @classmethod
+    def from_pairs(
+        cls,
+        levels: ArrayLike,
+        transitions: tables.Matrix | ArrayLike,
+        s_indices: ArrayLike,
+        a_indices: ArrayLike,
+        discount: float,
+        labels: Sequence[str],
+        *,
+        initial: ArrayLike | None = None,
+        terminal: ArrayLike | None = None,
+    ) -> OrdinalMDP:
+        """The same from its L state-action pairs, as QuantEcon's DiscreteDP takes them: ``levels`` (L,) in place
+        of its rewards R, ``transitions`` (L, S) for its Q, sparse or not, and the state and the action of each
+        pair, ``s_indices`` and ``a_indices`` (L,), in any order. A pair that is not listed is inadmissible.
+
+        Raises ValueError for pairs out of range or listed twice, and for a state without any.
+        """
+        from qlearn import tables
+
+        pairs = tables.pairs(levels, transitions, s_indices, a_indices, discount, labels, initial, terminal)
+        return cls(**pairs)
+
+    @classmethod
+    def from_environment(
+        cls,
+        env: Any,
+        discount: float,
+        *,
+        levels: Mapping[float, str] | Sequence[float] | None = None,
+        labels: Sequence[str] | None = None,
+        initial: ArrayLike | None = None,
+        after: float = 0.0,
+    ) -> OrdinalMDP:
+        """The same from an environment that carries its tables, such as Gymnasium's toy texts: ``env.unwrapped.P``
+        with ``P[s][a]`` a list of (probability, next state, reward, terminated).
+
+        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to the name
+        of its level, several rewards to one name if need be; ``labels`` then are these names, worst first
+        (default: as they first appear in the mapping). By default the distinct rewards in increasing order are
+        the levels. Once an episode has ended, every further step counts as one of reward ``after``, which
+        needs a level too.
+
+        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it; what is
+        appended are states after the end. Where a reward depends on the next state, it is counted on
+        arrival, one step later: this changes no preference between two policies, and scales their differences by
+        ``discount``. A state that can be entered with different rewards is appended once for each further one.
+        ``initial`` is by default ``env.unwrapped.initial_state_distrib`` where there is one.
+        Raises TypeError where there are no tables, ValueError for a reward without a level.
+        """
+        from qlearn import environment_tables
+
+        return cls(**environment_tables.read(env, discount, levels, labels, initial, after))
 
     @property
     def n_states(self) -> int:
@@ -170,11 +222,19 @@ class OrdinalMDP:
     def transitions(self) -> sparse.csr_array:
         """p as CSR (S*A, S); row s*A + a belongs to (s, a). An admissible action of a terminal
         state loops; the row of an inadmissible action is empty. Do not write to it."""
-        p = self.probabilities.reshape(self.n_states * self.n_actions, -1)
-        row, slot = np.nonzero(p)
-        column = self.successors.reshape(p.shape)[row, slot]
-        matrix = sparse.csr_array((p[row, slot], (row, column)), shape=(p.shape[0], self.n_states))
-        matrix.sum_duplicates()
+        n, m, b = self.probabilities.shape
+        p, column = self.probabilities.reshape(-1), self.successors.reshape(-1)
+        used = p != 0
+        if used.all():  # the arrays themselves: at a million states a copy would be a gigabyte
+            ends = np.arange(0, p.size + 1, b, dtype=np.int32 if p.size < 2**31 else np.int64)
+        else:
+            counts = np.count_nonzero(used.reshape(n * m, b), axis=1)
+            ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32 if p.size < 2**31 else np.int64)
+            p, column = p[used], column[used]
+        matrix = sparse.csr_array((p, column.astype(ends.dtype, copy=False), ends), shape=(n * m, n))
+        if not matrix.has_canonical_format:
+            matrix = matrix.copy()
+            matrix.sum_duplicates()
         matrix.data.flags.writeable = False
         return matrix
 
@@ -207,7 +267,8 @@ class OrdinalMDP:
         arrays = ("successors", "probabilities", "levels", "initial", "terminal", "admissible")
         for name, kind in zip(arrays, ("<i4", "<f8", "<i4", "<f8", "?", "?"), strict=True):
             array = np.ascontiguousarray(getattr(self, name), dtype=kind)
-            digest.update(f"{name}{array.shape}".encode() + array.tobytes())
+            digest.update(f"{name}{array.shape}".encode())
+            digest.update(array.data)
         return digest.hexdigest()
 
     def __repr__(self) -> str:
@@ -220,71 +281,3 @@ class OrdinalMDP:
         if not self.admissible.all():
             parts.append(f"{self.admissible.sum(axis=1).mean():.1f} admissible actions a state")
         return f"OrdinalMDP({', '.join(parts)})"
-
-
-def _reject(name: str, array: NDArray[Any], bad: Flags, rule: str) -> None:
-    if bad.any():
-        index = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise ValueError(f"{name}[{', '.join(map(str, index))}] is {array[index]}, but {rule}")
-
-
-def _numbers(name: str, given: ArrayLike, shape: tuple[int, ...] | None = None) -> Floats:
-    try:
-        array = np.array(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} must be an array of numbers: {error}") from None
-    if shape is not None and array.shape != shape:
-        raise ValueError(f"{name} must have shape {shape}, not {array.shape}")
-    return array
-
-
-def _integers(name: str, array: Floats) -> Indices:
-    _reject(name, array, ~(array == np.floor(array)) | (np.abs(array) > 2**31 - 1), "must be a 32-bit whole number")
-    return array.astype(np.int32)
-
-
-def _flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: bool) -> Flags:
-    if given is None:
-        return np.full(shape, default)
-    array = _numbers(name, given, shape)
-    _reject(name, array, (array != 0) & (array != 1), "must be True or False; a list of indices is not taken")
-    return array.astype(np.bool_)
-
-
-def _names(given: Sequence[str]) -> tuple[str, ...]:
-    if isinstance(given, str) or not all(isinstance(label, str) for label in given):
-        raise TypeError(f"labels must be a sequence of strings, worst level first, not {given!r}")
-    labels = tuple(str(label) for label in given)  # plain strings, also of a numpy array
-    if len(labels) < 2:
-        raise ValueError(f"labels must name at least 2 levels, not {labels}: with one, all policies are equal")
-    twice = next((label for i, label in enumerate(labels) if label in labels[:i]), None)
-    if twice is not None:
-        raise ValueError(f"labels must differ, but {twice!r} appears twice in {labels}")
-    return labels
-
-
-def _check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -> None:
-    lowest = np.where(admissible, levels, np.iinfo(np.int32).max).min(axis=1)
-    highest = np.where(admissible, levels, -1).max(axis=1)
-    bad = terminal & (lowest != highest)
-    if bad.any():
-        s = int(np.argmax(bad))
-        raise ValueError(
-            f"terminal state {s} has levels {levels[s][admissible[s]].tolist()} over its admissible actions, but its "
-            "value is one level for ever: give them all the same level"
-        )
-
-
-def _distributions(name: str, p: Floats, needed: Flags | None = None) -> Floats:
-    """p (..., b) with every row a distribution, except the rows of zeros that are not ``needed``."""
-    _reject(name, p, ~np.isfinite(p), "must be finite")
-    _reject(name, p, p < 0, "must not be negative")
-    total = p.sum(axis=-1)
-    off = np.abs(total - 1) if needed is None else np.where(needed, np.abs(total - 1), 0.0)
-    if (off > _SUM_TOLERANCE).any():
-        index = tuple(int(i) for i in np.argwhere(off > _SUM_TOLERANCE)[0])
-        row = f"{name}[{', '.join(map(str, index))}]" if index else name
-        raise ValueError(f"{row} sums to {float(total[index])!r}, not 1: divide it by its sum if this is only rounding")
-    divisor = np.where(off > _ROUNDING, total, 1.0)
-    scaled: Floats = p / divisor[..., None]
-    return scaled

@@ -16,11 +16,13 @@ from scipy.sparse.csgraph import breadth_first_order
 from scipy.sparse.linalg import bicgstab, splu
 
 from elicit.scale import Floats
-from qlearn.mdp import Flags, OrdinalMDP
+from qlearn.mdp import OrdinalMDP
+from qlearn.rows import Flags
 
 Actions = NDArray[np.int64]
 
 _DENSE = 400  # up to this many states LAPACK is faster than an iteration
+_SPARSE = 50_000  # up to this many, factors of a sparse matrix that fills up still fit into memory
 _TIE = 1e-13  # two actions' values differ by less than this through rounding alone
 _RESIDUAL = 1e-14  # leaves an error of at most this over 1 - discount
 _FLOOR = 2.0**-50  # a sweep's change below this is rounding
@@ -64,7 +66,9 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     Raises ValueError for a policy of wrong shape or one that takes an inadmissible action.
     """
     rule = _rule(mdp, policy)
-    hits = rule @ sparse.csr_array(mdp.vector_rewards().reshape(-1, mdp.k))
+    pairs = mdp.levels.size
+    levels = sparse.csr_array((np.ones(pairs), mdp.levels.ravel(), np.arange(pairs + 1)), shape=(pairs, mdp.k))
+    hits = rule @ levels
     shares: Floats = np.zeros((mdp.n_states, mdp.k))
     shares[mdp.terminal, mdp.final_level[mdp.terminal]] = 1.0
     live = ~mdp.terminal
@@ -75,15 +79,24 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     return shares
 
 
-def policy_loss(mdp: OrdinalMDP, policy: ArrayLike, values: ArrayLike, tolerance: float = 1e-10) -> Floats:
+def policy_loss(
+    mdp: OrdinalMDP, policy: ArrayLike, values: ArrayLike, tolerance: float = 1e-10, optimum: Floats | None = None
+) -> Floats:
     """What following ``policy`` from each state loses against an optimal policy, (S,): a share of the
     value range e_k - e_1, from 0 to 1, that is (1 - discount)(v* - v^policy) on the scale ``values`` (k,).
 
-    Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. Raises ValueError
+    Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. ``optimum`` is v* (S,), where
+    ``value_iteration`` has found it before. Raises ValueError
     as ``value_iteration`` and ``evaluate_policy`` do.
     """
-    v, _ = value_iteration(mdp, values, tolerance)
-    loss: Floats = np.maximum(v - evaluate_policy(mdp, policy) @ mdp.normalise(values), 0.0)
+    e, rule, live = mdp.normalise(values), _rule(mdp, policy), ~mdp.terminal
+    v = value_iteration(mdp, values, tolerance)[0] if optimum is None else optimum
+    # of one scale: k times cheaper than the policy's vector value
+    worth = np.where(live, 0.0, e[mdp.final_level])
+    chain = (rule @ mdp.transitions)[live]
+    inflow = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel())[live] + mdp.discount * (chain @ worth)
+    worth[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
+    loss: Floats = np.maximum(v - worth, 0.0)
     return loss
 
 
@@ -166,8 +179,20 @@ def _solve(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
                 break
             column += step(residual)[0]
         else:
+            if n > _SPARSE and discount < 1:
+                return _swept(chain, inflow, discount)
             factors = splu(matrix.tocsc())
             return np.asarray(factors.solve(inflow), dtype=np.float64)
+    return x
+
+
+def _swept(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
+    """``_solve`` by sweeps, each of which takes the error to ``discount`` times what it was: slow, but in no memory."""
+    x = inflow.copy()
+    for _ in range(int(np.ceil(np.log(_RESIDUAL) / np.log(discount))) if discount > 0 else 1):
+        before, x = x, inflow + discount * (chain @ x)
+        if np.abs(x - before).max() <= _RESIDUAL * max(1.0, np.abs(x).max()):
+            break
     return x
 
 

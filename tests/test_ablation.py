@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from matplotlib.image import imread
 from elicit.comparator import Tier
 from elicit.polytope import PolytopeComparator
 from elicit.tutor import FlippingTutor
+from qlearn import ablation
 from qlearn.ablation import KEYS, Interrupted, ablate, cells, run, summarise
 from qlearn.environments import random_mdp
 from qlearn.learner import drive
 from qlearn.metrics import MEASURES
+from qlearn.planning import policy_loss
 from qlearn.plot import LEGEND, plot_ablation, table
 from qlearn.q_learning import InteractiveQLearning
 
@@ -35,8 +38,22 @@ def frame() -> pd.DataFrame:
     return ablate(**TINY, jobs=1)
 
 
-def test_rows_are_the_same_on_one_process_and_on_two(frame: pd.DataFrame) -> None:
-    assert text_of(ablate(**TINY, jobs=2)) == text_of(frame)
+def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(frame: pd.DataFrame, tmp_path: Path) -> None:
+    journal = tmp_path / "journal"
+    seen: list[tuple[int, int]] = []
+    part = TINY | {"comparators": ["polytope"], "error_rates": [0.15], "learners": ["ivi"]}
+    ablate(**part, jobs=1, journal=journal)  # three runs of the whole
+    whole = ablate(**TINY, jobs=2, journal=journal, progress=lambda *now: seen.append(now))
+    assert seen[0] == (3, len(frame))
+    assert text_of(whole) == text_of(frame)
+
+    kept = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(kept[4:]) + kept[0][:-30])
+    seen.clear()
+    # an oracle is among the missing; and a default is the same setting, named or not
+    resumed = ablate(**TINY, lapse=0.1, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
+    assert seen == [(done, len(frame)) for done in range(len(frame) - 4, len(frame) + 1)]
+    assert text_of(resumed) == text_of(frame)
 
 
 def test_a_part_of_the_sweep_gives_the_same_rows(frame: pd.DataFrame) -> None:
@@ -97,14 +114,32 @@ def test_a_run_can_be_rebuilt_by_hand(frame: pd.DataFrame) -> None:
     learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=200, epsilon=1.0, rng=0, max_queries=40)
     tutor = FlippingTutor(values, 0.15, seed=0)
     result = drive(learner, tutor)
+    loss = policy_loss(mdp, result.policy, values)
     row = frame.query("learner == 'q-learning' and comparator == 'polytope' and error_rate == .15 and audit == 0").iloc[
         0
     ]
-    assert (row.asked, row.compared, row.realised_error_rate) == (
+    assert (row.asked, row.compared, row.realised_error_rate, row.loss, row.loss_initial) == (
         result.asked,
         result.compared,
         tutor.realised_error_rate,
+        loss.mean(),
+        mdp.initial @ loss,
     )
+
+
+def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    one = TINY | {"comparators": ["always"], "error_rates": [0.0], "learners": ["ivi"]}
+    ablate(**one, jobs=1, journal=tmp_path / "journal")
+    ablate(**one, jobs=1, journal=tmp_path / "journal")
+    monkeypatch.setattr(ablation, "sources", lambda: "older")
+    # neither from the journal, nor by a worker that has sources of its own
+    with pytest.raises(RuntimeError, match="other sources or libraries than the process that started the sweep"):
+        ablate(**one, jobs=1, journal=tmp_path / "journal")
+
+
+def test_a_setting_that_is_none_is_said_before_the_runs() -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'stepz'"):
+        ablate(**TINY, stepz=3)
 
 
 def test_logistic_noise_errs_at_near_ties() -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import builtins
+import signal
 import subprocess
 import sys
+import time
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -14,13 +16,14 @@ import pytest
 
 from qlearn import ablation, cli
 from qlearn.ablation import KEYS, ORDER
+from qlearn.journal import Journal
 
 
 def test_the_defaults_in_the_help_are_those_of_the_library() -> None:
     keywords = {**signature(ablation.ablate).parameters, **signature(ablation.run).parameters}
     assert {name: keywords[name].default for name in cli.DEFAULTS} == cli.DEFAULTS
-    missing = {*keywords} - {*cli.DEFAULTS} - {"cell", "mdp", "values", "jobs", "progress", "settings"}
-    assert not missing
+    missing = {*keywords} - {*cli.DEFAULTS} - {"cell", "mdp", "values"}
+    assert missing == {"jobs", "journal", "fresh", "progress", "settings"}
     assert {"problem": cli._PROBLEMS, "learner": cli._LEARNERS, "comparator": cli._COMPARATORS} == ORDER
 
 
@@ -74,7 +77,9 @@ QUICKER = (
 def test_quick_writes_rows_times_and_figure(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "results"
     assert cli.main([*QUICKER.split(), "--out", str(out)]) == 0
-    assert sorted(path.name for path in out.iterdir()) == ["ablation.png", "runs.csv", "summary.csv", "times.csv"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "ablation.png", "journal.jsonl", "runs.csv", "summary.csv", "times.csv"
+    ]  # fmt: skip
     assert (out / "ablation.png").stat().st_size > 10_000
     rows, times = pd.read_csv(out / "runs.csv"), pd.read_csv(out / "times.csv")
     assert len(rows) == len(times) == 5
@@ -86,8 +91,42 @@ def test_quick_writes_rows_times_and_figure(tmp_path: Path, capsys: pytest.Captu
 
     first = (out / "runs.csv").read_bytes()
     assert b"\r" not in first
+    spent = (out / "times.csv").read_bytes()
     assert cli.main([*QUICKER.split(), "--out", str(out)]) == 0
+    assert "5 of the 5 runs had finished before" in capsys.readouterr().err
     assert (out / "runs.csv").read_bytes() == first
+    assert (out / "times.csv").read_bytes() == spent
+    assert cli.main([*QUICKER.split(), "--fresh", "--out", str(out)]) == 0
+    assert "before" not in capsys.readouterr().err
+    assert (out / "runs.csv").read_bytes() == first
+    assert (out / "times.csv").read_bytes() != spent
+
+
+def test_after_kill_9_the_same_command_computes_what_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = [*QUICKER.split(), "--learners", "ivi", "--seeds", "3"]
+    journal = tmp_path / "killed" / "journal.jsonl"
+    with subprocess.Popen([sys.executable, "-m", "qlearn", *options, "--out", str(journal.parent)]) as child:
+        while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
+            assert child.poll() is None
+            time.sleep(0.005)
+        child.send_signal(signal.SIGKILL)
+    kept = journal.read_bytes().count(b"\n")
+    assert 2 <= kept < 15
+    assert not (journal.parent / "runs.csv").exists()
+
+    assert cli.main([*options, "--out", str(journal.parent)]) == 0
+    assert f"{kept} of the 15 runs had finished before" in capsys.readouterr().err
+    assert cli.main([*options, "--out", str(tmp_path)]) == 0
+    assert (journal.parent / "runs.csv").read_bytes() == (tmp_path / "runs.csv").read_bytes()
+
+
+def test_a_journal_in_use_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    journal = Journal(tmp_path / "journal.jsonl")
+    assert cli.main([*QUICKER.split(), "--out", str(tmp_path)]) == 1
+    assert f"qlearn: another process is writing to {tmp_path}" in capsys.readouterr().err
+    journal.close()
 
 
 def test_options_override_the_preset(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from qlearn import rows
 from qlearn.mdp import OrdinalMDP
 
 LABELS = ("bad", "fair", "good")
@@ -123,6 +124,54 @@ def test_arrays_are_copies_and_read_only() -> None:
         mdp.transitions.data[0] = 0
     with pytest.raises(FrozenInstanceError):
         mdp.discount = 0.5  # type: ignore[misc]
+
+
+def test_frozen_arrays_are_shared_and_never_written_to() -> None:
+    mdp = small()
+    other = replace(mdp, discount=0.5)
+    for name in ("successors", "probabilities", "levels", "terminal", "admissible", "initial"):
+        assert getattr(other, name) is getattr(mdp, name)
+    rows = np.array([[[0.5, 0.5 + 1e-10]], [[1.0, 0.0]]])
+    where = np.array([[[0, 1]], [[1, 0]]], dtype=np.int32)
+    rows.flags.writeable = where.flags.writeable = False
+    before = rows.tobytes(), where.tobytes()
+    scaled = OrdinalMDP(where, rows, np.array([[0], [1]]), 0.9, ("a", "b"))
+    assert (rows.tobytes(), where.tobytes()) == before
+    assert scaled.successors[1, 0].tolist() == [1, 1]
+    view = np.array(parts()["probabilities"], dtype=float)
+    view.reshape(-1).flags.writeable = False
+    mine = small(probabilities=view)
+    view[...] = 7
+    assert mine.probabilities.max() == 1
+
+
+def test_transitions_share_the_arrays_where_no_row_is_padded() -> None:
+    rng = np.random.default_rng(0)
+    p, to = rng.dirichlet(np.ones(2), size=(4, 3)), np.sort(rng.permuted(np.tile(np.arange(4), (12, 1)), axis=1)[:, :2])
+    mdp = OrdinalMDP(to.reshape(4, 3, 2), p, rng.integers(2, size=(4, 3)), 0.9, ("a", "b"))
+    assert np.shares_memory(mdp.transitions.data, mdp.probabilities)
+    assert np.shares_memory(mdp.transitions.indices, mdp.successors)
+    doubled = OrdinalMDP(np.zeros((1, 1, 2)), [[[0.5, 0.5]]], [[0]], 0.9, ("a", "b"))
+    assert doubled.transitions.nnz == 1
+    assert doubled.probabilities.tolist() == [[[0.5, 0.5]]]
+
+
+def test_checks_go_by_blocks_and_still_name_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    p, to = rng.dirichlet(np.ones(3), size=(7, 2)), rng.integers(7, size=(7, 2, 3))
+    p[4, 1] = [1.0, 0.0, 0.0]
+    levels, ends = rng.integers(3, size=(7, 2)), np.arange(7) == 5
+    levels[5] = 1
+    whole = OrdinalMDP(to, p, levels, 0.9, LABELS, terminal=ends)
+    monkeypatch.setattr(rows, "BLOCK", 12)
+    assert OrdinalMDP(to, p, levels, 0.9, LABELS, terminal=ends).fingerprint == whole.fingerprint
+    assert OrdinalMDP(to.astype(float), p, levels, 0.9, LABELS, terminal=ends).fingerprint == whole.fingerprint
+    with pytest.raises(ValueError, match=r"probabilities\[6, 1, 0\] is -1"):
+        OrdinalMDP(to, np.where(np.arange(42).reshape(7, 2, 3) == 39, -1, p), levels, 0.9, LABELS)
+    with pytest.raises(ValueError, match=r"successors\[6, 1, 0\] is 7, but must be a state"):
+        OrdinalMDP(np.where(np.arange(42).reshape(7, 2, 3) == 39, 7, to), p, levels, 0.9, LABELS)
+    with pytest.raises(ValueError, match=r"probabilities\[6, 1\] sums to 0"):
+        OrdinalMDP(to, np.where(np.arange(42).reshape(7, 2, 3) >= 39, 0, p), levels, 0.9, LABELS)
 
 
 def test_from_dense_is_the_same_problem() -> None:

@@ -73,6 +73,28 @@ def dense_shares(mdp: OrdinalMDP, policy: Floats) -> Floats:
     return shares
 
 
+def test_sweeps_stand_in_for_factors_that_would_not_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    mdp, values = messy_mdp(1, n=60)
+    expected = value_iteration(mdp, values)[0], evaluate_policy(mdp, random_policy(mdp, 0))
+    stuck = lambda matrix, rtol, maxiter: lambda residual: (0.0 * residual, maxiter)  # noqa: E731
+    monkeypatch.setattr(qlearn.planning, "partial", lambda step, matrix, **settings: stuck(matrix, **settings))
+    monkeypatch.setattr(qlearn.planning, "splu", None)
+    monkeypatch.setattr(qlearn.planning, "_DENSE", 0)
+    monkeypatch.setattr(qlearn.planning, "_SPARSE", 0)
+    np.testing.assert_allclose(value_iteration(mdp, values)[0], expected[0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(evaluate_policy(mdp, random_policy(mdp, 0)), expected[1], rtol=0, atol=1e-12)
+
+
+def test_policy_loss_is_the_loss_of_the_vector_value() -> None:
+    for seed in range(3):
+        mdp, values = messy_mdp(seed)
+        policy = random_policy(mdp, seed)
+        v, e = value_iteration(mdp, values)[0], mdp.normalise(values)
+        by_vector = np.maximum(v - evaluate_policy(mdp, policy) @ e, 0)
+        np.testing.assert_allclose(policy_loss(mdp, policy, values), by_vector, rtol=0, atol=1e-12)
+        assert by_vector.max() > 0.01
+
+
 # --- value iteration -------------------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,195 @@
+"""One run of the ablation: a learner, a comparator, a tutor and a problem, from the few words that name them."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from functools import cache, lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from elicit.bradley_terry import BradleyTerryComparator
+from elicit.comparator import AlwaysAsk, Comparator
+from elicit.polytope import PolytopeComparator
+from elicit.posterior import PosteriorComparator
+from elicit.relaxed import RelaxedPolytopeComparator
+from elicit.scale import Floats
+from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from qlearn.environments import draw_values, icu_sepsis, random_mdp
+from qlearn.ivi import InteractiveValueIteration
+from qlearn.learner import drive
+from qlearn.mdp import OrdinalMDP
+from qlearn.metrics import Watch, audits, counts, estimated_values, reference_differences
+from qlearn.planning import policy_loss, value_iteration
+from qlearn.q_learning import InteractiveQLearning
+from qlearn.sweep import one_thread
+
+__all__ = ["Cell", "Run", "Size", "instance", "run", "run_named", "sources"]
+
+Cell: TypeAlias = dict[str, Any]
+Size: TypeAlias = tuple[int, int, int, float]
+"""Of the random MDPs: states, actions, levels, discount."""
+
+_NO_RUNS = ("ablation.py", "cli.py", "plot.py")  # sources that no run depends on
+
+
+class Run(NamedTuple):
+    """One finished run: its row of the table, and v (S,) of figure 4 for the comparison with the oracle's."""
+
+    row: Cell
+    v: Floats
+
+
+def run(
+    cell: Cell,
+    mdp: OrdinalMDP,
+    values: Floats,
+    *,
+    steps: int = 20_000,
+    epsilon: float = 1.0,
+    indifference: float = 0.0,
+    close: float = 0.005,
+    tolerance: float = 0.005,
+    max_sweeps: int = 200,
+    max_queries: int = 2000,
+    audit_length: float = 0.1,
+    precision: float = 300.0,
+    n_boot: int = 50,
+    level: float = 0.95,
+    refit_growth: float = 0.05,
+    lapse: float = 0.1,
+    particles: int = 500,
+    slack: float = 0.0,
+    noise: Literal["flip", "logistic"] = "flip",
+) -> Run:
+    """One run of one cell, on one thread.
+
+    steps, epsilon  of Q-learning. An epsilon of 1 explores uniformly: then all comparators see the same transitions,
+                    and losses differ by verdicts alone
+    indifference    of Q-learning, share of the value range; value iteration derives its own from the tolerance
+    close           indifference of Q-learning with "posterior-close"
+    tolerance       of value iteration: policy loss with right verdicts, share of the value range
+    max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
+    max_queries     question budget; "always" has none
+    audit_length    of an audited run, as a share of steps and max_sweeps: contradictions show early
+    precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
+                    value range is answered rightly 95 times in 100
+    n_boot, level, refit_growth   of the Bradley-Terry comparators: resamples, confidence (the posterior's too), and
+                    how much the answers grow between two refits
+    lapse, particles   of the posterior: share of answers given at random, and number of particles
+    slack           of the relaxed polytope
+    noise           of a tutor who errs: "flip" (any answer, however clear) or "logistic" (near ties mostly; the
+                    precision is set so that the error rate holds on average over ``reference_differences``)
+    """
+    seed, rate, ivi = cell["seed"], cell["error_rate"], cell["learner"] == "ivi"
+    name, k = cell["comparator"], mdp.k
+    comparator: Comparator
+    if name == "always":
+        comparator = AlwaysAsk(k)
+    elif name == "polytope":
+        comparator = PolytopeComparator(k)
+    elif name == "relaxed":
+        comparator = RelaxedPolytopeComparator(k, slack=slack)
+    elif name.startswith("posterior"):
+        comparator = PosteriorComparator(k, lapse=lapse, level=level, particles=particles, seed=seed)
+    else:
+        comparator = BradleyTerryComparator(
+            k, precision=precision, n_boot=n_boot, level=level, region=name, refit_growth=refit_growth, seed=seed
+        )
+    if name == "posterior-close":
+        indifference = close
+    indifference = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
+    if cell["audit"]:
+        steps, max_sweeps = math.ceil(steps * audit_length), math.ceil(max_sweeps * audit_length)
+    common = {"rng": seed, "max_queries": max_queries, "indifference": indifference, "audit": cell["audit"]}
+    with one_thread():
+        tutor = _tutor(noise, rate, mdp, values, seed)
+        learner: InteractiveValueIteration | InteractiveQLearning = (
+            InteractiveValueIteration(mdp, comparator, tolerance=tolerance, max_sweeps=max_sweeps, **common)
+            if ivi
+            else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, **common)
+        )
+        watch = Watch(values, indifference, erred=lambda: tutor.realised_error_rate > 0)
+        learner.watch(watch)
+        start = perf_counter()
+        result = drive(learner, tutor, on_conflict="drop" if cell["audit"] else "raise")
+        seconds = perf_counter() - start
+        loss = policy_loss(mdp, result.policy, values, optimum=_optimum(mdp, tuple(values)))
+        return Run(
+            {
+                **cell,
+                **counts(result),
+                "realised_error_rate": tutor.realised_error_rate,
+                **watch.counts._asdict(),
+                **audits(result, values),
+                "loss": float(np.mean(loss)),
+                "loss_initial": float(mdp.initial @ loss),
+                "seconds": seconds,
+            },
+            estimated_values(mdp, result.q, values),
+        )
+
+
+def run_named(cell: Cell, size: Size, built: str, settings: dict[str, Any]) -> Run:
+    """``run``, by a worker that makes the problem itself (once): a task is a few hundred bytes, a table of ICU-Sepsis
+    40 MB. Raises RuntimeError if this process's ``sources`` are not those ``built`` names."""
+    if built != sources():
+        raise RuntimeError("this worker has other sources or libraries than the process that started the sweep")
+    return run(cell, *instance(cell["problem"], cell["seed"], tuple(size)), **settings)
+
+
+@lru_cache(maxsize=32)
+def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
+    """The MDP and the hidden values (k,) of a problem, "random" or "icu". Raises as their makers do."""
+    if problem == "icu":
+        mdp = _icu()
+        return mdp, draw_values(mdp.k, rng=seed)
+    return random_mdp(*size, rng=seed)
+
+
+@cache
+def sources() -> str:
+    """A hash of what a run depends on beside its settings: the sources, and the libraries that compute."""
+    digest = hashlib.blake2b(digest_size=16)
+    here = Path(__file__).parent
+    for folder in (here.parent / "elicit", here):
+        for path in sorted(folder.glob("*.py")):
+            if path.name not in _NO_RUNS:
+                digest.update(path.name.encode() + path.read_bytes())
+    for library in ("numpy", "scipy", "clarabel", "numba", "icu-sepsis"):
+        try:
+            digest.update(f"{library} {version(library)}".encode())
+        except PackageNotFoundError:
+            digest.update(f"no {library}".encode())
+    return digest.hexdigest()
+
+
+@cache
+def _icu() -> OrdinalMDP:
+    return icu_sepsis()  # takes seconds
+
+
+@lru_cache(maxsize=32)
+def _optimum(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
+    return value_iteration(mdp, values)[0]
+
+
+@lru_cache(maxsize=32)
+def _reference(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
+    return reference_differences(mdp, values)
+
+
+def _tutor(
+    noise: str, rate: float, mdp: OrdinalMDP, values: Floats, seed: int
+) -> TruthfulTutor | FlippingTutor | BradleyTerryTutor:
+    if noise not in ("flip", "logistic"):
+        raise ValueError(f"noise must be 'flip' or 'logistic', not {noise!r}")
+    if rate == 0:
+        return TruthfulTutor(values)
+    if noise == "flip":
+        return FlippingTutor(values, rate, seed)
+    return BradleyTerryTutor.from_error_rate(values, rate, _reference(mdp, tuple(values)), seed)

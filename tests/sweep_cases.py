@@ -1,0 +1,49 @@
+"""What the tests of sweeps compute. A module of its own, so that a worker starts without the rest."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_info
+
+CELLS = [{"x": x, "name": name} for name in ("a", "b") for x in range(4)]
+
+
+def row(cell: dict[str, Any], scale: float = 1.0, log: str | None = None, pause: float = 0.0) -> dict[str, Any]:
+    """A row that is not the same twice if its floats lose a bit; ``log`` gets a line each time it is computed."""
+    time.sleep(pause)
+    if log is not None:
+        note(log, cell)
+    x = cell["x"]
+    return {"x": x, "third": scale * (x + 1) / 3, "none": float("nan"), "v": np.sqrt(np.arange(x + 2.0)), "of": "é\n"}
+
+
+def note(log: str, cell: dict[str, Any]) -> None:
+    with open(log, "a", encoding="utf-8") as file:
+        file.write(f"{cell['name']}{cell['x']}\n")
+
+
+def where(cell: dict[str, Any]) -> dict[str, Any]:
+    time.sleep(0.2)
+    pools = [pool["num_threads"] for pool in threadpool_info()]
+    return {"pid": os.getpid(), "threads": pools, "numba": os.environ.get("NUMBA_NUM_THREADS")}
+
+
+def deadly(cell: dict[str, Any], log: str, marker: str) -> int:
+    """Dies as if it were killed, at x = 2, unless the file ``marker`` is there."""
+    if cell["x"] == 2 and cell["name"] == "a" and not Path(marker).exists():
+        time.sleep(0.3)  # let the others get on
+        Path(marker.removesuffix("!")).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    note(log, cell)
+    return int(cell["x"]) + 1
+
+
+def linger(cell: dict[str, Any], log: str) -> None:
+    note(log, {"name": os.getpid(), "x": ""})
+    time.sleep(100)
