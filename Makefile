@@ -21,7 +21,11 @@ lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(READY)  ## what comparisons and fits cost, against other libraries (a quarter of an hour): benchmarks/RESULTS*.md
+bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
+	$(BIN)/python -m benchmarks.learning --out benchmarks/RESULTS.md
+	$(BIN)/python -m benchmarks.ivi --out benchmarks/RESULTS-ivi.md
+	cat benchmarks/RESULTS-ivi.md >> benchmarks/RESULTS.md
 	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS-lp.md
 	$(BIN)/python -m benchmarks.bradley_terry --out benchmarks/RESULTS-bradley-terry.md
 

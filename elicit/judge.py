@@ -15,7 +15,7 @@ from elicit.comparator import Tier
 from elicit.corner import BEST, EPS, ROW, SMALL, Known, doubt_at
 from elicit.jit import compiled
 from elicit.particles import BLOCK, LEVEL_ROUNDING
-from elicit.rule import BOX, ENSEMBLE, PROVEN, SILENT, WEIGHTED, Rule
+from elicit.rule import BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
 from elicit.settle import (
     BETTER,
     BY_SCREEN,
@@ -234,6 +234,9 @@ def judge(d: Any, t: Any, shift: float, floor: Any, rule: Rule) -> tuple[int, in
     kind = rule.kind
     if kind == PROVEN:
         return judge_known(t, shift, floor, rule.known)
+    if kind == OUTER:
+        verdict, tier = judge_known(t, shift, floor, rule.known)
+        return (UNSETTLED if verdict == UNKNOWN else verdict), tier
     if kind == WEIGHTED:
         return judge_weighted(t, shift, floor, rule.scales, rule.weights, rule.level)
     if kind == ENSEMBLE:

@@ -27,6 +27,7 @@ from elicit.plausible import PlausibleSet
 from elicit.polytope import PolytopeComparator
 from elicit.prior import PriorLike
 from elicit.query import Answers, InconsistentAnswers, Verdict
+from elicit.rule import Rule, outer
 from elicit.scale import Floats, as_vectors, tail_sums, values_of
 from elicit.simplex import End, minimise, minimise_exactly, rounding
 
@@ -88,6 +89,11 @@ class RelaxedPolytopeComparator:
     def decide(self, d: ArrayLike) -> Decisions:
         """Verdicts (n,) and the tier of each, from EQUAL to EXACT."""
         return self._set.decide(as_vectors(d, self.k))
+
+    @property
+    def rule(self) -> Rule:
+        """What is known of the plausible scales as plain arrays, for ``elicit.judge``."""
+        return self._set.rule
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
@@ -183,6 +189,11 @@ class _Sublevel:
                 self._sharpen(-t, 0.0)
             verdicts[block], tiers[block] = self.around.decide(d[block])
         return Decisions(verdicts, tiers)
+
+    @property
+    def rule(self) -> Rule:
+        """The proofs about the set around."""
+        return outer(self.around.rule.known)
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""

@@ -16,7 +16,8 @@ from elicit.comparator import Comparator, Dominance
 from elicit.corner import Known
 from elicit.scale import Floats
 
-NOTHING, SILENT, PROVEN, WEIGHTED, ENSEMBLE, BOX = range(6)
+NOTHING, SILENT, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(7)
+PROOFS = (PROVEN, OUTER)  # whose arrays compiled code writes to
 
 
 class Rule(NamedTuple):
@@ -42,6 +43,11 @@ def silent() -> Rule:
 def proven(known: Known) -> Rule:
     """By proofs about K_t."""
     return _NOTHING._replace(kind=PROVEN, known=known)
+
+
+def outer(known: Known) -> Rule:
+    """By proofs about a set around that of the plausible scales: what they leave open, only the comparator can tell."""
+    return _NOTHING._replace(kind=OUTER, known=known)
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:

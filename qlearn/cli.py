@@ -14,7 +14,7 @@ QUICK: dict[str, Any] = {
     "problems": ["random"], "states": 15, "actions": 3, "levels": 4, "seeds": 2, "steps": 400, "tolerance": 0.02,
     "max_sweeps": 150, "max_queries": 150, "n_boot": 20,
 }  # fmt: skip
-PAPER: dict[str, Any] = {"seeds": 20, "steps": 100_000, "n_boot": 200, "refit_growth": 0.0}
+PAPER: dict[str, Any] = {"seeds": 20, "n_boot": 200, "refit_growth": 0.0}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -137,7 +137,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
         ),
         "audit": ({"type": _SHARE}, 0.05, "share of decided pairs put to the tutor in the audited runs; 0: none"),
         "audit_length": ({"type": _PART}, 0.1, "length of an audited run, as a share of steps and max-sweeps"),
-        "seeds": ({"type": _COUNT}, 3, "number of seeds"),
+        "seeds": ({"type": _COUNT}, 5, "number of seeds"),
         "seed": ({"type": _FROM_0}, 0, "the first seed"),
         "max_queries": ({"type": _FROM_0}, 2000, "question budget; beyond it the best guess decides"),
     },
@@ -148,7 +148,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
         "discount": ({"type": _DISCOUNT}, 0.95, "discount factor (ICU-Sepsis: 0.99)"),
     },
     "Q-learning": {
-        "steps": ({"type": _COUNT}, 20_000, "number of steps"),
+        "steps": ({"type": _COUNT}, 100_000, "number of steps"),
         "epsilon": (
             {"type": _SHARE},
             1.0,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elicit.comparator import Decisions, Tier
 from elicit.query import Verdict
-from elicit.rule import NOTHING, PROVEN, Rule, rule_of
+from elicit.rule import NOTHING, PROOFS, PROVEN, Rule, rule_of
 from elicit.scale import Floats, tail_sums
 from qlearn.backup import is_compiled, model_of, q_of
 from qlearn.desk import Desk, place
@@ -145,7 +145,7 @@ class Competition:
     def _rules(self, n: int) -> Sequence[Rule]:
         """The rule for each of n blocks: what they find out on the way goes into copies."""
         rule = self._rule()
-        if n == 1 or rule.kind != PROVEN:
+        if n == 1 or rule.kind not in PROOFS:
             return [rule] * n
         self._copies.extend(_copy(rule) for _ in range(n - len(self._copies)))
         return self._copies[:n]
@@ -207,7 +207,7 @@ class Competition:
 
 def _opened(rule: Rule) -> Floats:
     """(p,) 0 where a gap of the scale is known to be 0, else 1; (0,) where none is."""
-    return rule.known.open if rule.kind == PROVEN and not rule.known.open.all() else np.empty(0)
+    return rule.known.open if rule.kind in PROOFS and not rule.known.open.all() else np.empty(0)
 
 
 def _copy(rule: Rule) -> Rule:

@@ -49,7 +49,7 @@ def run(
     mdp: OrdinalMDP,
     values: Floats,
     *,
-    steps: int = 20_000,
+    steps: int = 100_000,
     epsilon: float = 1.0,
     indifference: float = 0.0,
     close: float = 0.005,

@@ -6,17 +6,18 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike, NDArray
 
 from elicit.bradley_terry import BradleyTerryComparator
-from elicit.comparator import AlwaysAsk, Comparator, Dominance, decide
+from elicit.comparator import AlwaysAsk, Comparator, Decisions, Dominance, decide
 from elicit.hashed import mix, pair_code, unit
 from elicit.judge import FLOORED, holds, judge, within
 from elicit.polytope import PolytopeComparator
 from elicit.posterior import PosteriorComparator
 from elicit.query import Answers, Verdict
 from elicit.relaxed import RelaxedPolytopeComparator
-from elicit.respond import respond
-from elicit.rule import rule_of
+from elicit.respond import NOBODY, respond
+from elicit.rule import NOTHING, PROVEN, rule_of
 from elicit.scale import Floats, dominance, tail_sums
 from elicit.seeds import fold, uniform, unordered_pairs
 from elicit.settle import UNSETTLED
@@ -113,7 +114,23 @@ def test_indifference_is_that_of_the_bounds(name: str, indifference: float) -> N
         assert close.any()
 
 
-@pytest.mark.parametrize("make", [AlwaysAsk, RelaxedPolytopeComparator])
+def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> None:
+    rng = np.random.default_rng(5)
+    d = differences(rng, 120)
+    y = FlippingTutor(np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0]), 0.3, seed=2).signs(d)
+    comparator = RelaxedPolytopeComparator(K).update(Answers(d[:30], y[:30]))
+    assert comparator.violation > 0
+    ask = differences(rng, 100)
+    comparator.compare(ask[:1])  # draws the set around closer
+    rule = rule_of(comparator)
+    found = [judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(ask, tail_sums(ask), strict=True)]
+    verdicts = comparator.compare(ask)
+    assert all(one in (verdict, UNSETTLED) for one, verdict in zip(found, verdicts, strict=True))
+    assert 0 < sum(one != UNSETTLED for one in found) < len(found)
+    assert rule_of(RelaxedPolytopeComparator(K)).kind == PROVEN
+
+
+@pytest.mark.parametrize("make", [AlwaysAsk])
 def test_without_a_rule_only_the_comparator_can_tell(make: type) -> None:
     rule = rule_of(make(K))
     d = differences(np.random.default_rng(1), 5)
@@ -157,3 +174,21 @@ def test_a_respondent_says_what_its_tutor_says(make: Callable[[Floats], Truthful
     if not isinstance(asked, TruthfulTutor):
         assert 0.1 < asked.realised_error_rate < 0.4
         assert len(told.respondent.pairs) > 1024  # it grew
+
+
+def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
+    class Blind(PolytopeComparator):
+        def decide(self, d: ArrayLike) -> Decisions:
+            return decide(Dominance(self.k), d)
+
+    class Named(PolytopeComparator):
+        pass
+
+    assert rule_of(Blind(K)).kind == rule_of(AlwaysAsk(K)).kind == NOTHING
+    assert rule_of(Named(K)).kind == rule_of(PolytopeComparator(K)).kind == PROVEN
+
+    class Moody(TruthfulTutor):
+        def signs(self, d: ArrayLike) -> NDArray[np.int8]:
+            return -super().signs(d)
+
+    assert Moody(np.arange(K)).respondent.kind == NOBODY
