@@ -104,7 +104,6 @@ _COUNT = _number(int, lambda n: n >= 1, "a whole number of at least 1")
 _FROM_0 = _number(int, lambda n: n >= 0, "a whole number of at least 0")
 _LEVELS = _number(int, lambda n: 2 <= n <= 100, "a whole number from 2 to 100")
 _SHARE = _number(float, lambda x: 0 <= x <= 1, "a number from 0 to 1")
-_PART = _number(float, lambda x: 0 < x <= 1, "a number above 0 and at most 1")
 _INNER = _number(float, lambda x: 0 < x < 1, "a number strictly between 0 and 1")
 _DISCOUNT = _number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 1")
 _ERROR_RATE = _number(float, lambda x: 0 <= x < 0.5, "a number of at least 0 and below 0.5")
@@ -136,7 +135,8 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
             "errors however clear the case (flip), or near ties mostly, set to the same mean rate (logistic)",
         ),
         "audit": ({"type": _SHARE}, 0.05, "share of decided pairs put to the tutor in the audited runs; 0: none"),
-        "audit_length": ({"type": _PART}, 0.1, "length of an audited run, as a share of steps and max-sweeps"),
+        "audit_steps": ({"type": _COUNT}, 2000, "steps of an audited run, if steps are not fewer"),
+        "audit_sweeps": ({"type": _COUNT}, 20, "sweeps of an audited run at most, if max-sweeps are not fewer"),
         "seeds": ({"type": _COUNT}, 5, "number of seeds"),
         "seed": ({"type": _FROM_0}, 0, "the first seed"),
         "max_queries": ({"type": _FROM_0}, 2000, "question budget; beyond it the best guess decides"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -56,7 +55,8 @@ def run(
     tolerance: float = 0.005,
     max_sweeps: int = 200,
     max_queries: int = 2000,
-    audit_length: float = 0.1,
+    audit_steps: int = 2000,
+    audit_sweeps: int = 20,
     precision: float = 300.0,
     n_boot: int = 50,
     level: float = 0.95,
@@ -75,7 +75,7 @@ def run(
     tolerance       of value iteration: policy loss with right verdicts, share of the value range
     max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
     max_queries     question budget; "always" has none
-    audit_length    of an audited run, as a share of steps and max_sweeps: contradictions show early
+    audit_steps, audit_sweeps   no more of an audited run: contradictions show early
     precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
                     value range is answered rightly 95 times in 100
     n_boot, level, refit_growth   of the Bradley-Terry comparators: resamples, confidence (the posterior's too), and
@@ -104,7 +104,7 @@ def run(
         indifference = close
     indifference = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
     if cell["audit"]:
-        steps, max_sweeps = math.ceil(steps * audit_length), math.ceil(max_sweeps * audit_length)
+        steps, max_sweeps = min(steps, audit_steps), min(max_sweeps, audit_sweeps)
     common = {"rng": seed, "max_queries": max_queries, "indifference": indifference, "audit": cell["audit"]}
     with one_thread():
         tutor = _tutor(noise, rate, mdp, values, seed)

@@ -47,7 +47,7 @@ def test_help_imports_nothing_heavy() -> None:
         ("--tolerance", "nan", "'nan' is not a number above 0"),
         ("--discount", "1", "'1' is not a number of at least 0 and below 1"),
         ("--audit", "5", "'5' is not a number from 0 to 1"),
-        ("--audit-length", "0", "'0' is not a number above 0 and at most 1"),
+        ("--audit-steps", "0", "'0' is not a whole number of at least 1"),
         ("--levels", "101", "'101' is not a whole number from 2 to 100"),
         ("--comparators", "ellipsoid", "ellipsoid"),
         ("--colour", "red", "--colour"),
