@@ -19,19 +19,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import argparse
 import csv
-from collections.abc import Callable, Iterable, Iterator
-from itertools import groupby
+from collections.abc import Callable, Iterable
 from time import perf_counter
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 
-from benchmarks.lp import machine
+from benchmarks.calibration_tables import Row, report, summary
 from elicit.bradley_terry import BradleyTerryComparator
 from elicit.comparator import Comparator, Tier
-from elicit.posterior import PosteriorComparator
+from elicit.posterior import CONCENTRATION, PosteriorComparator
 from elicit.query import Answers, Verdict
 from elicit.scale import Floats, dominance, tail_sums, values_of
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -39,25 +37,23 @@ from qlearn import InteractiveQLearning, InteractiveValueIteration, drive, rando
 from qlearn.metrics import Watch, reference_differences
 
 Rng: TypeAlias = np.random.Generator
-Ints: TypeAlias = NDArray[np.int64]
 Rule: TypeAlias = Callable[[int, float, float], Comparator]
-PROMISE = 0.05
-ENOUGH_DECIDED, ENOUGH_SETS = 200, 30  # a cell with fewer is shown, not judged
 COUNTS = (10, 30, 100, 300, 1000)
 FRESH = 300  # pairs judged a data set
-RESAMPLES = 2000
 LEAST_GAP = 1e-9  # a tutor's levels must differ in floats
 
 
 class Setting(NamedTuple):
     """A law of scales, and a tutor: the standard deviation of her logits over the pairs asked, or 0 for 10% flips.
-    ``counts``: after how many answers fresh pairs are judged. ``learners``: whether learners run on it too."""
+    ``counts``: after how many answers fresh pairs are judged. ``learners``: whether learners run on it too. ``times``:
+    how many times as many data sets."""
 
     name: str
     law: str
     spread: float
     counts: tuple[int, ...] = COUNTS[:-1]
     learners: bool = False
+    times: int = 1
 
 
 SETTINGS = (
@@ -66,17 +62,14 @@ SETTINGS = (
     Setting("scales from the prior, logit sd 5", "prior", 5.0, COUNTS),
     Setting("scales from the prior, 10% flips", "prior", 0.0, learners=True),
     Setting("skewed scales (Dirichlet .2), logit sd 2", "skewed", 2.0, learners=True),
-    Setting("one huge gap (.9 of the range), logit sd 2", "two-step", 2.0),
-    Setting("geometric gaps (ratio 2 or 1/2), logit sd 2", "geometric", 2.0),
+    Setting("even scales (Dirichlet 1), logit sd 2", "even", 2.0),
+    Setting("one huge gap (.9 of the range), logit sd 2", "two-step", 2.0, COUNTS[:3], times=3),
+    Setting("geometric gaps (ratio 2 or 1/2), logit sd 2", "geometric", 2.0, COUNTS[:3], times=3),
 )
 
 
 def posterior(k: int, precision: float, growth: float) -> Comparator:
     return PosteriorComparator(k)
-
-
-def posterior_uniform(k: int, precision: float, growth: float) -> Comparator:
-    return PosteriorComparator(k, shape=(1.0, 1.0))
 
 
 def posterior_lapse(k: int, precision: float, growth: float) -> Comparator:
@@ -91,17 +84,11 @@ def box(k: int, precision: float, growth: float) -> Comparator:
     return BradleyTerryComparator(k, precision=precision, refit_growth=growth, region="box")
 
 
-def box_rescaled(k: int, precision: float, growth: float) -> Comparator:
-    return BradleyTerryComparator(k, precision=precision, refit_growth=growth, region="box", rescale=True)
-
-
 RULES: dict[str, Rule] = {
     "posterior": posterior,
     "posterior, lapse .1": posterior_lapse,
-    "posterior, shape (1, 1)": posterior_uniform,
     "ensemble": ensemble,
     "box": box,
-    "box, rescaled": box_rescaled,
 }
 
 
@@ -117,74 +104,8 @@ class Size(NamedTuple):
     sweeps: int
 
 
-FULL = Size(40, 30, (5, 10, 20), COUNTS[-1], 100, 2000, 30)
+FULL = Size(36, 30, (5, 10, 20), COUNTS[-1], 100, 2000, 30)
 QUICK = Size(4, 2, (5,), 100, 30, 400, 8)
-
-
-class Row(NamedTuple):
-    """One rule on one data set: how many pairs were open, decided and decided wrongly; ``seconds`` for the answers
-    since the row before."""
-
-    pairs: str
-    setting: str
-    rule: str
-    k: int
-    answers: int
-    number: int
-    open: int
-    decided: int
-    wrong: int
-    seconds: float
-    learned: int
-
-
-class Share(NamedTuple):
-    """A share, and the ends of its 95% interval; nan of nothing."""
-
-    at: float
-    low: float
-    high: float
-
-    @staticmethod
-    def of(part: int, whole: int, parts: Ints, wholes: Ints) -> Share:
-        """Of the totals, and of the totals (m,) of resamples."""
-        some = wholes > 0
-        if not whole or not some.any():
-            return Share(np.nan, np.nan, np.nan)
-        return Share(part / whole, *np.quantile(parts[some] / wholes[some], (0.025, 0.975)).tolist())
-
-
-class Cell(NamedTuple):
-    """All data sets of one rule, setting, k and number of answers together."""
-
-    pairs: str
-    setting: str
-    rule: str
-    k: int
-    answers: int
-    sets: int
-    open: int
-    decided: int
-    wrong: int
-    share_decided: Share
-    share_wrong: Share
-    judged: bool
-    ms_per_answer: float
-
-    @property
-    def broken(self) -> bool:
-        """Whether the promise surely does not hold."""
-        return self.judged and self.share_wrong.low > PROMISE
-
-    def flat(self) -> dict[str, object]:
-        """A line of the table of cells."""
-        line: dict[str, object] = {}
-        for name, value in self._asdict().items():
-            if isinstance(value, Share):
-                line |= {name: value.at, f"{name}_low": value.low, f"{name}_high": value.high}
-            else:
-                line[name] = value
-        return line
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -194,7 +115,7 @@ def main(arguments: list[str] | None = None) -> None:
     if options.levels:
         size = size._replace(levels=tuple(options.levels))
     cells = summary(measure(size, options.seed, options.jobs))
-    text = "\n".join(report(cells, size))
+    text = "\n".join(report(cells))
     print(text)
     if options.out is not None:
         options.out.parent.mkdir(parents=True, exist_ok=True)
@@ -211,7 +132,10 @@ def measure(size: Size, seed: int, jobs: int) -> list[Row]:
     """All rows, in an order that does not depend on the number of jobs."""
     _warm_up(size.levels)
     tasks = [
-        delayed(on_fresh_pairs)(s, k, i, seed, size) for k in size.levels for s in SETTINGS for i in range(size.sets)
+        delayed(on_fresh_pairs)(s, k, i, seed, size)
+        for k in size.levels
+        for s in SETTINGS
+        for i in range(s.times * size.sets)
     ]
     for pairs in ("Q-learning", "value iteration"):
         chosen = [s for s in SETTINGS if s.learners]
@@ -285,10 +209,13 @@ def rules(setting: Setting) -> list[str]:
 def scale(law: str, k: int, rng: Rng) -> Floats:
     """Values (k,) of a scale from 0 to 1."""
     p = k - 1
-    if law == "prior":  # gaps from Dirichlet(a), log a uniform on [log .1, log 2]: log gamma variates may underflow
-        a = 0.1 * 20.0 ** rng.random()
+    if law == "prior":  # the posterior's own; log gamma variates may underflow
+        low, high = CONCENTRATION
+        a = low * (high / low) ** rng.random() / p
         log_gaps = np.log(rng.standard_gamma(a + 1.0, p)) + np.log(rng.random(p)) / a
         gaps = np.exp(log_gaps - log_gaps.max())
+    elif law == "even":
+        gaps = rng.dirichlet(np.ones(p))
     elif law == "skewed":
         gaps = rng.dirichlet(np.full(p, 0.2))
     elif law == "two-step":
@@ -321,87 +248,6 @@ def open_pairs(k: int, n: int, rng: Rng) -> Floats:
     return np.concatenate(found)[:n]
 
 
-def summary(rows: Iterable[Row]) -> list[Cell]:
-    """The data sets of each cell together."""
-    ordered = sorted(rows, key=_cell_of)  # stable: data sets stay in order
-    return [cell(list(group)) for _, group in groupby(ordered, key=_cell_of)]
-
-
-def cell(rows: list[Row]) -> Cell:
-    """Pooled shares, with percentile intervals from resampled data sets."""
-    counts = np.array([(row.open, row.decided, row.wrong) for row in rows])
-    n, first, (opened, decided, wrong) = len(rows), rows[0], counts.sum(axis=0).tolist()
-    weights = np.random.default_rng(0).multinomial(n, np.full(n, 1.0 / n), RESAMPLES)
-    resampled = (weights @ counts).T
-    return Cell(
-        pairs=first.pairs,
-        setting=first.setting,
-        rule=first.rule,
-        k=first.k,
-        answers=first.answers,
-        sets=n,
-        open=opened,
-        decided=decided,
-        wrong=wrong,
-        share_decided=Share.of(decided, opened, resampled[1], resampled[0]),
-        share_wrong=Share.of(wrong, decided, resampled[2], resampled[1]),
-        judged=n >= ENOUGH_SETS and decided >= ENOUGH_DECIDED,
-        ms_per_answer=1e3 * sum(row.seconds for row in rows) / max(1, sum(row.learned for row in rows)),
-    )
-
-
-def report(cells: list[Cell], size: Size) -> Iterator[str]:
-    """The report, as lines of Markdown."""
-    yield from ("# Wrong among decided", "", *machine(), "", *NOTES, "")
-    for (pairs, setting), group in groupby(cells, key=lambda c: (c.pairs, c.setting)):
-        here = list(group)
-        names = [name for name in RULES if any(c.rule == name for c in here)]
-        yield from (f"## {_TITLES[pairs]}: {setting}", "", "| k | answers | " + " | ".join(names) + " |")
-        yield "|---:|---:|" + "---|" * len(names)
-        for k, n in sorted({(c.k, c.answers) for c in here}):
-            found = {c.rule: c for c in here if (c.k, c.answers) == (k, n)}
-            yield f"| {k} | {n} | " + " | ".join(shown(found[name]) for name in names) + " |"
-        yield ""
-    yield from costs(cells)
-    broken = [c for c in cells if c.broken]
-    judged = sum(c.judged for c in cells)
-    yield from (
-        "## Promises broken",
-        "",
-        f"{judged} of {len(cells)} cells are judged; {len(broken)} break the promise.",
-        "",
-    )
-    for c in sorted(broken, key=lambda c: -c.share_wrong.low):
-        yield f"- {c.rule}; {_TITLES[c.pairs].lower()}, {c.setting}, k = {c.k}, {c.answers} answers: {shown(c)}"
-
-
-def shown(c: Cell) -> str:
-    """A cell of the tables."""
-    if not c.decided:
-        return "0 / -"
-    decided, (at, low, high) = 100 * c.share_decided.at, (100 * x for x in c.share_wrong)
-    text = f"{decided:.0f} / {at:.1f} [{low:.1f}, {high:.1f}]"
-    return f"**{text}**" if c.broken else text if c.judged else f"({text})"
-
-
-def costs(cells: list[Cell]) -> Iterator[str]:
-    """Milliseconds an answer on fresh pairs, where the answers come one after the other."""
-    fresh = [c for c in cells if c.pairs == "fresh" and c.rule.startswith("posterior")]
-    counts = sorted({c.answers for c in fresh})
-    yield from ("## Milliseconds an answer, the verdicts on fresh pairs included", "")
-    yield "| k | rule | " + " | ".join(f"up to {n}" for n in counts) + " |"
-    yield "|---:|---|" + "---:|" * len(counts)
-    for k, rule in sorted({(c.k, c.rule) for c in fresh}):
-        means = [[c.ms_per_answer for c in fresh if (c.k, c.rule, c.answers) == (k, rule, n)] for n in counts]
-        yield f"| {k} | {rule} | " + " | ".join(f"{np.mean(m):.2f}" if m else "-" for m in means) + " |"
-    yield ""
-
-
-def _cell_of(row: Row) -> tuple[int, int, int, int, int]:
-    names = [s.name for s in SETTINGS]
-    return [*_TITLES].index(row.pairs), names.index(row.setting), row.k, row.answers, [*RULES].index(row.rule)
-
-
 def _warm_up(levels: Iterable[int]) -> None:
     """Compile once, before the workers would each do it."""
     for k in levels:
@@ -418,24 +264,6 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels k")
     parser.add_argument("--seed", type=int, default=0)
     return parser.parse_args(arguments)
-
-
-_TITLES = {
-    "fresh": "Fresh pairs",
-    "Q-learning": "Pairs that Q-learning chose",
-    "value iteration": "Pairs that value iteration chose",
-}
-NOTES = [
-    "Each entry: percent decided of the pairs that dominance leaves open / percent wrong among these [95% interval, "
-    f"data sets resampled {RESAMPLES} times]. In brackets: fewer than {ENOUGH_DECIDED} decided pairs or {ENOUGH_SETS} "
-    f"data sets, not judged. Bold: the interval lies wholly above {PROMISE:.0%}. Where nothing is wrong in any data "
-    "set the interval has no width.",
-    "",
-    "Shares are pooled over data sets: a posterior rule promises that much on average over scales from its prior. The "
-    "rows of one k share their data sets. The Bradley-Terry rules are told the tutor's own precision (10 where she "
-    "flips), the posterior ones learn it; both meet a default lapse of .05. With learners the budget is the number "
-    "of answers at most, and the fits are renewed at every fourth more answers only (`refit_growth=0.25`).",
-]
 
 
 if __name__ == "__main__":

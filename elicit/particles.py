@@ -3,8 +3,10 @@
 A particle is x (p,) with theta = exp(x) = c g: the logs of the gaps times the precision. In these coordinates the
 plausible set has no border to reject moves at. Iterated batch importance sampling (Chopin 2002), tempered where one
 answer is a surprise (Del Moral, Doucet and Jasra 2006); the moves are differential-evolution Metropolis (ter Braak
-2006), whose steps are differences of other particles and so fit themselves to the posterior. Each term of the
-log-likelihood is at most 0, so that a proposal is given up as soon as its partial sum is too low.
+2006), whose steps are differences of other particles and so fit themselves to the posterior, in all coordinates or in
+a few (Vrugt et al. 2009), and exchanges of two gaps, which leap between modes: few answers tell that some gap is large
+but not which. Each term of the log-likelihood is at most 0, so that a proposal is given up as soon as its partial sum
+is too low.
 
 Compiled where numba is installed. Random numbers are a hash of (key, counters).
 """
@@ -24,8 +26,11 @@ BLOCK = 64  # rows whose likelihoods are multiplied before a logarithm is taken
 FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
 ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
 # answer is taken in by parts
-LEAST_SWEEPS, MOST_SWEEPS, MOVES = 4, 40, 0.7  # sweeps at a move: until a particle has moved so often on average
+SWEEPS = 16  # at a move
+SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares: of proposals that exchange two gaps; of the others, those that
+# change the precision alone, and with them those in all coordinates; the rest step in at most so many
 LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
+ROUNDING = 1e-14  # levels' values that vary by less do not vary
 NUDGE = 1e-9  # of the step: lets particles leave a subspace that all of them lie in
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -63,21 +68,31 @@ def unit(h: Any) -> float:
 
 
 @compiled
-def log_prior(x: Any, prior: Prior, theta: Any) -> float:
-    """Log density of x up to a constant, and theta = c g into theta (p,); -inf where a prior inequality fails."""
+def scaled(x: Any, fixed: float, theta: Any) -> float:
+    """log c of x, and theta = c g into theta (p,)."""
     p = len(x)
-    most, total, s = x[0], 0.0, 0.0
+    most, total = x[0], 0.0
     for j in range(p):
         most = max(most, x[j])
-        s += x[j]
     for j in range(p):
         theta[j] = small_exp(min(most - x[j], FARTHEST))
     for j in range(p):
         total += theta[j]
-    log_c = most + math.log(total)
-    c = prior.fixed if prior.fixed > 0.0 else math.exp(min(log_c, 300.0))
+    log_c: float = most + math.log(total)
+    c = fixed if fixed > 0.0 else math.exp(min(log_c, 300.0))
     for j in range(p):
         theta[j] *= c / total
+    return log_c
+
+
+@compiled
+def log_prior(x: Any, prior: Prior, theta: Any) -> float:
+    """Log density of x up to a constant, and theta = c g into theta (p,); -inf where a prior inequality fails."""
+    p, s, c = len(x), 0.0, 0.0
+    log_c = scaled(x, prior.fixed, theta)
+    for j in range(p):
+        s += x[j]
+        c += theta[j]
     for i in range(len(prior.limits)):
         at = 0.0
         for j in range(p):
@@ -174,12 +189,30 @@ def small_exp(u: float) -> float:
 
 
 @compiled
-def likelihoods(x: Any, rows: Any, tied: Any, n: int, prior: Prior, out: Any) -> None:
-    """Log-likelihood (m,) of row n - 1, for each particle."""
-    theta, work = np.empty(x.shape[1]), np.empty((2, BLOCK))
-    for i in range(len(x)):
-        log_prior(x[i], prior, theta)
-        out[i] = log_likelihood(theta, rows, tied, n - 1, n, prior.lapse, -math.inf, work)
+def thetas(x: Any, fixed: float, out: Any) -> None:
+    """theta = c g (p, m) of particles x (m, p)."""
+    m, p = x.shape
+    theta = np.empty(p)
+    for i in range(m):
+        scaled(x[i], fixed, theta)
+        for j in range(p):
+            out[j, i] = theta[j]
+
+
+@compiled
+def likelihoods(theta: Any, rows: Any, tied: Any, n: int, lapse: float, out: Any) -> None:
+    """Log-likelihood (m,) of row n - 1, for particles of theta (p, m)."""
+    p, m = theta.shape
+    work = np.empty((2, 1))
+    for i in range(m):
+        out[i] = 0.0
+    for j in range(p):
+        for i in range(m):
+            out[i] += rows[j, n - 1] * theta[j, i]
+    for i in range(m):
+        work[0, 0] = out[i]
+        work[1, 0] = small_exp(min(abs(out[i]), FARTHEST))
+        out[i] = log_terms(work, tied, n - 1, 1, lapse)
 
 
 @compiled
@@ -210,16 +243,18 @@ def resample(weights: Any, u: float, out: Any) -> None:
 
 
 @compiled
-def learn(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, prior: Prior, key: Any) -> tuple[int, int]:
-    """Reweight particles x (m, p) with log weights ``logs`` (m,) by row n - 1 of
-    rows (p, >= n), and move them where that
-    leaves few with weight. ``fresh`` (m,) marks those that are no idle copy of another. Returns how many moves were
-    proposed and accepted."""
+def learn(
+    x: Any, theta: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: Prior, key: Any
+) -> tuple[int, int]:
+    """Reweight particles x (m, p), whose ``thetas`` are theta (p, m), with log weights ``logs`` (m,) by row n - 1 of
+    rows (p, >= n), and move them where that leaves few with weight. ``noise`` (1,) is the variance of a mean over
+    equally weighted particles, in units of the posterior's: resampling adds to it, and moves take away as much as they
+    make a particle forget. Returns how many moves were proposed and accepted."""
     m = len(x)
     found, target, copied = np.empty(m), np.empty(m), np.empty(m, dtype=np.int64)
     proposed, accepted, done, stage = 0, 0, 0.0, 0
     while done < 1.0:
-        likelihoods(x, rows, tied, n, prior, found)
+        likelihoods(theta, rows, tied, n, prior.lapse, found)
         part = tempered(logs, found, 1.0 - done)
         done = 1.0 if part >= 1.0 - done else done + part
         for i in range(m):
@@ -230,19 +265,56 @@ def learn(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, prior: Pr
                 target[i] = math.exp(logs[i] - most)
             resample(target, unit(mix(mix(key, stage), 0)), copied)
             x[:] = x[copied]
+            run = 0.0
             for i in range(m):
-                fresh[i] = fresh[copied[i]] and (i == 0 or copied[i] != copied[i - 1])
                 logs[i] = 0.0
+                run = run + 1.0 if i > 0 and copied[i] == copied[i - 1] else 1.0
+                noise[0] += (2.0 * run - 2.0) / m / m  # sums to squared numbers of copies, less one for each particle
             densities(x, rows, tied, n, done, prior, target)
-            moved = 0
-            for turn in range(MOST_SWEEPS):
-                moved += sweep(x, target, fresh, rows, tied, n, done, prior, mix(mix(key, stage), 1 + turn))
-                proposed += m
-                if turn + 1 >= LEAST_SWEEPS and moved >= MOVES * m:
-                    break
-            accepted += moved
+            before = features(x, prior.fixed)
+            for turn in range(SWEEPS):
+                accepted += sweep(x, target, rows, tied, n, done, prior, mix(mix(key, stage), 1 + turn))
+            proposed += SWEEPS * m
+            thetas(x, prior.fixed, theta)
+            noise[0] = 1.0 / m + remembered(before, features(x, prior.fixed)) * (noise[0] - 1.0 / m)
             stage += 1
     return proposed, accepted
+
+
+@compiled
+def features(x: Any, fixed: float) -> Any:
+    """What verdicts hang on (p, m): the values of levels 2 to k - 1, and log c unless the precision is ``fixed``."""
+    m, p = x.shape
+    out = np.empty((p, m))
+    for i in range(m):
+        most, total = x[i].max(), 0.0
+        for j in range(p):
+            total += math.exp(x[i, j] - most)
+        at = 0.0
+        for j in range(p - 1):
+            at += math.exp(x[i, j] - most) / total
+            out[j, i] = at
+        out[p - 1, i] = most + math.log(total) if fixed == 0.0 or p == 1 else out[0, i]
+    return out
+
+
+@compiled
+def remembered(before: Any, after: Any) -> float:
+    """The greatest squared correlation, over features (p, m), of what they were before some moves and after."""
+    p, m = before.shape
+    most = 0.0
+    for j in range(p):
+        a, b, ab, aa, bb = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(m):
+            a += before[j, i] / m
+            b += after[j, i] / m
+        for i in range(m):
+            ab += (before[j, i] - a) * (after[j, i] - b)
+            aa += (before[j, i] - a) * (before[j, i] - a)
+            bb += (after[j, i] - b) * (after[j, i] - b)
+        if min(aa, bb) > m * ROUNDING * ROUNDING:
+            most = max(most, ab * ab / (aa * bb))
+    return most
 
 
 @compiled
@@ -276,29 +348,17 @@ def densities(x: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, o
 
 
 @compiled
-def sweep(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: Any) -> int:
+def sweep(x: Any, logs: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: Any) -> int:
     """Propose a move for each particle x (m, p) in turn, whose target's log density is in logs (m,). Returns how many
-    were accepted, those not counted whose step was no difference."""
+    were accepted, those not counted that led nowhere."""
     m, p = x.shape
     proposal, theta, work = np.empty(p), np.empty(p), np.empty((2, BLOCK))
     accepted = 0
     for i in range(m):
         h = mix(key, i)
-        a = int(unit(mix(h, 0)) * (m - 1))
-        a += a >= i
-        b = int(unit(mix(h, 1)) * (m - 2))
-        b += b >= min(a, i)
-        b += b >= max(a, i)
-        # now and then a whole difference, which leaps between modes
-        length = 1.0 if unit(mix(h, 2)) < 0.1 else 2.38 / math.sqrt(2.0 * p) * (0.5 + unit(mix(h, 3)))
-        apart = 0.0
-        for j in range(p):
-            apart = max(apart, abs(x[a, j] - x[b, j]))
-        for j in range(p):
-            nudge = NUDGE * apart * (unit(mix(h, 5 + j)) - 0.5)
-            proposal[j] = x[i, j] + length * (x[a, j] - x[b, j]) + nudge
+        away = swap(x, i, proposal, h) if p > 1 and unit(mix(h, 0)) < SWAPS else step(x, i, proposal, h)
         density = log_prior(proposal, prior, theta)
-        least = logs[i] + math.log(unit(mix(h, 4))) - density
+        least = logs[i] + math.log(unit(mix(h, 1))) - density
         if density == -math.inf or least > 0.0:
             continue
         found = last * log_likelihood(theta, rows, tied, n - 1, n, prior.lapse, -math.inf, work)
@@ -308,10 +368,59 @@ def sweep(x: Any, logs: Any, fresh: Any, rows: Any, tied: Any, n: int, last: flo
             for j in range(p):
                 x[i, j] = proposal[j]
             logs[i] = density + found
-            if apart > 0.0:
-                accepted += 1
-                fresh[i] = True
+            accepted += away
     return accepted
+
+
+@compiled
+def step(x: Any, i: int, proposal: Any, h: Any) -> bool:
+    """Particle i moved by a multiple of the difference of two others, in all coordinates or in a few neighbouring ones,
+    or in precision alone, by one of their greatest coordinates'. False where those two do not differ there."""
+    m, p = x.shape
+    a = int(unit(mix(h, 2)) * (m - 1))
+    a += a >= i
+    b = int(unit(mix(h, 3)) * (m - 2))
+    b += b >= min(a, i)
+    b += b >= max(a, i)
+    kind = unit(mix(h, 4))
+    count = p if kind < WHOLE else min(p, 1 + int(unit(mix(h, 5)) * FEW))
+    first = int(unit(mix(h, 6)) * p)
+    # now and then a whole difference, which leaps between modes
+    length = 1.0 if unit(mix(h, 7)) < 0.1 else 2.38 / math.sqrt(2.0 * count) * (0.5 + unit(mix(h, 8)))
+    apart = 0.0
+    for j in range(p):
+        proposal[j] = x[i, j]
+    if kind < SHIFTS:
+        apart += x[a].max() - x[b].max()
+        for j in range(p):
+            proposal[j] += 2.0 * unit(mix(h, 8)) * apart
+        return bool(apart != 0.0)
+    for q in range(count):
+        j = (first + q) % p
+        proposal[j] += length * (x[a, j] - x[b, j])
+        apart = max(apart, abs(x[a, j] - x[b, j]))
+    proposal[first] += NUDGE * apart * (unit(mix(h, 9)) - 0.5)
+    return apart > 0.0
+
+
+@compiled
+def swap(x: Any, i: int, proposal: Any, h: Any) -> bool:
+    """Particle i with the greatest of some neighbouring gaps exchanged for another of them: the prior is the same in
+    every order, so that only answers can tell them apart. False where both are equal."""
+    p = x.shape[1]
+    first, count = int(unit(mix(h, 2)) * p), 2 + int(unit(mix(h, 3)) * (p - 1))
+    best = first
+    for j in range(p):
+        proposal[j] = x[i, j]
+    for q in range(count):
+        j = (first + q) % p
+        if x[i, j] > x[i, best]:
+            best = j
+    other = (first + int(unit(mix(h, 4)) * (count - 1))) % p
+    if other == best:
+        other = (first + count - 1) % p
+    proposal[best], proposal[other] = x[i, other], x[i, best]
+    return bool(proposal[best] != proposal[other])
 
 
 @compiled

@@ -22,7 +22,7 @@ from scipy.special import gammaln, ndtri
 from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.conflict import is_empty
 from elicit.lp import prior_rows
-from elicit.particles import LEAST_SWEEPS, LEVEL_ROUNDING, Prior, densities, effective_size, learn, sweep, weigh
+from elicit.particles import LEVEL_ROUNDING, SWEEPS, Prior, densities, effective_size, learn, sweep, thetas, weigh
 from elicit.prior import PriorLike, as_prior
 from elicit.query import Answers
 from elicit.rule import Rule, weighted
@@ -35,6 +35,12 @@ _FAR = 1e12  # tail sums are no larger for the likelihood
 _NODES = 16  # of the quadrature over the prior's shape
 PRECISION = (math.log(100.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
+
+
+CONCENTRATION = (0.2, 2.0)
+"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. Of the sum, not of each: a law that keeps to
+each decides more before any answer the more levels there are, and is then wrong on scales of a few large gaps. With a
+fixed sum, levels set in between leave the law of the others as it was (Ferguson 1973)."""
 
 
 class Degenerate(RuntimeWarning):
@@ -57,8 +63,8 @@ class PosteriorComparator:
     lapse      share of answers given at random; a tutor who flips a tenth of all answers lapses in a fifth
     level      posterior probability that a verdict needs, in (1/2, 1)
     particles  how many stand for the posterior
-    shape      a priori the gaps are Dirichlet(a), log a uniform between these two. (1, 1): uniform, too sure of itself
-               on scales with a few large gaps
+    shape      a priori the gaps are Dirichlet(a), log a uniform between these two; None: between ``CONCENTRATION``
+               over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
     prior      inequalities that hold for certain: (A, b) with A e >= b, or texts such as "e4 >= 2*e2"
     seed       int, numpy SeedSequence or Generator (kept as an int)
 
@@ -73,7 +79,7 @@ class PosteriorComparator:
         lapse: float = 0.05,
         level: float = 0.95,
         particles: int = 500,
-        shape: tuple[float, float] = (0.1, 2.0),
+        shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
         seed: Seed = 0,
     ) -> None:
@@ -86,6 +92,8 @@ class PosteriorComparator:
         _require(
             int(particles) == particles and particles >= 20, "particles", "a whole number of at least 20", particles
         )
+        if shape is None:
+            shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
         _require(
             len(shape) == 2 and 0 < shape[0] <= shape[1] < math.inf, "shape", "two numbers, 0 < low <= high", shape
         )
@@ -94,13 +102,19 @@ class PosteriorComparator:
         self.lapse, self.level, self.particles, self.shape = float(lapse), float(level), int(particles), tuple(shape)
         self.given_precision = None if precision is None else float(precision)
         self.prior = as_prior(prior, self.k)
-        self.answers = Answers.none(self.k)
-        self.proposed = self.accepted = 0
         self._key = np.uint64(key)
         self._prior = self._log_prior()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Back to the prior."""
+        self.answers = Answers.none(self.k)
+        self.proposed = self.accepted = 0
         self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
         self._x, self._logs = self._first_particles(), np.zeros(self.particles)
-        self._fresh = np.ones(self.particles, dtype=np.bool_)
+        self._noise = np.full(1, 1.0 / self.particles)
+        self._theta = np.empty((self.k - 1, self.particles))
+        thetas(self._x, self._prior.fixed, self._theta)
 
     def update(self, answers: Answers) -> PosteriorComparator:
         """A comparator that also knows these answers, taken in one by one in the order told."""
@@ -117,11 +131,12 @@ class PosteriorComparator:
         n = self._rows.shape[1]
         new._rows = np.ascontiguousarray(np.concatenate([self._rows, t.T], axis=1))
         new._tied = np.concatenate([self._tied, answers.y == 0])
-        new._x, new._logs, new._fresh = self._x.copy(), self._logs.copy(), self._fresh.copy()
+        new._x, new._theta = self._x.copy(), self._theta.copy()
+        new._logs, new._noise = self._logs.copy(), self._noise.copy()
         for i in range(n, n + len(answers)):
             key = fold(self._key, i)[()]
             with np.errstate(all="ignore"):  # the hash wraps around
-                counts = learn(new._x, new._logs, new._fresh, new._rows, new._tied, i + 1, self._prior, key)
+                counts = learn(new._x, new._theta, new._logs, new._noise, new._rows, new._tied, i + 1, self._prior, key)
             new.proposed, new.accepted = new.proposed + counts[0], new.accepted + counts[1]
         if new.effective_size < WORN * self.particles:
             warnings.warn(
@@ -132,6 +147,13 @@ class PosteriorComparator:
                 stacklevel=2,
             )
         return new
+
+    def retract(self, *ids: str) -> PosteriorComparator:
+        """What is known without the answers of these ids, taken in afresh: as if they had never been given. Raises
+        ValueError for an id that is not among them."""
+        others, fresh = self.answers.without(ids), copy.copy(self)
+        fresh._forget()
+        return fresh.update(others)
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k): dominance first, then the sign that has probability ``level``."""
@@ -197,8 +219,13 @@ class PosteriorComparator:
 
     @property
     def effective_size(self) -> float:
-        """How many independent draws the particles are worth, by their weights; idle copies do not count."""
-        return float(effective_size(self._logs)) * float(self._fresh.mean())
+        """How many independent draws of the posterior the particles are worth, about.
+
+        Weights count as Kong's (1992) formula has it; copies made by resampling count by how much the moves after it
+        left of them: the squared correlation, before and after, of the level's value or of log c that kept most. An
+        estimate: by how much probabilities vary with the seed, between a third and three times as much.
+        """
+        return 1.0 / float(self._noise[0] + 1.0 / effective_size(self._logs) - 1.0 / self.particles)
 
     @property
     def acceptance(self) -> float:
@@ -208,9 +235,8 @@ class PosteriorComparator:
     @cached_property
     def _gaps_and_weights(self) -> tuple[Floats, Floats]:
         """Gaps (p, m) and weights (m,) of total 1."""
-        theta = np.exp(self._x - self._x.max(axis=1, keepdims=True))
         weights = np.exp(self._logs - self._logs.max())
-        return np.ascontiguousarray((theta / theta.sum(axis=1, keepdims=True)).T), weights / weights.sum()
+        return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
     def _log_prior(self) -> Prior:
         """The prior's density, its mixture over shapes by Gauss and Legendre's rule in log a."""
@@ -254,10 +280,10 @@ class PosteriorComparator:
             x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
             eased, logs = self._prior._replace(limits=limits - gap), np.empty(m)
             densities(x, nothing, untied, 1, 1.0, eased, logs)
-            for turn in range(LEAST_SWEEPS * 4):
+            for turn in range(SWEEPS):
                 key = fold(self._key, m, stage, turn)[()]
                 with np.errstate(all="ignore"):
-                    sweep(x, logs, np.ones(m, dtype=np.bool_), nothing, untied, 1, 1.0, eased, key)
+                    sweep(x, logs, nothing, untied, 1, 1.0, eased, key)
         raise ValueError(
             f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: "
             "relax some of them"

@@ -6,7 +6,7 @@ import math
 import os
 import subprocess
 import sys
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
 import numpy as np
@@ -25,18 +25,23 @@ from elicit.seeds import fold
 
 Floats = np.ndarray[Any, Any]
 Rng = np.random.Generator
-SHAPE = (0.1, 2.0)
 
 
-def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] = SHAPE) -> Floats:
+def default(p: int) -> tuple[float, float]:
+    """The shapes of the default prior."""
+    return 0.2 / p, 2.0 / p
+
+
+def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] | None = None) -> Floats:
     """x (m, p) straight from the stated prior."""
+    shape = shape or default(p)
     a = np.exp(rng.uniform(np.log(shape[0]), np.log(shape[1]), (m, 1)))
     log_gamma = np.log(rng.standard_gamma(a + 1.0, (m, p))) + np.log(rng.random((m, p))) / a
     log_g = log_gamma - logsumexp(log_gamma, axis=1, keepdims=True)
     return np.ascontiguousarray(log_g + rng.normal(math.log(100.0), 2.5, (m, 1)))
 
 
-def direct_log_prior(x: Floats, shape: tuple[float, float] = SHAPE) -> float:
+def direct_log_prior(x: Floats, shape: tuple[float, float]) -> float:
     """The log density of x by adaptive quadrature over the shape: a Dirichlet density of g, a normal one of log c, and
     the Jacobian of (log c, g) to x, which is prod g."""
     p, log_c = len(x), float(logsumexp(x))
@@ -237,11 +242,11 @@ def test_weighing_is_the_share_of_weight_on_either_side(level: float) -> None:
 
 
 def moved(x: Floats, rows: Floats, tied: Floats, prior: P.Prior, sweeps: int, key: int, last: float = 1.0) -> Floats:
-    x, logs, fresh = x.copy(), np.empty(len(x)), np.ones(len(x), dtype=np.bool_)
+    x, logs = x.copy(), np.empty(len(x))
     P.densities(x, rows, tied, rows.shape[1], last, prior, logs)
     accepted = 0
     for turn in range(sweeps):
-        accepted += P.sweep(x, logs, fresh, rows, tied, rows.shape[1], last, prior, fold(np.uint64(key), turn)[()])
+        accepted += P.sweep(x, logs, rows, tied, rows.shape[1], last, prior, fold(np.uint64(key), turn)[()])
     again = np.empty(len(x))
     P.densities(x, rows, tied, rows.shape[1], last, prior, again)
     assert logs == pytest.approx(again, rel=1e-9, abs=1e-9)  # the densities kept are those of the particles
@@ -325,26 +330,60 @@ def test_particles_leave_a_subspace_that_all_of_them_lie_in() -> None:
     assert np.std(x[:, 0] - x[:, 1]) > 0.1
 
 
-def test_answers_reweight_moves_follow_and_copies_are_told_from_fresh_ones() -> None:
+def test_answers_reweight_and_moves_follow_where_few_carry_the_weight() -> None:
     rng, prior = np.random.default_rng(0), PosteriorComparator(5)._prior
     rows, tied = rows_of(rng, 5, 60)
-    x, logs, fresh = prior_draws(rng, 4, 400), np.zeros(400), np.ones(400, dtype=np.bool_)
+    x, logs, noise = prior_draws(rng, 4, 400), np.zeros(400), np.full(1, 1 / 400)
     moves = 0
     for n in range(1, 61):
-        before = x.copy()
-        proposed, accepted = P.learn(x, logs, fresh, rows, tied, n, prior, np.uint64(n))
+        before, noise_before = x.copy(), noise[0]
+        P.thetas(x, prior.fixed, theta := np.empty(x.T.shape))
+        proposed, accepted = P.learn(x, theta, logs, noise, rows, tied, n, prior, np.uint64(n))
         assert P.effective_size(logs) >= P.FAIR * 400
         if not proposed:
             assert (x == before).all()
+            assert noise[0] == noise_before
             assert P.effective_size(logs) >= P.ENOUGH * 400
         else:
             assert 0 < accepted <= proposed
             assert (logs == 0).all()
             moves += 1
-        distinct = len(np.unique(x, axis=0))
-        assert fresh.sum() <= distinct
-        assert distinct > 200
+        assert len(np.unique(x, axis=0)) > 350
+        assert 1 / 400 <= noise[0] < 1 / 30
     assert 3 <= moves <= 30
+
+
+def test_swaps_are_as_likely_there_as_back() -> None:
+    """From every order of four gaps, the share of proposals that lead to every other."""
+    orders = [list(o) for o in permutations([0.0, 1.0, 2.0, 3.0])]
+    shares, x, proposal = np.zeros((24, 24)), np.empty((1, 4)), np.empty(4)
+    with np.errstate(over="ignore"):
+        for i, order in enumerate(orders):
+            x[0] = order
+            for q in range(1500):
+                P.swap(x, 0, proposal, fold(np.uint64(i), q)[()])
+                shares[i, orders.index(proposal.tolist())] += 1
+    assert (np.diag(shares) == 0).all()
+    both = shares + shares.T
+    off = np.abs(shares - shares.T)[both > 0] / np.sqrt(both[both > 0])
+    assert off.max() < 4.5
+    # every two places, but not those of the two smallest gaps where a greater one lies on either side between them
+    assert (both > 0).sum() == 24 * 6 - 8
+
+
+def test_what_moves_leave_is_the_greatest_squared_correlation() -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(3, 200)), rng.normal(size=(3, 200))
+    other[1] += one[1]
+    wanted = max(np.corrcoef(a, b)[0, 1] ** 2 for a, b in zip(one, other, strict=True))
+    assert P.remembered(one, other) == pytest.approx(wanted)
+    assert P.remembered(one, one) == pytest.approx(1.0)
+    assert P.remembered(np.ones((3, 200)), np.ones((3, 200))) == 0.0
+    x = prior_draws(rng, 4, 50)
+    log_c = logsumexp(x, axis=1)
+    levels = np.cumsum(np.exp(x - log_c[:, None]), axis=1).T[:-1]
+    assert P.features(x, 0.0) == pytest.approx(np.vstack([levels, log_c]))
+    assert P.features(x, 5.0) == pytest.approx(np.vstack([levels, levels[0]]))
 
 
 # ---- compiled or not --------------------------------------------------------------------------------------------

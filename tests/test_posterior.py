@@ -28,9 +28,9 @@ MEAN, SD = math.log(100.0), 2.5
 WORTH = 60  # independent draws that 500 particles are worth at least, for k up to 8: moved copies stay alike for a time
 
 
-def drawn_gaps(rng: Rng, k: int, m: int = 1, shape: tuple[float, float] = (0.1, 2.0)) -> Floats:
+def drawn_gaps(rng: Rng, k: int, m: int = 1) -> Floats:
     """Gaps (m, k - 1) from the default prior."""
-    a = np.exp(rng.uniform(np.log(shape[0]), np.log(shape[1]), (m, 1)))
+    a = np.exp(rng.uniform(math.log(0.2), math.log(2.0), (m, 1))) / (k - 1)
     log_gamma = np.log(rng.standard_gamma(a + 1.0, (m, k - 1))) + np.log(rng.random((m, k - 1))) / a
     g: Floats = np.exp(log_gamma - logsumexp(log_gamma, axis=1, keepdims=True))
     return g
@@ -71,7 +71,7 @@ def identical(a: PosteriorComparator, b: PosteriorComparator) -> bool:
     )
 
 
-def assert_sane(c: PosteriorComparator, least: float = 0.1) -> None:
+def assert_sane(c: PosteriorComparator, least: float = 0.05) -> None:
     """Finite, in range, in line with itself, and of particles that are worth something."""
     d = np.concatenate([pairs(np.random.default_rng(9), c.k, 60), sample_differences(c.k)])
     assert np.isfinite(c._x).all()
@@ -205,7 +205,7 @@ def test_values_cannot_be_changed_from_outside() -> None:
 )
 def test_verdicts_probabilities_and_bounds_agree_at_the_very_level(particles: int, level: float) -> None:
     c = PosteriorComparator(6, particles=particles, level=level)
-    d = pairs(np.random.default_rng(0), 6, 2000)
+    d = pairs(np.random.default_rng(0), 6, 8000)
     v, up, down, (low, high) = c.compare(d), c.probability(d), c.probability(-d), c.bounds(d)
     assert (np.abs(up - level) < 1e-9).any()
     assert ((v == 1) == (low > 0)).all()
@@ -227,6 +227,41 @@ def test_bounds_are_quantiles() -> None:
         near = 1e-9 * np.abs(t).sum()
         assert weights[scores < lo - near].sum() <= 0.05 + 1e-9 <= weights[scores <= lo + near].sum() + 2e-9
         assert weights[scores < hi - near].sum() < 0.95 <= weights[scores <= hi + near].sum() + 1e-9
+
+
+def test_retracted_answers_leave_no_trace() -> None:
+    answers = told(n=30)
+    for start in (PosteriorComparator(5, seed=np.random.default_rng(3)), PosteriorComparator(5, prior="e3 >= 0.4")):
+        full = start.update(answers)
+        full.compare(answers.d)
+        others = answers.without(["3", "17"])
+        back = full.retract("3", "17")
+        assert identical(back, start.update(others))
+        assert back.answers.ids == others.ids
+        assert identical(full, start.update(answers))
+        assert identical(full.retract(*answers.ids), start)
+    with pytest.raises(ValueError, match="no answer here has the id 'x'"):
+        full.retract("x")
+
+
+@pytest.mark.parametrize("k", [2, 5, 21])
+def test_the_default_shape_keeps_to_the_sum_of_the_parameters(k: int) -> None:
+    assert PosteriorComparator(k).shape == (0.2 / (k - 1), 2.0 / (k - 1))
+
+
+def test_levels_set_in_between_do_not_change_what_is_thought_of_the_others() -> None:
+    """Whatever is decided about three levels before any answer is so when 16 more lie between them."""
+    d = pairs(np.random.default_rng(0), 3, 200)
+    wide = np.zeros((200, 19))
+    wide[:, [0, 9, 18]] = d
+    few, many = (
+        np.mean([C.probability(e) for C in made], axis=0)
+        for made, e in (
+            ([PosteriorComparator(3, seed=i) for i in range(8)], d),
+            ([PosteriorComparator(19, seed=i) for i in range(8)], wide),
+        )
+    )
+    assert np.abs(few - many).max() < 4 * math.sqrt(0.5 / (8 * 500))
 
 
 # ---- little knowledge -------------------------------------------------------------------------------------------
@@ -451,7 +486,7 @@ def test_a_rare_corner_of_the_prior_is_reached() -> None:
     c = PosteriorComparator(6, prior=[f"e{i} - e{i - 1} >= 0.19" for i in range(2, 6)])
     assert_sane(c)
     g = np.array([0.19, 0.19, 0.19, 0.19, 0.0]) + 0.24 * np.random.default_rng(0).dirichlet(np.ones(5), 100_000)
-    a = np.exp(np.linspace(math.log(0.1), math.log(2.0), 101))
+    a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 101)) / 5
     logs = (gammaln(5 * a) - 5 * gammaln(a))[:, None] + (a - 1)[:, None] * np.log(g).sum(axis=1)
     mean = normalised(logsumexp(logs, axis=0)) @ g
     assert np.diff(c.values) == pytest.approx(mean, abs=4 * 0.06 / math.sqrt(WORTH))
@@ -525,7 +560,7 @@ def test_it_agrees_with_a_grid_where_there_are_three_levels(n: int) -> None:
     rng = np.random.default_rng(n)
     answers, d = answered(rng, pairs(rng, 3, n), np.array([0.8, 0.2]), 12.0), pairs(rng, 3, 20)
     r, log_c = np.arange(-80.0, 80.0, 0.1), np.arange(MEAN - 4.5 * SD, MEAN + 4.5 * SD, 0.2)
-    a = np.exp(np.linspace(math.log(0.1), math.log(2.0), 401))
+    a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 401)) / 2
     log_g = np.stack([-np.logaddexp(0, -r), -np.logaddexp(0, r)])
     constants = gammaln(2 * a) - 2 * gammaln(a)
     density = logsumexp(constants[:, None] + a[:, None] * log_g.sum(axis=0), axis=0)
@@ -541,7 +576,7 @@ def test_it_agrees_with_a_grid_where_there_are_three_levels(n: int) -> None:
 def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) -> None:
     emcee = pytest.importorskip("emcee")
     k, answers, d, lapse, rng = a_data_set(i, 80)
-    a = np.exp(np.linspace(math.log(0.1), math.log(2.0), 101))
+    a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 101)) / (k - 1)
     constants = gammaln((k - 1) * a) - (k - 1) * gammaln(a)
 
     def log_density(x: Floats) -> Floats:
@@ -580,21 +615,28 @@ def test_the_order_of_the_answers_is_no_matter_but_for_chance() -> None:
     assert (np.abs(np.mean(one, axis=0) - np.mean(other, axis=0)) / sigma).max() < 4
 
 
-@pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True, reason="moved once, a particle in 19 dimensions is still nearly a copy: worth 30, not 230"
-)
-def test_particles_are_worth_nearly_what_their_effective_size_says() -> None:
-    """By how much probabilities vary with the seed."""
-    rng = np.random.default_rng(20_400)
-    g, asked, d = drawn_gaps(rng, 20)[0], pairs(rng, 20, 300), pairs(rng, 20, 200)
-    answers = answered(rng, asked, g, 3.0 / float(np.std(tail_sums(asked) @ g)))
-    made = [PosteriorComparator(20, seed=seed).update(answers) for seed in range(16)]
+def probabilities_vary_as_if_of(made: list[PosteriorComparator], d: Floats) -> float:
+    """How many independent draws would let P(d.e > 0) vary as much from seed to seed."""
     found = np.array([c.probability(d) for c in made])
     p = found.mean(axis=0)
     unsure = (p > 0.1) & (p < 0.9)
-    worth = (p * (1 - p))[unsure].sum() / found.var(axis=0, ddof=1)[unsure].sum()
-    assert worth > np.mean([c.effective_size for c in made]) / 4
+    return float((p * (1 - p))[unsure].sum() / found.var(axis=0, ddof=1)[unsure].sum())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "n"), [(5, 40), (10, 40), (10, 300), (20, 40), (20, 300)])
+def test_particles_are_worth_about_what_their_effective_size_says(k: int, n: int) -> None:
+    said, worth = [], []
+    for i in range(4):
+        rng = np.random.default_rng([k, n, i])
+        g, asked, d = drawn_gaps(rng, k)[0], pairs(rng, k, n), pairs(rng, k, 200)
+        answers = answered(rng, asked, g, 3.0 / float(np.std(tail_sums(asked) @ g)))
+        made = [PosteriorComparator(k, seed=seed).update(answers) for seed in range(16)]
+        said.append(np.mean([c.effective_size for c in made]))
+        worth.append(probabilities_vary_as_if_of(made, d))
+    off = np.log(worth) - np.log(said)
+    assert off.min() > -math.log(3), (said, worth)
+    assert -math.log(2) < off.mean() < math.log(3), (said, worth)
 
 
 def ranks(k: int, n: int, replications: int, seed: int) -> tuple[list[str], Floats]:
@@ -625,7 +667,7 @@ def test_ranks_of_the_truth_are_uniform() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("k", "n"), [(5, 40), (10, 40)])
+@pytest.mark.parametrize(("k", "n"), [(5, 40), (10, 40), (20, 40)])
 def test_ranks_of_the_truth_are_uniform_in_many_replications(k: int, n: int) -> None:
     assert_uniform(*ranks(k, n, 600, 1))
 
@@ -669,8 +711,9 @@ def test_what_is_decided_is_seldom_wrong_whichever_questions_were_asked(k: int, 
 
 def test_a_uniform_prior_is_too_sure_on_skewed_scales_and_the_default_is_not() -> None:
     """Few answers and gaps from Dirichlet(.2): why the default is wide."""
-    wrong, decided = {}, {}
-    for shape in ((1.0, 1.0), (0.1, 2.0)):
+    wrong: dict[tuple[float, float] | None, float] = {}
+    decided: dict[tuple[float, float] | None, float] = {}
+    for shape in ((1.0, 1.0), None):
         total = np.zeros(2)
         for i in range(50):
             rng = np.random.default_rng([i, 5])
@@ -682,8 +725,8 @@ def test_a_uniform_prior_is_too_sure_on_skewed_scales_and_the_default_is_not() -
             total += [(v != 2).sum(), ((v != 2) & (v != true)).sum()]
         decided[shape], wrong[shape] = total[0], total[1] / total[0]
     assert wrong[(1.0, 1.0)] > 0.05
-    assert wrong[(0.1, 2.0)] <= 0.05
-    assert decided[(0.1, 2.0)] > 500
+    assert wrong[None] <= 0.05
+    assert decided[None] > 500
 
 
 def test_it_decides_more_than_the_box() -> None:
