@@ -84,6 +84,12 @@ def _rules(kind: type) -> bool:
     return "rule" in first and first["rule"] <= min(first.get("compare", 0), first.get("decide", first["rule"]))
 
 
+def outlasts_answers(rule: Rule) -> bool:
+    """Whether what ``judge`` found with a rule before these answers still holds with this one: verdicts proven of K_t
+    do, while it has points inside (on a flat one a preference can become a tie)."""
+    return rule.kind == PROVEN and not np.isnan(rule.known.inside[0])
+
+
 def _no_proofs() -> Known:
     none, table, count = np.empty(0), np.empty((0, 0)), np.empty(0, np.int64)
     masks: NDArray[np.uint64] = np.empty(0, np.uint64)

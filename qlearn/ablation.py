@@ -48,7 +48,7 @@ def ablate(
     comparators: Sequence[str] = ORDER["comparator"],
     error_rates: Sequence[float] = (0.0, 0.05, 0.15),
     audit: float = 0.05,
-    seeds: int = 5,
+    seeds: int = 4,
     seed: int = 0,
     states: int = 100,
     actions: int = 5,

@@ -137,7 +137,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
         "audit": ({"type": _SHARE}, 0.05, "share of decided pairs put to the tutor in the audited runs; 0: none"),
         "audit_steps": ({"type": _COUNT}, 2000, "steps of an audited run, if steps are not fewer"),
         "audit_sweeps": ({"type": _COUNT}, 20, "sweeps of an audited run at most, if max-sweeps are not fewer"),
-        "seeds": ({"type": _COUNT}, 5, "number of seeds"),
+        "seeds": ({"type": _COUNT}, 4, "number of seeds"),
         "seed": ({"type": _FROM_0}, 0, "the first seed"),
         "max_queries": ({"type": _FROM_0}, 2000, "question budget; beyond it the best guess decides"),
     },

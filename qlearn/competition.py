@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elicit.comparator import Decisions, Tier
 from elicit.query import Verdict
-from elicit.rule import NOTHING, PROOFS, PROVEN, Rule, rule_of
+from elicit.rule import NOTHING, PROOFS, Rule, outlasts_answers, rule_of
 from elicit.scale import Floats, tail_sums
 from qlearn.backup import is_compiled, model_of, q_of
 from qlearn.desk import Desk, place
@@ -136,7 +136,7 @@ class Competition:
         comparator = self._desk.comparator
         rule = rule_of(comparator)
         if comparator is not self._judged_by:
-            if rule.kind != PROVEN or len(_opened(rule)):
+            if not outlasts_answers(rule):
                 self._sides[:] = 0
             self._copies.clear()
             self._judged_by = comparator

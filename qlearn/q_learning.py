@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from elicit.comparator import AlwaysAsk, Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.respond import NOBODY, nobody
-from elicit.rule import PROVEN, rule_of
+from elicit.rule import outlasts_answers, rule_of
 from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
 from qlearn import kernel
@@ -138,8 +138,7 @@ class InteractiveQLearning:
         verdicts, dropped = self._desk.tell(answers, on_conflict)
         for verdict in verdicts.values():
             self._verdict = int(verdict)
-        rule = rule_of(self._desk.comparator)
-        if rule.kind != PROVEN or np.isnan(rule.known.inside[0]):  # only what is proven of K_t holds for ever
+        if not outlasts_answers(rule_of(self._desk.comparator)):
             self._state.sides[:] = 0
         return dropped
 

@@ -26,6 +26,7 @@ from qlearn.q_learning import InteractiveQLearning
 TINY: dict[str, Any] = {
     "problems": ["random"], "states": 8, "actions": 3, "levels": 4, "seeds": 1, "steps": 200, "tolerance": 0.05,
     "max_sweeps": 80, "max_queries": 40, "n_boot": 10, "error_rates": (0.0, 0.15),
+    "audit_steps": 20, "audit_sweeps": 8,
 }  # fmt: skip
 
 
@@ -101,7 +102,7 @@ def test_polytope_with_a_truthful_tutor_is_the_oracle_with_fewer_questions(frame
 
 def test_audited_runs_are_shorter_and_not_paired(frame: pd.DataFrame) -> None:
     audited = frame[frame.audit > 0]
-    assert (audited[audited.learner == "q-learning"].rounds == 20).all()  # a tenth
+    assert (audited[audited.learner == "q-learning"].rounds == 20).all()
     assert (audited[audited.learner == "ivi"].rounds <= 8).all()
     assert audited.audited.sum() > 0
     paired = ["excess_loss", "excess_loss_initial", "paper_loss_percent"]

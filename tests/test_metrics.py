@@ -87,16 +87,16 @@ def test_watch_judges_many_small_calls_like_one() -> None:
 def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] = ()) -> Result:
     tiers = {tier.name.lower(): 0 for tier in Tier} | decided
     return Result(
-        np.zeros(1, np.int64),
-        np.zeros((1, 1, 3)),
-        Status.DONE,
-        asked,
-        tiers,
-        AlwaysAsk(3),
-        Answers.none(3),
-        checked,
-        0,
-        7,
+        policy=np.zeros(1, np.int64),
+        q=np.zeros((1, 1, 3)),
+        status=Status.DONE,
+        asked=asked,
+        decided=tiers,
+        comparator=AlwaysAsk(3),
+        answers=Answers.none(3),
+        audits=checked,
+        cannot_tell=0,
+        rounds=7,
     )
 
 
