@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from elicit.hashed import mix
 from elicit.jit import compiled
 from elicit.scale import Floats
 from elicit.settle import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
@@ -33,9 +34,7 @@ LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short o
 ROUNDING = 1e-14  # levels' values that vary by less do not vary
 NUDGE = 1e-9  # of the step: lets particles leave a subspace that all of them lie in
 
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-_MIX1, _MIX2 = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
-_ONE, _S11, _S27, _S30, _S31 = (np.uint64(n) for n in (1, 11, 27, 30, 31))
+_S11 = np.uint64(11)
 
 
 class Prior(NamedTuple):
@@ -53,17 +52,8 @@ class Prior(NamedTuple):
 
 
 @compiled
-def mix(h: Any, counter: Any) -> Any:
-    """One round of ``elicit.seeds.fold``."""
-    z = h + (np.uint64(counter) + _ONE) * _GOLDEN
-    z = (z ^ (z >> _S30)) * _MIX1
-    z = (z ^ (z >> _S27)) * _MIX2
-    return z ^ (z >> _S31)
-
-
-@compiled
 def unit(h: Any) -> float:
-    """A hash as a number strictly between 0 and 1."""
+    """A hash as a number strictly between 0 and 1: ``hashed.unit`` may be 0, which has no logarithm."""
     return (float(h >> _S11) + 0.5) * 2.0**-53
 
 
