@@ -13,8 +13,9 @@ import numpy as np
 
 from elicit.comparator import Tier
 from elicit.corner import BEST, EPS, ROW, SMALL, Known, doubt_at
+from elicit.density import BLOCK
 from elicit.jit import compiled
-from elicit.particles import BLOCK, LEVEL_ROUNDING
+from elicit.particles import LEVEL_ROUNDING
 from elicit.rule import BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
 from elicit.settle import (
     BETTER,
@@ -134,13 +135,15 @@ def judge_weighted(t: Any, shift: float, floor: Any, gaps: Any, weights: Any, le
     at = np.empty(m)
     up, down, left = 0.0, 0.0, 1.0
     for start in range(0, m, BLOCK):
-        size = min(BLOCK, m - start)
-        for q in range(start, start + size):
-            at[q] = t[0] * gaps[0, q]
+        end = min(m, start + BLOCK)
+        scores, first = at[start:end], gaps[0, start:end]
+        for q in range(end - start):
+            scores[q] = t[0] * first[q]
         for j in range(1, p):
-            for q in range(start, start + size):
-                at[q] += t[j] * gaps[j, q]
-        for q in range(start, start + size):
+            by, gap = t[j], gaps[j, start:end]
+            for q in range(end - start):
+                scores[q] += by * gap[q]
+        for q in range(start, end):
             w = weights[q]
             left -= w
             if at[q] + shift > 0.0:

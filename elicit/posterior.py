@@ -21,8 +21,10 @@ from scipy.special import gammaln, ndtri
 
 from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.conflict import is_empty
+from elicit.density import Prior, densities
 from elicit.lp import prior_rows
-from elicit.particles import LEVEL_ROUNDING, SWEEPS, Prior, densities, effective_size, learn, sweep, thetas, weigh
+from elicit.moves import sweep
+from elicit.particles import LEVEL_ROUNDING, SWEEPS, effective_size, learn, thetas, weigh
 from elicit.prior import PriorLike, as_prior
 from elicit.query import Answers
 from elicit.rule import Rule, weighted
@@ -32,6 +34,7 @@ from elicit.simplex import Region
 
 WORN = 0.02  # below this share of an effective sample the particles are reported
 _FAR = 1e12  # tail sums are no larger for the likelihood
+_THIN = 1e-12  # sets of scales narrower than this have no room for particles, only for rounding
 _NODES = 16  # of the quadrature over the prior's shape
 PRECISION = (math.log(100.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
@@ -78,7 +81,7 @@ class PosteriorComparator:
         precision: float | None = None,
         lapse: float = 0.05,
         level: float = 0.95,
-        particles: int = 500,
+        particles: int = 1000,
         shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
         seed: Seed = 0,
@@ -277,6 +280,8 @@ class PosteriorComparator:
             if (short <= 0).all():
                 return x
             gap = max(0.0, float(np.median(short)))
+            if 0.0 < gap < _THIN:
+                break
             x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
             eased, logs = self._prior._replace(limits=limits - gap), np.empty(m)
             densities(x, nothing, untied, 1, 1.0, eased, logs)

@@ -169,7 +169,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
     },
     "posterior and relaxed polytope": {
         "lapse": ({"type": _LAPSE}, 0.1, "share of answers that the posterior takes to be given at random"),
-        "particles": ({"type": _PARTICLES}, 500, "number of particles"),
+        "particles": ({"type": _PARTICLES}, 1000, "number of particles"),
         "slack": ({"type": _SCALE}, 0.0, "violation allowed beyond the least (share of range)"),
     },
 }

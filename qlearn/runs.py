@@ -62,7 +62,7 @@ def run(
     level: float = 0.95,
     refit_growth: float = 0.05,
     lapse: float = 0.1,
-    particles: int = 500,
+    particles: int = 1000,
     slack: float = 0.0,
     noise: Literal["flip", "logistic"] = "flip",
 ) -> Run:

@@ -17,6 +17,8 @@ from scipy.integrate import quad
 from scipy.special import expit, gammaln, logsumexp
 from scipy.stats import ks_2samp, kstest
 
+from elicit import density as D
+from elicit import moves as M
 from elicit import particles as P
 from elicit.posterior import PosteriorComparator
 from elicit.query import Verdict
@@ -93,11 +95,11 @@ def rows_of(rng: Rng, k: int, n: int, logit_sd: float = 2.0, ties: bool = True) 
 
 def test_small_exp_is_exp() -> None:
     u = np.concatenate([np.linspace(0.0, 64.0, 4001), 10.0 ** np.linspace(-300, 0, 301)])
-    found = np.array([P.small_exp(float(x)) for x in u])
+    found = np.array([D.small_exp(float(x)) for x in u])
     off = np.abs(found / np.exp(-u) - 1.0)
     assert off[np.exp(-u) > 1e-6].max() < 1e-13
     assert off.max() < 1e-6
-    assert P.small_exp(0.0) == 1.0
+    assert D.small_exp(0.0) == 1.0
     assert (np.diff(found[:4001]) < 0).all()
     assert ((found > 0) & (found <= 1)).all()
 
@@ -107,9 +109,9 @@ def test_the_hash_is_that_of_the_seeds() -> None:
     with np.errstate(over="ignore"):
         for counter in (0, 1, 499, 10**12):
             assert P.mix(key, counter) == fold(key, counter)
-            assert 0.0 < P.unit(np.uint64(P.mix(key, counter))) < 1.0
-        assert P.unit(np.uint64(2**64 - 1)) <= 1.0
-        u = np.array([P.unit(np.uint64(P.mix(key, i))) for i in range(5000)])
+            assert 0.0 < M.unit(np.uint64(P.mix(key, counter))) < 1.0
+        assert M.unit(np.uint64(2**64 - 1)) <= 1.0
+        u = np.array([M.unit(np.uint64(P.mix(key, i))) for i in range(5000)])
     assert kstest(u, "uniform").pvalue > 1e-3
 
 
@@ -126,29 +128,29 @@ def test_the_likelihood_is_the_formula_and_gives_up_only_below_the_least(
 ) -> None:
     rng = np.random.default_rng(seed)
     rows, tied = rows_of(rng, k, n)
-    theta, work = 10.0**size * rng.dirichlet(np.ones(k - 1)), np.empty((2, P.BLOCK))
+    theta, work = 10.0**size * rng.dirichlet(np.ones(k - 1)), np.empty((2, D.BLOCK))
     first, end = sorted(int(i) for i in rng.integers(0, n + 1, 2))
     wanted = direct_log_likelihood(theta, rows[:, first:end], tied[first:end], lapse)
-    found = P.log_likelihood(theta, rows, tied, first, end, lapse, -math.inf, work)
+    found = D.log_likelihood(theta, rows, tied, first, end, lapse, -math.inf, work)
     # beyond 60 logits the logistic function counts as 1e-26, which only a tiny lapse can tell from 0
-    clipped = 0.0 < lapse < 1e-20 and np.abs(rows.T @ theta).max() > P.FARTHEST
+    clipped = 0.0 < lapse < 1e-20 and np.abs(rows.T @ theta).max() > D.FARTHEST
     if clipped:
         assert wanted - 1e-9 * abs(wanted) <= found <= 0.0
     else:
         assert found == pytest.approx(wanted, rel=1e-11, abs=1e-11 * (end - first + 1))
     assert found <= 1e-12
     for least in (found * (1 + 1e-9) - 1e-9, found * 2 - 1.0):
-        assert P.log_likelihood(theta, rows, tied, first, end, lapse, least, work) == found
+        assert D.log_likelihood(theta, rows, tied, first, end, lapse, least, work) == found
     if end > first and found < -1e-6:
-        assert P.log_likelihood(theta, rows, tied, first, end, lapse, found * (1 - 1e-9), work) == -math.inf
+        assert D.log_likelihood(theta, rows, tied, first, end, lapse, found * (1 - 1e-9), work) == -math.inf
 
 
 def test_pieces_of_the_likelihood_add_up() -> None:
     rng = np.random.default_rng(0)
     rows, tied = rows_of(rng, 6, 300)
-    theta, work = 30.0 * rng.dirichlet(np.ones(5)), np.empty((2, P.BLOCK))
-    whole = P.log_likelihood(theta, rows, tied, 0, 300, 0.05, -math.inf, work)
-    cut = [P.log_likelihood(theta, rows, tied, a, a + 50, 0.05, -math.inf, work) for a in range(0, 300, 50)]
+    theta, work = 30.0 * rng.dirichlet(np.ones(5)), np.empty((2, D.BLOCK))
+    whole = D.log_likelihood(theta, rows, tied, 0, 300, 0.05, -math.inf, work)
+    cut = [D.log_likelihood(theta, rows, tied, a, a + 50, 0.05, -math.inf, work) for a in range(0, 300, 50)]
     assert sum(cut) == pytest.approx(whole, rel=1e-12)
 
 
@@ -158,9 +160,9 @@ def test_the_prior_is_the_stated_one(k: int, shape: tuple[float, float]) -> None
     prior = PosteriorComparator(k, shape=shape)._prior
     rng, theta, constants = np.random.default_rng(k), np.empty(k - 1), []
     for x in prior_draws(rng, k - 1, 12, shape):
-        found = P.log_prior(x, prior, theta)
+        found = D.log_prior(x, prior, theta, np.empty((2, D.BLOCK)))
         constants.append(found - (direct_log_prior(x, shape) if shape[0] < shape[1] else _uniform_log_prior(x)))
-        assert theta == pytest.approx(np.exp(np.maximum(x, x.max() - P.FARTHEST)), rel=1e-7)
+        assert theta == pytest.approx(np.exp(np.maximum(x, x.max() - D.FARTHEST)), rel=1e-7)
     assert np.ptp(constants) < 1e-4  # 16 nodes
 
 
@@ -174,12 +176,12 @@ def test_a_given_precision_scales_theta_and_inequalities_bound_it() -> None:
     fixed = PosteriorComparator(4, precision=7.0)._prior
     bounded = PosteriorComparator(4, prior="e2 >= 0.5")._prior
     for x in prior_draws(rng, 3, 50):
-        P.log_prior(x, fixed, theta)
+        D.log_prior(x, fixed, theta, np.empty((2, D.BLOCK)))
         assert theta.sum() == pytest.approx(7.0)
         g = np.exp(x - logsumexp(x))
         assert theta == pytest.approx(7.0 * g, rel=1e-6)
         if abs(g[0] - 0.5) > 1e-9:
-            assert (P.log_prior(x, bounded, theta) > -math.inf) == (g[0] > 0.5)
+            assert (D.log_prior(x, bounded, theta, np.empty((2, D.BLOCK))) > -math.inf) == (g[0] > 0.5)
 
 
 # ---- weights ----------------------------------------------------------------------------------------------------
@@ -241,14 +243,14 @@ def test_weighing_is_the_share_of_weight_on_either_side(level: float) -> None:
 # ---- moves ------------------------------------------------------------------------------------------------------
 
 
-def moved(x: Floats, rows: Floats, tied: Floats, prior: P.Prior, sweeps: int, key: int, last: float = 1.0) -> Floats:
+def moved(x: Floats, rows: Floats, tied: Floats, prior: D.Prior, sweeps: int, key: int, last: float = 1.0) -> Floats:
     x, logs = x.copy(), np.empty(len(x))
-    P.densities(x, rows, tied, rows.shape[1], last, prior, logs)
+    D.densities(x, rows, tied, rows.shape[1], last, prior, logs)
     accepted = 0
     for turn in range(sweeps):
-        accepted += P.sweep(x, logs, rows, tied, rows.shape[1], last, prior, fold(np.uint64(key), turn)[()])
+        accepted += M.sweep(x, logs, rows, tied, rows.shape[1], last, prior, fold(np.uint64(key), turn)[()])
     again = np.empty(len(x))
-    P.densities(x, rows, tied, rows.shape[1], last, prior, again)
+    D.densities(x, rows, tied, rows.shape[1], last, prior, again)
     assert logs == pytest.approx(again, rel=1e-9, abs=1e-9)  # the densities kept are those of the particles
     assert accepted > 0.05 * sweeps * len(x)
     return x
@@ -361,7 +363,7 @@ def test_swaps_are_as_likely_there_as_back() -> None:
         for i, order in enumerate(orders):
             x[0] = order
             for q in range(1500):
-                P.swap(x, 0, proposal, fold(np.uint64(i), q)[()])
+                M.swap(x, 0, proposal, fold(np.uint64(i), q)[()])
                 shares[i, orders.index(proposal.tolist())] += 1
     assert (np.diag(shares) == 0).all()
     both = shares + shares.T
