@@ -1,0 +1,121 @@
+"""What each way of exploring leads to: policy loss of Q-learning with a tutor who is always asked and never errs.
+
+    python -m benchmarks.exploration --out docs/exploration.md       about two minutes on one core
+    python -m benchmarks.exploration --quick                         seconds; rough figures
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TypeAlias
+
+import numpy as np
+from scipy.special import stdtrit
+
+from elicit import AlwaysAsk, PolytopeComparator, TruthfulTutor
+from elicit.scale import Floats
+from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
+from qlearn.exploration import EXPLORATIONS, Decay, Exploration
+from qlearn.runs import instance
+from qlearn.sweep import one_thread
+
+Problem: TypeAlias = Callable[[int], tuple[OrdinalMDP, Floats]]
+
+CHOICES: Mapping[str, Exploration] = MappingProxyType(
+    {
+        **EXPLORATIONS,
+        "constant, zero start": Exploration(0.1, start="zero"),
+        "optimistic, decaying": Exploration(Decay(), start="best"),
+        "uniform, restarts": replace(EXPLORATIONS["uniform"], episode_length=20),
+    }
+)
+HEAD = """\
+# Exploration
+
+Q-learning for {steps:,} steps with a tutor who is always asked and never errs, so that nothing but exploration and
+learning is measured; the default learning rate; {seeds} seeds, each with its own MDP, hidden values and random numbers.
+Written by `python -m benchmarks.exploration`.
+
+- **loss**: true policy loss, mean over the states, in percent of the value range; ± half the width of the 95%
+  t-interval over the seeds. **at the start**: the same at the initial distribution.
+- **questions**: what the polytope asks on the same run. Its policies were the same in every run, as they must be.
+"""
+
+
+def measure(problem: Problem, choice: Exploration, steps: int, seed: int) -> tuple[float, float, float]:
+    """Loss over the states, loss at the start (both in percent of the value range), and the polytope's questions.
+
+    Raises RuntimeError should the polytope's policy differ from that of always asking.
+    """
+    mdp, values = problem(seed)
+    tutor = TruthfulTutor(values)
+    always, polytope = (
+        drive(InteractiveQLearning(mdp, comparator, exploration=choice, steps=steps, rng=seed), tutor)
+        for comparator in (AlwaysAsk(mdp.k), PolytopeComparator(mdp.k))
+    )
+    if choice.start != "zero" and not np.array_equal(always.policy, polytope.policy):
+        raise RuntimeError(f"the polytope's policy is not the oracle's: {choice}, seed {seed}")
+    loss = policy_loss(mdp, always.policy, values)
+    return 100 * float(loss.mean()), 100 * float(mdp.initial @ loss), float(polytope.asked)
+
+
+def section(title: str, problem: Problem, steps: int, seeds: int) -> list[str]:
+    """A table of one problem, a line a choice, in the order of their losses."""
+    found = {name: _over(problem, choice, steps, seeds) for name, choice in CHOICES.items()}
+    lines = [f"## {title}", "", "| exploration | loss | at the start | questions |", "|---|---|---|---|"]
+    for name in sorted(found, key=lambda name: found[name][:, 0].mean()):
+        loss, start, asked = found[name].T
+        lines.append(f"| {name} | {_shown(loss, 2)} | {_shown(start, 2)} | {_shown(asked, 0)} |")
+    return [*lines, ""]
+
+
+def _over(problem: Problem, choice: Exploration, steps: int, seeds: int) -> Floats:
+    return np.array([measure(problem, choice, steps, seed) for seed in range(seeds)])
+
+
+def _shown(x: Floats, digits: int) -> str:
+    half = "" if len(x) < 2 else f" ± {stdtrit(len(x) - 1, 0.975) * x.std(ddof=1) / np.sqrt(len(x)):,.{digits}f}"
+    return f"{x.mean():,.{digits}f}{half}"
+
+
+def _random(states: int, k: int) -> tuple[str, Problem]:
+    return f"Random MDP, {states} states, 5 actions, {k} levels", lambda seed: random_mdp(states, 5, k, rng=seed)
+
+
+def _named(title: str, problem: str) -> tuple[str, Problem]:
+    return title, lambda seed: instance(problem, seed, (0, 0, 0, 0.0))
+
+
+FULL = (
+    _random(100, 10),
+    _random(100, 20),
+    _random(500, 20),
+    _named("ICU-Sepsis", "icu"),
+)
+QUICK = (_random(20, 4),)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command."""
+    parser = argparse.ArgumentParser("python -m benchmarks.exploration", description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="a tiny setting (seconds)")
+    parser.add_argument("--out", type=Path, help="also write the report to this file")
+    chosen = parser.parse_args(arguments)
+    steps, seeds = (2_000, 3) if chosen.quick else (100_000, 20)
+    lines = HEAD.format(steps=steps, seeds=seeds).splitlines() + [""]
+    with one_thread():
+        for title, problem in QUICK if chosen.quick else FULL:
+            lines += section(title, problem, steps, seeds)
+    text = "\n".join(lines)
+    print(text, end="")
+    if chosen.out is not None:
+        chosen.out.parent.mkdir(parents=True, exist_ok=True)
+        chosen.out.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
