@@ -60,7 +60,7 @@ def _ablate(options: dict[str, Any]) -> int:
         print(f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on", file=sys.stderr)
         if frame.empty:
             return code
-    # no tables of ICU-Sepsis; options that do not go together; a journal that is in use, or not to be written
+    # a problem's package is missing; options that do not go together; a journal that is in use, or not to be written
     except (ImportError, ValueError, OSError) as error:
         return _fail(str(error))
 
@@ -111,13 +111,13 @@ _LAPSE = _number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 
 _PARTICLES = _number(int, lambda n: n >= 20, "a whole number of at least 20")
 _POSITIVE = _number(float, lambda x: x > 0, "a number above 0")
 _SCALE = _number(float, lambda x: x >= 0, "a number of at least 0")
-_PROBLEMS, _LEARNERS = ("random", "icu"), ("q-learning", "ivi")
+_PROBLEMS, _LEARNERS = ("random", "icu", "frozen-lake", "deep-sea-treasure"), ("q-learning", "ivi")
 _COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box")
 # By group, option: (argparse keywords, default, help). The defaults are those of qlearn.ablation, said again here
 # because --help would take a second if it had to import it.
 _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
     "the sweep": {
-        "problems": ({"nargs": "+", "choices": _PROBLEMS}, _PROBLEMS, "random MDPs, ICU-Sepsis"),
+        "problems": ({"nargs": "+", "choices": _PROBLEMS}, _PROBLEMS[:2], "random MDPs; real and known tasks"),
         "learners": ({"nargs": "+", "choices": _LEARNERS}, _LEARNERS, "Q-learning, interactive value iteration"),
         "comparators": (
             {"nargs": "+", "choices": _COMPARATORS},
@@ -145,7 +145,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
         "states": ({"type": _COUNT}, 100, "number of states"),
         "actions": ({"type": _COUNT}, 5, "number of actions"),
         "levels": ({"type": _LEVELS}, 10, "number of levels"),
-        "discount": ({"type": _DISCOUNT}, 0.95, "discount factor (ICU-Sepsis: 0.99)"),
+        "discount": ({"type": _DISCOUNT}, 0.95, "discount factor (ICU-Sepsis, FrozenLake: 0.99)"),
     },
     "Q-learning": {
         "steps": ({"type": _COUNT}, 100_000, "number of steps"),

@@ -16,6 +16,8 @@ from matplotlib.ticker import StrMethodFormatter
 NAMES = {
     "random": "random MDP",
     "icu": "ICU-Sepsis",
+    "frozen-lake": "FrozenLake 8x8",
+    "deep-sea-treasure": "deep-sea-treasure",
     "q-learning": "Q-learning",
     "ivi": "value iteration",
     "always": "always ask",
