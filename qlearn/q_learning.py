@@ -40,8 +40,9 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
 class InteractiveQLearning:
     """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
 
-    ``exploration``: how it comes to see enough, one of ``EXPLORATIONS`` by name, or an ``Exploration``.
-    ``epsilon``, ``start`` and ``episode_length``, where given, replace what it says: the chance of a uniformly drawn
+    ``exploration``: how it comes to see enough, one of ``EXPLORATIONS`` by name, or an ``Exploration``; by default
+    "optimistic", chosen by measurement (docs/exploration.md). By hand: ``epsilon``, ``start`` and ``episode_length``
+    replace what the named one says or, where none is named, what "constant" does: the chance of a uniformly drawn
     action (a constant, a ``Decay``, or a function from steps to chances); where all vectors begin ("worst" or "best":
     all mass on that level, so that totals stay 1 and every question is well-posed; "zero": the paper's line 4); after
     how many steps to restart from the initial distribution (terminal states always do).
@@ -58,7 +59,7 @@ class InteractiveQLearning:
         comparator: Comparator,
         *,
         steps: int = 100_000,
-        exploration: str | Exploration = "constant",
+        exploration: str | Exploration | None = None,
         epsilon: Epsilon | None = None,
         learning_rate: LearningRate | None = None,
         start: Start | None = None,
@@ -72,7 +73,8 @@ class InteractiveQLearning:
         check_levels_agree(mdp, comparator)
         if steps < 0 or int(steps) != steps:
             raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
-        chosen = exploration_of(exploration)
+        by_hand = (epsilon, start, episode_length) != (None, None, None)
+        chosen = exploration_of(exploration or ("constant" if by_hand else "optimistic"))
         start = chosen.start if start is None else start
         check_start(start)
         episode_length = chosen.episode_length if episode_length is None else episode_length

@@ -39,7 +39,15 @@ Size: TypeAlias = tuple[int, int, int, float]
 REAL: Mapping[str, Callable[[], OrdinalMDP]] = MappingProxyType(
     {"icu": icu_sepsis, "frozen-lake": frozen_lake, "deep-sea-treasure": deep_sea_treasure}
 )
-_NO_RUNS = ("ablation.py", "cli.py", "plot.py")  # sources that no run depends on
+_NO_RUNS = (
+    "ablation.py",
+    "arguments.py",
+    "cli.py",
+    "figure_plots.py",
+    "figures_command.py",
+    "plot.py",
+    "trends.py",
+)  # sources that no run depends on
 
 
 class Run(NamedTuple):
@@ -60,7 +68,7 @@ def run(
     close: float = 0.005,
     tolerance: float = 0.005,
     max_sweeps: int = 200,
-    max_queries: int = 2000,
+    max_queries: int | None = 2000,
     audit_steps: int = 2000,
     audit_sweeps: int = 20,
     precision: float = 300.0,
@@ -80,7 +88,7 @@ def run(
     close           indifference of Q-learning with "posterior-close"
     tolerance       of value iteration: policy loss with right verdicts, share of the value range
     max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
-    max_queries     question budget; "always" has none
+    max_queries     question budget, None for none; "always" has none
     audit_steps, audit_sweeps   no more of an audited run: contradictions show early
     precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
                     value range is answered rightly 95 times in 100

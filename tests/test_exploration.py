@@ -47,6 +47,8 @@ def test_a_name_stands_for_its_settings_and_settings_replace_them() -> None:
         assert same(learned(exploration=name), learned(exploration=choice))
     assert same(learned(exploration="optimistic", epsilon=1.0), learned(exploration=Exploration(1.0, start="best")))
     assert same(learned(exploration="restarts", episode_length=3), learned(epsilon=0.1, episode_length=3))
+    assert same(learned(), learned(exploration="optimistic"))
+    assert same(learned(episode_length=3), learned(exploration="constant", episode_length=3))
     runs = [learned(exploration=name) for name in EXPLORATIONS]
     assert not any(same(one, other) for i, one in enumerate(runs) for other in runs[:i])
 
