@@ -81,6 +81,7 @@ def _panels(rows: pd.DataFrame, n: int, sharey: bool) -> tuple[Figure, Sequence[
         axes.set_axisbelow(True)
         axes.set_xticks(sorted(rows.x.unique()))
         axes.tick_params(labelleft=True)
+        axes.margins(x=0.09)
     return figure, panels
 
 

@@ -132,7 +132,7 @@ def run_one(cell: Cell, actions: int, discount: float, built: str, settings: dic
 def _cost(cell: Cell) -> float:
     if cell["comparator"] == "always":
         return math.inf
-    return float(_SLOW.get(cell["comparator"], 1.0)) * cell["levels"] * (1 + cell["states"] / 500)
+    return float(_SLOW.get(cell["comparator"], 1.0) * cell["levels"] * (1 + cell["states"] / 500))
 
 
 def _paired(results: Iterable[Any], actions: int, discount: float) -> pd.DataFrame:

@@ -129,8 +129,6 @@ def run(options: dict[str, Any]) -> int:
     save(plot_asked(summary, "states"), out, "figure3")
     save(plot_loss(summary), out, "figure4")
     print(claims_text(told))
-    print(
-        f"\nwritten to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, claims.csv, times.csv; and"
-    )
-    print("journal.jsonl, from which the same command takes what has finished")
+    print(f"\nwritten to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, claims.csv, times.csv;")
+    print("and journal.jsonl, from which the same command takes what has finished")
     return code

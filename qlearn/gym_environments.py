@@ -1,4 +1,4 @@
-"""Two known tasks, FrozenLake and deep-sea-treasure, with their packages' own dynamics and levels in place of rewards."""
+"""Two known tasks, FrozenLake and deep-sea-treasure: their packages' own dynamics, and levels in place of rewards."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
 
 
 def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
-    """MO-Gymnasium's deep-sea-treasure-v0 (the convex map): a submarine, 4 actions, the farther the treasure the better.
+    """MO-Gymnasium's deep-sea-treasure-v0 (the convex map): a submarine, 4 actions; farther treasures are better.
 
     States are the cells that can be reached, in the order of the map's rows; the start is the first. Where each action
     leads is found by stepping the environment from every cell. The ten treasures are terminal. Levels, worst first:

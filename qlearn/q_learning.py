@@ -47,9 +47,9 @@ class InteractiveQLearning:
     all mass on that level, so that totals stay 1 and every question is well-posed; "zero": the paper's line 4); after
     how many steps to restart from the initial distribution (terminal states always do).
     ``learning_rate``: a constant in (0, 1], or a function from the number of earlier visits of (s, a) to rates; by
-    default ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie within it counts as equal.
-    ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``: share of
-    the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
+    default ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie within
+    it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
+    share of the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
     run of Q-learning has one pair in question at a time.
     """
 

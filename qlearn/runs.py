@@ -44,6 +44,7 @@ _NO_RUNS = (
     "arguments.py",
     "cli.py",
     "figure_plots.py",
+    "figures.py",
     "figures_command.py",
     "plot.py",
     "trends.py",

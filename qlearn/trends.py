@@ -76,15 +76,16 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
 
 def claims_text(told: pd.DataFrame) -> str:
     """``claims`` as text of at most 120 columns, without the unequal pairs (nearly all of all)."""
-    lines = [f"{'figure':<8}{'comparator':<12}{'tutor errs':<12}{'measured':<34}{'estimate, 95% interval':<30}answer"]
+    lines = [f"{'figure':<8}{'comparator':<12}{'tutor errs':<12}{'measured':<34}{'estimate, 95% interval':<31}answer"]
     lines += ["-" * 104]
+    row: Any
     for row in told[told.measure != "asked_percent_unequal"].itertuples():
         measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
         what = f"{measure}, {row.statistic!s}" if row.figure == 4 else measure
         numbers = f"{row.estimate:+.3f} ({row.low:+.3f} to {row.high:+.3f})"
         note = f" ({row.agreeing} of {row.runs} runs)" if row.figure != 4 else ""
-        rate = f"{100 * float(row.error_rate):g}%"
-        lines.append(f"{row.figure:<8}{row.comparator:<12}{rate:<12}{what:<34}{numbers:<30}{row.answer}{note}")
+        rate = f"{100 * row.error_rate:g}%"
+        lines.append(f"{row.figure:<8}{row.comparator:<12}{rate:<12}{what:<34}{numbers:<31}{row.answer}{note}")
     lines += [
         "",
         "figure 2: slope per 5 levels; figure 3: slope per 100 states, both in percentage points; figure 4: %",
@@ -103,7 +104,7 @@ def _trend(figure: int, name: str, arm: Any, rows: pd.DataFrame, measure: str) -
     if len(x) > 1:
         centred = x - x.mean()
         slopes = table.to_numpy() @ centred / (centred @ centred) * _STEP[name]
-        ranks = np.array([spearmanr(x, row).statistic for row in table.to_numpy()])
+        ranks = np.array([_spearman(x, row) for row in table.to_numpy()])
     mean, low, high = _interval(slopes)
     answer = "rises" if low > 0 else "falls" if high < 0 else "not told"
     return {
@@ -118,6 +119,10 @@ def _trend(figure: int, name: str, arm: Any, rows: pd.DataFrame, measure: str) -
         "worst": np.nan,
         "answer": answer,
     }
+
+
+def _spearman(x: Floats, y: Floats) -> float:
+    return float(spearmanr(x, y).statistic) if np.ptp(y) else np.nan  # of what does not change: not defined
 
 
 def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
