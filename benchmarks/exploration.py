@@ -1,6 +1,6 @@
 """What each way of exploring leads to: policy loss of Q-learning with a tutor who is always asked and never errs.
 
-python -m benchmarks.exploration --out docs/exploration.md       about two minutes on one core
+python -m benchmarks.exploration --out docs/exploration.md       about five minutes on one core
 python -m benchmarks.exploration --quick                         seconds; rough figures
 """
 
@@ -40,10 +40,15 @@ Q-learning for {steps:,} steps with a tutor who is always asked and never errs, 
 learning is measured; the default learning rate; {seeds} seeds, each with its own MDP, hidden values and random numbers.
 Written by `python -m benchmarks.exploration`.
 
+The default of `InteractiveQLearning` is "optimistic", chosen from the six tables of the full setting: of the choices that
+have a name it is the best, or within the intervals of the best, in five of them; in deep-sea-treasure, whose ends are
+many steps apart, uniform and decaying exploration lose less.
+
 - **loss**: true policy loss, mean over the states, in percent of the value range; ± half the width of the 95%
   t-interval over the seeds. **at the start**: the same at the initial distribution.
 - **questions**: what the polytope asks in the same runs. Its policies were those of always asking in every one, as they
-  must be (but for the start at zero, whose early questions are ill-posed). Not measured where it takes long.
+  must be (but for the start at zero, whose early questions are ill-posed). Not measured where it takes long (in
+  deep-sea-treasure slowly learned near ties are asked about ever more finely: there an indifference belongs).
 """
 
 
@@ -104,7 +109,7 @@ FULL = (
     (*_random(500, 20), False),
     (*_named("ICU-Sepsis", "icu"), False),
     (*_named("FrozenLake 8x8", "frozen-lake"), True),
-    (*_named("Deep-sea-treasure", "deep-sea-treasure"), True),
+    (*_named("Deep-sea-treasure", "deep-sea-treasure"), False),
 )
 QUICK = ((*_random(20, 4), True),)
 
