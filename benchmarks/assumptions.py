@@ -1,6 +1,6 @@
 """What the paper does not state, one choice at a time: how much each moves the questions and losses of its comparator.
 
-python -m benchmarks.assumptions --out docs/assumptions.md      about a quarter of an hour on one core
+python -m benchmarks.assumptions --out docs/assumptions.md      twenty minutes on one quiet core
 python -m benchmarks.assumptions --quick                        seconds; rough figures
 """
 
@@ -30,7 +30,7 @@ HEAD = """\
 The paper's comparator (Bradley-Terry, box) in interactive Q-learning on random MDPs with {states} states, 5 actions and
 {levels} levels, {steps:,} steps, {seeds} seeds. The first line is the default of `qlearn figures`; every other line
 changes one choice and gives the **difference** from it, paired by seed, with its 95% t-interval.
-Written by `python -m benchmarks.assumptions`.
+Written by `python -m benchmarks.assumptions --steps {steps} --seeds {seeds}`.
 
 - **% of all**, **% of open**: questions in percent of all comparisons, and of those that dominance leaves open.
 - **formula**: figure 4's percentage, signed as printed, against always asking a truthful tutor with the same settings.
@@ -128,8 +128,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser("python -m benchmarks.assumptions", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="a tiny setting (seconds)")
     parser.add_argument("--out", type=Path, help="also write the report to this file")
+    parser.add_argument("--steps", type=int, default=100_000, help="steps of Q-learning (default: the paper's 1e5)")
+    parser.add_argument("--seeds", type=int, default=4, help="number of seeds (default: 4)")
     chosen = parser.parse_args(arguments)
-    size = (12, 4, 300, 2) if chosen.quick else (100, 10, 100_000, 4)
+    size = (12, 4, 300, 2) if chosen.quick else (100, 10, chosen.steps, chosen.seeds)
     head = HEAD.format(**dict(zip(("states", "levels", "steps", "seeds"), size, strict=True))).splitlines()
     with one_thread():
         print("\n".join(head))
