@@ -105,6 +105,7 @@ def report(states: int, levels: int, steps: int, seeds: int, say: Callable[[str]
         "| choice | % of all | % of open | formula | excess loss | oracle's loss |",
         "|---|---|---|---|---|---|",
     ]
+    say("\n" + "\n".join(lines))
     default: Floats | None = None
     for name, choice in choices().items():
         found = np.array([measure(choice, states, levels, steps, seed) for seed in range(seeds)])

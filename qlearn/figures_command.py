@@ -74,7 +74,8 @@ def add_to(commands: Any) -> None:
         help="the paper's figures 2, 3 and 4, and its claims, with intervals over runs",
         description="Run the paper's two series of random MDPs for the polytope, the posterior and the paper's "
         "comparator, with common random numbers. Writes figure2, figure3 and figure4 (.png, .svg), runs.csv (one row "
-        "a run), summary.csv (means with 95% intervals), claims.csv (trends and bounds with intervals) and times.csv. "
+        "a run), summary.csv (means with 95% intervals), claims.csv and claims.md (trends and bounds with intervals) "
+        "and times.csv. "
         "All but times.csv are the same for the same options on any number of processes. There is no budget of "
         "questions. Every run is kept in journal.jsonl as it finishes: after Ctrl-C, or worse, the same command "
         "computes what is missing.",
@@ -94,7 +95,7 @@ def run(options: dict[str, Any]) -> int:
 
         from qlearn.figure_plots import plot_asked, plot_loss, save
         from qlearn.figures import KEYS, Interrupted, figures
-        from qlearn.trends import claims, claims_text, summarise_series
+        from qlearn.trends import claims, claims_page, claims_text, summarise_series
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] not in EXTRAS:
             raise
@@ -125,10 +126,11 @@ def run(options: dict[str, Any]) -> int:
     summary, told = summarise_series(frame), claims(frame)
     summary.to_csv(out / "summary.csv", index=False, lineterminator="\n")
     told.to_csv(out / "claims.csv", index=False, lineterminator="\n")
+    (out / "claims.md").write_text(claims_page(frame), encoding="utf-8")
     save(plot_asked(summary, "levels"), out, "figure2")
     save(plot_asked(summary, "states"), out, "figure3")
     save(plot_loss(summary), out, "figure4")
     print(claims_text(told))
-    print(f"\nwritten to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, claims.csv, times.csv;")
-    print("and journal.jsonl, from which the same command takes what has finished")
+    print(f"\nwritten to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, claims.csv, claims.md,")
+    print("times.csv; and journal.jsonl, from which the same command takes what has finished")
     return code

@@ -13,7 +13,7 @@ from elicit.scale import Floats
 from qlearn.figures import ORDER
 from qlearn.metrics import means
 
-__all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_text", "series_of", "summarise_series"]
+__all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_page", "claims_text", "series_of", "summarise_series"]
 
 DENOMINATORS = ("all", "unequal", "open", "fresh")
 LOSSES = ("paper_loss_percent", "paper_abs_percent", "excess_loss_percent")
@@ -91,6 +91,32 @@ def claims_text(told: pd.DataFrame) -> str:
         "figure 2: slope per 5 levels; figure 3: slope per 100 states, both in percentage points; figure 4: %",
     ]
     return "\n".join(lines)
+
+
+def claims_page(frame: pd.DataFrame) -> str:
+    """The claims of these runs as a page of Markdown."""
+    runs, steps = frame.seed.nunique(), frame.rounds.max()
+    lines = [
+        "# The claims of figures 2, 3 and 4",
+        "",
+        f"{runs} runs a point, {steps:,} steps each; 95% t-intervals over the runs. Written by `qlearn figures`.",
+        "",
+        "- figure 2: slope of the percentage asked, in percentage points for 5 levels more; figure 3: for 100 states",
+        "  more. In brackets, how many runs' own slopes have that sign.",
+        "- figure 4: its formula signed as printed (paper loss), the same with |v(s) - V(s)| (paper abs), and true",
+        "  policy loss beyond the oracle's (excess loss), in percent, mean over the sizes; `worst` is the farthest end",
+        "  of the interval at one size.",
+        "",
+        "| figure | comparator | tutor errs | measured | estimate | 95% interval | answer |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    row: Any
+    for row in claims(frame).itertuples():
+        measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
+        note = f"worst {row.worst:.2f}" if row.figure == 4 else f"{row.agreeing} of {row.runs}"
+        cells = (row.figure, row.comparator, f"{100 * row.error_rate:g}%", measure, f"{row.estimate:+.3f}")
+        lines.append(f"| {' | '.join(map(str, cells))} | {row.low:+.3f} to {row.high:+.3f} | {row.answer} ({note}) |")
+    return "\n".join(lines) + "\n"
 
 
 def _wide(rows: pd.DataFrame) -> pd.DataFrame:

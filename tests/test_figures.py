@@ -227,7 +227,9 @@ def test_the_command_writes_the_same_bytes_again_and_on_two_cores(
     assert "polytope" in shown
     assert "below 1%" in shown
     names = sorted(path.name for path in one.iterdir())
-    assert names == sorted([*PICTURES, "claims.csv", "journal.jsonl", "runs.csv", "summary.csv", "times.csv"])
+    assert names == sorted(
+        [*PICTURES, "claims.csv", "claims.md", "journal.jsonl", "runs.csv", "summary.csv", "times.csv"]
+    )
     assert cli.main([*COMMAND.replace("--jobs 1", "--jobs 2").split(), "--out", str(two)]) == 0
     for name in names:
         if name not in ("times.csv", "journal.jsonl"):
