@@ -5,10 +5,13 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation test test-slow lint bench notebooks clean
+.PHONY: ablation figures test test-slow lint bench notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
+
+figures: $(READY)  ## the paper's figures 2, 3 and 4 with intervals, 20 runs a point (half an hour on two cores)
+	$(BIN)/qlearn figures --out results/figures
 
 test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto
@@ -27,6 +30,7 @@ bench: $(READY)  ## what learning, comparisons and fits cost, against other libr
 	$(BIN)/python -m benchmarks.ivi --out benchmarks/RESULTS-ivi.md
 	cat benchmarks/RESULTS-ivi.md >> benchmarks/RESULTS.md
 	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS-lp.md
+	$(BIN)/python -m benchmarks.exploration --out docs/exploration.md
 	$(BIN)/python -m benchmarks.bradley_terry --out benchmarks/RESULTS-bradley-terry.md
 
 notebooks: $(READY)  ## run the notebooks at their full setting, in place

@@ -24,7 +24,7 @@ __all__ = ["Interrupted", "Run", "ablate", "cells", "run", "summarise"]
 
 KEYS = (*CELL, "seed")
 ORDER: dict[str, tuple[str, ...]] = {
-    "problem": ("random", "icu"),
+    "problem": ("random", "icu", "frozen-lake", "deep-sea-treasure"),
     "learner": ("q-learning", "ivi"),
     "comparator": ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box"),
 }
@@ -43,7 +43,7 @@ class Interrupted(KeyboardInterrupt):
 
 def ablate(
     *,
-    problems: Sequence[str] = ORDER["problem"],
+    problems: Sequence[str] = ("random", "icu"),
     learners: Sequence[str] = ORDER["learner"],
     comparators: Sequence[str] = ORDER["comparator"],
     error_rates: Sequence[float] = (0.0, 0.05, 0.15),
@@ -62,8 +62,9 @@ def ablate(
 ) -> pd.DataFrame:
     """Run every cell and return one row a run, sorted, with the seconds it took in the last column.
 
-    ``problems`` "random" (``random_mdp`` of ``states``, ``actions``, ``levels``, ``discount``) and "icu"
-    (``icu_sepsis``, hidden values from ``draw_values``); ``learners`` "q-learning" and "ivi"; ``comparators``
+    ``problems`` "random" (``random_mdp`` of ``states``, ``actions``, ``levels``, ``discount``), "icu"
+    (``icu_sepsis``), "frozen-lake" and "deep-sea-treasure" (``qlearn.gym_environments``), the last three with hidden
+    values from ``draw_values``; ``learners`` "q-learning" and "ivi"; ``comparators``
     "always" (asks about everything), "polytope", "relaxed" (the polytope with slack), "posterior", "posterior-close"
     (Q-learning alone: with an indifference of ``close``), "ensemble" and "box" (Bradley-Terry). An ``error_rate`` of 0
     is a truthful tutor. ``audit`` > 0 adds a second, audited run to each cell of the polytope, which only so notices an
@@ -76,8 +77,8 @@ def ablate(
     say, else one a core), nor on whether a run is read from ``journal``, the file in which finished runs are kept and
     looked up; only the seconds do. There a run counts as the same while its settings, the sources of both packages and
     the versions of the libraries that compute are the same; ``fresh`` empties the journal. ``progress`` is
-    called with (runs finished, runs in all). Raises ValueError for unknown names, ImportError without the tables of
-    ICU-Sepsis, Interrupted on Ctrl-C, and as ``sweep`` does.
+    called with (runs finished, runs in all). Raises ValueError for unknown names, ImportError without the package of
+    a problem, Interrupted on Ctrl-C, and as ``sweep`` does.
     """
     plan = cells(problems, learners, comparators, error_rates, audit, range(seed, seed + seeds))
     size = (states, actions, levels, discount)

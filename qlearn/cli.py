@@ -3,13 +3,32 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
-_EXTRAS = ("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm")
+from qlearn import figures_command
+from qlearn.arguments import (
+    COUNT,
+    DISCOUNT,
+    ERROR_RATE,
+    EXTRAS,
+    FROM_0,
+    INNER,
+    LAPSE,
+    LEVELS,
+    PARTICLES,
+    POSITIVE,
+    SCALE,
+    SHARE,
+    Groups,
+    add_groups,
+    add_where,
+    defaults_of,
+    fail,
+    progress_bar,
+)
+
 QUICK: dict[str, Any] = {
     "problems": ["random"], "states": 15, "actions": 3, "levels": 4, "seeds": 2, "steps": 400, "tolerance": 0.02,
     "max_sweeps": 150, "max_queries": 150, "n_boot": 20,
@@ -28,29 +47,20 @@ def _ablate(options: dict[str, Any]) -> int:
     quick, paper, out = (options.pop(name) for name in ("quick", "paper", "out"))
     settings = (QUICK if quick else PAPER if paper else {}) | options
     try:
-        from tqdm import tqdm
+        import tqdm  # noqa: F401 - for the bar
 
         from qlearn.ablation import KEYS, Interrupted, ablate, summarise
         from qlearn.plot import LEGEND, plot_ablation, table
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in _EXTRAS:
+        if (error.name or "").split(".")[0] not in EXTRAS:
             raise
-        return _fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
+        return fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
     try:  # before the runs, not after minutes of them
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        return _fail(f"cannot make the directory --out {out}: {error.strerror}")
+        return fail(f"cannot make the directory --out {out}: {error.strerror}")
 
-    bar = tqdm(desc="ablation", unit="run", disable=None)
-
-    def show(done: int, total: int) -> None:
-        if bar.total is None:  # the start: what is read back says nothing about the speed
-            bar.total, bar.initial, bar.n = total, done, done
-            bar.refresh()
-            if done:
-                bar.write(f"{done} of the {total} runs had finished before (--fresh starts over)", file=sys.stderr)
-        bar.update(done - bar.n)
-
+    bar, show = progress_bar("ablation")
     code = 0
     try:
         with bar:
@@ -60,9 +70,9 @@ def _ablate(options: dict[str, Any]) -> int:
         print(f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on", file=sys.stderr)
         if frame.empty:
             return code
-    # no tables of ICU-Sepsis; options that do not go together; a journal that is in use, or not to be written
+    # a problem's package is missing; options that do not go together; a journal that is in use, or not to be written
     except (ImportError, ValueError, OSError) as error:
-        return _fail(str(error))
+        return fail(str(error))
 
     times = [*KEYS, "seconds"]
     frame[times].to_csv(out / "times.csv", index=False, lineterminator="\n")
@@ -80,44 +90,13 @@ def _ablate(options: dict[str, Any]) -> int:
     return code
 
 
-def _fail(message: str) -> int:
-    print(f"qlearn: {message}", file=sys.stderr)
-    return 1
-
-
-def _number(kind: type[int] | type[float], holds: Callable[[float], bool], wanted: str) -> Callable[[str], float]:
-    """An argparse type: finite numbers of a kind for which something holds."""
-
-    def parse(text: str) -> float:
-        try:
-            value = kind(text)
-        except ValueError:
-            value = math.nan
-        if not (math.isfinite(value) and holds(value)):
-            raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
-        return value
-
-    return parse
-
-
-_COUNT = _number(int, lambda n: n >= 1, "a whole number of at least 1")
-_FROM_0 = _number(int, lambda n: n >= 0, "a whole number of at least 0")
-_LEVELS = _number(int, lambda n: 2 <= n <= 100, "a whole number from 2 to 100")
-_SHARE = _number(float, lambda x: 0 <= x <= 1, "a number from 0 to 1")
-_INNER = _number(float, lambda x: 0 < x < 1, "a number strictly between 0 and 1")
-_DISCOUNT = _number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 1")
-_ERROR_RATE = _number(float, lambda x: 0 <= x < 0.5, "a number of at least 0 and below 0.5")
-_LAPSE = _number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 1")
-_PARTICLES = _number(int, lambda n: n >= 20, "a whole number of at least 20")
-_POSITIVE = _number(float, lambda x: x > 0, "a number above 0")
-_SCALE = _number(float, lambda x: x >= 0, "a number of at least 0")
-_PROBLEMS, _LEARNERS = ("random", "icu"), ("q-learning", "ivi")
+_PROBLEMS, _LEARNERS = ("random", "icu", "frozen-lake", "deep-sea-treasure"), ("q-learning", "ivi")
 _COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box")
-# By group, option: (argparse keywords, default, help). The defaults are those of qlearn.ablation, said again here
+# The defaults are those of qlearn.ablation, said again here
 # because --help would take a second if it had to import it.
-_OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
+_OPTIONS: Groups = {
     "the sweep": {
-        "problems": ({"nargs": "+", "choices": _PROBLEMS}, _PROBLEMS, "random MDPs, ICU-Sepsis"),
+        "problems": ({"nargs": "+", "choices": _PROBLEMS}, _PROBLEMS[:2], "random MDPs; real and known tasks"),
         "learners": ({"nargs": "+", "choices": _LEARNERS}, _LEARNERS, "Q-learning, interactive value iteration"),
         "comparators": (
             {"nargs": "+", "choices": _COMPARATORS},
@@ -125,7 +104,7 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
             "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; Bradley-Terry",
         ),
         "error_rates": (
-            {"nargs": "+", "type": _ERROR_RATE},
+            {"nargs": "+", "type": ERROR_RATE},
             (0.0, 0.05, 0.15),
             "the tutor's chance of a wrong answer; 0 is truthful",
         ),
@@ -134,46 +113,46 @@ _OPTIONS: dict[str, dict[str, tuple[dict[str, Any], Any, str]]] = {
             "flip",
             "errors however clear the case (flip), or near ties mostly, set to the same mean rate (logistic)",
         ),
-        "audit": ({"type": _SHARE}, 0.05, "share of decided pairs put to the tutor in the audited runs; 0: none"),
-        "audit_steps": ({"type": _COUNT}, 2000, "steps of an audited run, if steps are not fewer"),
-        "audit_sweeps": ({"type": _COUNT}, 20, "sweeps of an audited run at most, if max-sweeps are not fewer"),
-        "seeds": ({"type": _COUNT}, 4, "number of seeds"),
-        "seed": ({"type": _FROM_0}, 0, "the first seed"),
-        "max_queries": ({"type": _FROM_0}, 2000, "question budget; beyond it the best guess decides"),
+        "audit": ({"type": SHARE}, 0.05, "share of decided pairs put to the tutor in the audited runs; 0: none"),
+        "audit_steps": ({"type": COUNT}, 2000, "steps of an audited run, if steps are not fewer"),
+        "audit_sweeps": ({"type": COUNT}, 20, "sweeps of an audited run at most, if max-sweeps are not fewer"),
+        "seeds": ({"type": COUNT}, 4, "number of seeds"),
+        "seed": ({"type": FROM_0}, 0, "the first seed"),
+        "max_queries": ({"type": FROM_0}, 2000, "question budget; beyond it the best guess decides"),
     },
     "the random MDP": {
-        "states": ({"type": _COUNT}, 100, "number of states"),
-        "actions": ({"type": _COUNT}, 5, "number of actions"),
-        "levels": ({"type": _LEVELS}, 10, "number of levels"),
-        "discount": ({"type": _DISCOUNT}, 0.95, "discount factor (ICU-Sepsis: 0.99)"),
+        "states": ({"type": COUNT}, 100, "number of states"),
+        "actions": ({"type": COUNT}, 5, "number of actions"),
+        "levels": ({"type": LEVELS}, 10, "number of levels"),
+        "discount": ({"type": DISCOUNT}, 0.95, "discount factor (ICU-Sepsis, FrozenLake: 0.99)"),
     },
     "Q-learning": {
-        "steps": ({"type": _COUNT}, 100_000, "number of steps"),
+        "steps": ({"type": COUNT}, 100_000, "number of steps"),
         "epsilon": (
-            {"type": _SHARE},
+            {"type": SHARE},
             1.0,
             "chance of a random action; at 1 all comparators see the same transitions",
         ),
-        "indifference": ({"type": _SHARE}, 0.0, "undecided pairs this close count as equal (share of range)"),
-        "close": ({"type": _SHARE}, 0.005, "the indifference of posterior-close"),
+        "indifference": ({"type": SHARE}, 0.0, "undecided pairs this close count as equal (share of range)"),
+        "close": ({"type": SHARE}, 0.005, "the indifference of posterior-close"),
     },
     "value iteration": {
-        "tolerance": ({"type": _POSITIVE}, 0.005, "policy loss aimed at (share of range)"),
-        "max_sweeps": ({"type": _COUNT}, 200, "stop there; a tutor who errs anew each time keeps it going"),
+        "tolerance": ({"type": POSITIVE}, 0.005, "policy loss aimed at (share of range)"),
+        "max_sweeps": ({"type": COUNT}, 200, "stop there; a tutor who errs anew each time keeps it going"),
     },
     "Bradley-Terry": {
-        "precision": ({"type": _SCALE}, 300.0, "the prior's, logits per unit of d.e"),
-        "n_boot": ({"type": _COUNT}, 50, "number of resamples"),
-        "level": ({"type": _INNER}, 0.95, "confidence level, also the posterior's"),
-        "refit_growth": ({"type": _SCALE}, 0.05, "growth of the answers between two fits; 0: fit at each"),
+        "precision": ({"type": SCALE}, 300.0, "the prior's, logits per unit of d.e"),
+        "n_boot": ({"type": COUNT}, 50, "number of resamples"),
+        "level": ({"type": INNER}, 0.95, "confidence level, also the posterior's"),
+        "refit_growth": ({"type": SCALE}, 0.05, "growth of the answers between two fits; 0: fit at each"),
     },
     "posterior and relaxed polytope": {
-        "lapse": ({"type": _LAPSE}, 0.1, "share of answers that the posterior takes to be given at random"),
-        "particles": ({"type": _PARTICLES}, 1000, "number of particles"),
-        "slack": ({"type": _SCALE}, 0.0, "violation allowed beyond the least (share of range)"),
+        "lapse": ({"type": LAPSE}, 0.1, "share of answers that the posterior takes to be given at random"),
+        "particles": ({"type": PARTICLES}, 1000, "number of particles"),
+        "slack": ({"type": SCALE}, 0.0, "violation allowed beyond the least (share of range)"),
     },
 }
-DEFAULTS = {name: default for group in _OPTIONS.values() for name, (_, default, _) in group.items()}
+DEFAULTS = defaults_of(_OPTIONS)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -188,13 +167,7 @@ def _parser() -> argparse.ArgumentParser:
         "it finishes: after Ctrl-C, or worse, the same command computes what is missing.",
     )
     ablation.set_defaults(command=_ablate)
-    ablation.add_argument(
-        "--out", type=Path, default=Path("results/ablation"), metavar="DIR", help="directory to write to [%(default)s]"
-    )
-    ablation.add_argument(
-        "--jobs", type=_COUNT, default=-1, metavar="N", help="number of processes, one thread each [one a core]"
-    )
-    ablation.add_argument("--fresh", action="store_true", help="forget the runs that have finished, and start over")
+    add_where(ablation, "results/ablation")
     size = ablation.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="a tiny setting, to see that it works (seconds)")
     size.add_argument(
@@ -202,18 +175,9 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="the paper's 1e5 steps and 20 runs; 200 resamples, fitted anew at every answer (takes many hours)",
     )
-    for title, options in _OPTIONS.items():
-        group = ablation.add_argument_group(title)
-        for name, (keywords, default, text) in options.items():
-            stated = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in _as_tuple(default))
-            metavar: Any = {} if "choices" in keywords else {"metavar": "N" if isinstance(default, int) else "X"}
-            flag = f"--{name.replace('_', '-')}"
-            group.add_argument(flag, default=argparse.SUPPRESS, help=f"{text} [{stated}]", **keywords, **metavar)
+    add_groups(ablation, _OPTIONS)
+    figures_command.add_to(commands)
     return parser
-
-
-def _as_tuple(default: Any) -> tuple[Any, ...]:
-    return default if isinstance(default, tuple) else (default,)
 
 
 if __name__ == "__main__":

@@ -51,7 +51,7 @@ class Model(NamedTuple):
     initial: NDArray[np.float64]  # (S,) running sums of the initial distribution
     rates: NDArray[np.float64]  # learning rate by number of earlier visits of (s, a)
     discount: float
-    epsilon: float
+    epsilons: NDArray[np.float64]  # chance of exploring by step; the last one stays
     steps: int
     episode_length: int  # 0: episodes end in terminal states only
     dominance: bool  # whether eq. (4) may decide
@@ -173,7 +173,8 @@ def learn(state: State, model: Model) -> None:
     q, best, visits, cursor = state.q, state.best, state.visits, state.cursor
     s, step = cursor[STATE], cursor[STEP]
     position = IDLE
-    if unit(mix(mix(model.key, EXPLORE), step)) < model.epsilon:  # Alg. 1, l. 7
+    epsilon = model.epsilons[min(step, len(model.epsilons) - 1)]
+    if unit(mix(mix(model.key, EXPLORE), step)) < epsilon:  # Alg. 1, l. 7
         position = int(unit(mix(mix(model.key, ACTION), step)) * model.n_actions[s])
         a = model.actions[s, position]
     else:

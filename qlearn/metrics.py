@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -186,8 +186,14 @@ def summarise(frame: DataFrame) -> DataFrame:
     )
     groups = wide.groupby(list(CELL), sort=False)
     counts = groups[["runs", "budget_spent", "sweep_limit", "contradicted", "audit_wrong"]].sum()
-    mean, spread, n = (groups[list(MEASURES)].agg(how) for how in ("mean", "std", "count"))
-    half = spread * stdtrit(n - 1, 0.975).where(n > 1) / np.sqrt(n)
-    columns = [column for name in MEASURES for column in (name, f"{name}_half")]
-    summary: DataFrame = counts.join(mean).join(half.add_suffix("_half"))[[*counts.columns, *columns]].reset_index()
+    summary: DataFrame = counts.join(means(groups, MEASURES)).reset_index()
     return summary
+
+
+def means(groups: Any, measures: Sequence[str]) -> DataFrame:
+    """Of a grouped frame: the mean of each measure and, as ``<name>_half``, half the width of its 95% t-interval,
+    nan from one number; numbers that are nan are left out."""
+    mean, spread, n = (groups[list(measures)].agg(how) for how in ("mean", "std", "count"))
+    half = spread * stdtrit(n - 1, 0.975).where(n > 1) / np.sqrt(n)
+    table: DataFrame = mean.join(half.add_suffix("_half"))
+    return table[[column for name in measures for column in (name, f"{name}_half")]]

@@ -16,6 +16,8 @@ from matplotlib.ticker import StrMethodFormatter
 NAMES = {
     "random": "random MDP",
     "icu": "ICU-Sepsis",
+    "frozen-lake": "FrozenLake 8x8",
+    "deep-sea-treasure": "deep-sea-treasure",
     "q-learning": "Q-learning",
     "ivi": "value iteration",
     "always": "always ask",
@@ -27,7 +29,7 @@ NAMES = {
     "box": "Bradley-Terry box",
 }
 # Okabe and Ito's colours; the markers and line styles tell the same in grey
-_STYLES: dict[str, dict[str, Any]] = {
+STYLES: dict[str, dict[str, Any]] = {
     "always": {"color": "#000000", "marker": "D", "linestyle": (0, (1, 1.5))},
     "polytope": {"color": "#D55E00", "marker": "s", "linestyle": "-"},
     "relaxed": {"color": "#E69F00", "marker": "v", "linestyle": (0, (1, 1))},
@@ -96,8 +98,8 @@ def plot_ablation(
             if i == len(problems) - 1:
                 axes.set_xlabel("questions asked (log scale)")
     grid[0][0].set_xlim(0, 2 * max(10, plain.asked.max()))
-    drawn = [name for name in _STYLES if name in set(plain.comparator)]
-    handles = [Line2D([], [], label=shown[name], markersize=7, **_STYLES[name]) for name in drawn]
+    drawn = [name for name in STYLES if name in set(plain.comparator)]
+    handles = [Line2D([], [], label=shown[name], markersize=7, **STYLES[name]) for name in drawn]
     if (plain.budget_spent > 0).any():
         hollow: dict[str, Any] = {"color": "0.35", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
         handles.append(Line2D([], [], label="hollow: budget spent", markersize=7, **hollow))
@@ -115,7 +117,7 @@ def plot_ablation(
 def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
     axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
     for name, path in part.groupby("comparator", sort=False):
-        style = _STYLES[str(name)]
+        style = STYLES[str(name)]
         x, y = path.asked, 100 * path.excess_loss
         axes.plot(x, y, color=style["color"], linestyle=style["linestyle"], linewidth=1.1, alpha=0.7, zorder=1)
         # labels below, above and beside their markers, which may lie on top of each other

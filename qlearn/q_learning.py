@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,12 @@ from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
 from qlearn import kernel
 from qlearn.desk import Desk, Watch, place
+from qlearn.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 
 _TO_ASK = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
 KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
-Start: TypeAlias = Literal["worst", "zero"]
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
 
@@ -40,14 +40,16 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
 class InteractiveQLearning:
     """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
 
-    ``epsilon``: chance of a uniformly drawn action. ``learning_rate``: a constant in (0, 1], or a function
-    from the number of earlier visits of (s, a) to rates; by default ``rescaled_linear_rate(mdp.discount)``.
-    ``start``: "worst" puts all mass on the worst level, so that totals stay 1 and every question is
-    well-posed; "zero" is the paper's line 4.
-    ``episode_length``: restart from the initial distribution after so many steps (terminal states
-    always restart). ``indifference``: an undecided pair whose bounds lie within it counts as equal.
-    ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``: share of
-    the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
+    ``exploration``: how it comes to see enough, one of ``EXPLORATIONS`` by name, or an ``Exploration``; by default
+    "optimistic", chosen by measurement (docs/exploration.md). By hand: ``epsilon``, ``start`` and ``episode_length``
+    replace what the named one says or, where none is named, what "constant" does: the chance of a uniformly drawn
+    action (a constant, a ``Decay``, or a function from steps to chances); where all vectors begin ("worst" or "best":
+    all mass on that level, so that totals stay 1 and every question is well-posed; "zero": the paper's line 4); after
+    how many steps to restart from the initial distribution (terminal states always do).
+    ``learning_rate``: a constant in (0, 1], or a function from the number of earlier visits of (s, a) to rates; by
+    default ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie within
+    it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
+    share of the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
     run of Q-learning has one pair in question at a time.
     """
 
@@ -57,9 +59,10 @@ class InteractiveQLearning:
         comparator: Comparator,
         *,
         steps: int = 100_000,
-        epsilon: float = 0.1,
+        exploration: str | Exploration | None = None,
+        epsilon: Epsilon | None = None,
         learning_rate: LearningRate | None = None,
-        start: Start = "worst",
+        start: Start | None = None,
         episode_length: int | None = None,
         rng: Seed = 0,
         max_queries: int | None = None,
@@ -70,8 +73,11 @@ class InteractiveQLearning:
         check_levels_agree(mdp, comparator)
         if steps < 0 or int(steps) != steps:
             raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
-        if not 0 <= epsilon <= 1:
-            raise ValueError(f"epsilon must lie in 0..1, not {epsilon!r}")
+        by_hand = (epsilon, start, episode_length) != (None, None, None)
+        chosen = exploration_of(exploration or ("constant" if by_hand else "optimistic"))
+        start = chosen.start if start is None else start
+        check_start(start)
+        episode_length = chosen.episode_length if episode_length is None else episode_length
         if episode_length is not None and (episode_length < 1 or int(episode_length) != episode_length):
             raise ValueError(f"episode_length must be None or a whole number of at least 1, not {episode_length!r}")
         key = key_of(rng)
@@ -89,7 +95,7 @@ class InteractiveQLearning:
             mdp,
             comparator,
             steps,
-            epsilon,
+            epsilons(chosen.epsilon if epsilon is None else epsilon, steps),
             _rates(rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate, steps),
             episode_length,
             key,
@@ -211,7 +217,7 @@ def _model(
     mdp: OrdinalMDP,
     comparator: Comparator,
     steps: int,
-    epsilon: float,
+    chances: Floats,
     rates: Floats,
     episode_length: int | None,
     key: int,
@@ -226,7 +232,7 @@ def _model(
         initial=np.cumsum(mdp.initial),
         rates=rates,
         discount=mdp.discount,
-        epsilon=float(epsilon),
+        epsilons=chances,
         steps=int(steps),
         episode_length=int(episode_length or 0),
         dominance=not isinstance(comparator, AlwaysAsk),
@@ -235,11 +241,10 @@ def _model(
 
 
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:
-    if start not in ("worst", "zero"):
-        raise ValueError(f"start must be 'worst' or 'zero', not {start!r}")
     n, m, k = mdp.n_states, mdp.n_actions, mdp.k
     q = np.zeros((n, m, k))
-    q[:, :, 0] = start == "worst"  # Alg. 1, l. 4
+    if start != "zero":
+        q[:, :, 0 if start == "worst" else k - 1] = 1.0  # Alg. 1, l. 4
     for s in np.flatnonzero(mdp.terminal):  # a terminal state's value is its level, for ever
         q[s] = np.eye(k)[model.levels[s, model.actions[s, 0]]]
     pick = (uniform(fold(model.key, kernel.FIRST_BEST, np.arange(n))) * model.n_actions).astype(np.int64)

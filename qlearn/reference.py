@@ -4,7 +4,7 @@ A comment "Alg. 1, l. 9" stands on the very line that does what line 9 of Algori
 paper leaves something open, the choice is that of the whole package:
 
 - vectors are shares: counting vectors times 1 - discount. Line 4 starts from all mass on the worst
-  level (``start="zero"`` is the paper's), and a reward is 1 - discount at the level obtained;
+  level (``start="best"``: on the best; "zero" is the paper's), and a reward is 1 - discount at the level obtained;
 - the model M is a comparator: BETTER, WORSE and EQUAL are confident forecasts, UNKNOWN is an interval
   [g - c, g + c] that contains 1/2. An empty B needs no case of its own;
 - where neither vector is better, the best action so far stays;
@@ -105,18 +105,20 @@ def interactive_q_learning(
     tutor: Tutor,
     *,
     steps: int,
-    epsilon: float,
+    epsilon: float | Floats,
     rates: Sequence[float] | Floats,
     key: int,
     start: str = "worst",
     episode_length: int | None = None,
 ) -> tuple[Learned, Comparator, Told]:
-    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``key``
-    is ``elicit.seeds.key_of`` of a seed. Returns Q-bar and B(s), then M and B."""
+    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is
+    one for all steps or one for each; ``key`` is ``elicit.seeds.key_of`` of a seed. Returns Q-bar and B(s), then M
+    and B."""
     one, discount = np.eye(mdp.k), mdp.discount
     model, told = comparator, Told()  # Alg. 1, l. 3
     q = np.zeros((mdp.n_states, mdp.n_actions, mdp.k))  # Alg. 1, l. 4
     q[:, :, 0] += start == "worst"
+    q[:, :, -1] += start == "best"
     q[mdp.terminal] = one[mdp.final_level[mdp.terminal], None]
     best = [pick(actions(mdp, s), key, FIRST_BEST, s) for s in range(mdp.n_states)]  # Alg. 1, l. 5
     comparisons = []
@@ -144,15 +146,16 @@ def scalar_q_learning(
     values: ArrayLike,
     *,
     steps: int,
-    epsilon: float,
+    epsilon: float | Floats,
     rates: Sequence[float] | Floats,
     key: int,
+    start: str = "worst",
     episode_length: int | None = None,
 ) -> Learned:
     """Ordinary Q-learning on the true ``values`` (k,), with B(s) tracked as in Algorithm 1: what a learner
     does that always asks a tutor who never errs. Q (S, A) is in shares of the value range, from 0 to 1."""
     e = mdp.normalise(values)
-    q = np.zeros((mdp.n_states, mdp.n_actions))
+    q = np.full((mdp.n_states, mdp.n_actions), float(start == "best"))
     q[mdp.terminal] = e[mdp.final_level[mdp.terminal], None]
     best = [pick(actions(mdp, s), key, FIRST_BEST, s) for s in range(mdp.n_states)]
     comparisons = []
@@ -203,15 +206,16 @@ def interactive_value_iteration(
 class Walk:
     """Where the agent is, and the generative model of line 8."""
 
-    def __init__(self, mdp: OrdinalMDP, key: int, epsilon: float, episode_length: int | None) -> None:
-        self._mdp, self._key, self._epsilon, self._episode_length = mdp, key, epsilon, episode_length
+    def __init__(self, mdp: OrdinalMDP, key: int, epsilon: float | Floats, episode_length: int | None) -> None:
+        self._mdp, self._key, self._episode_length = mdp, key, episode_length
+        self._epsilons = np.atleast_1d(epsilon)
         self._visits = np.zeros((mdp.n_states, mdp.n_actions), dtype=int)
         self._episode = self._age = 0
         self.state = draw(mdp.initial, key, RESTART, 0)
 
     def choose(self, best: int, t: int) -> int:
         """The epsilon-greedy action in step t."""
-        explore = uniform(fold(self._key, EXPLORE, t)) < self._epsilon
+        explore = uniform(fold(self._key, EXPLORE, t)) < self._epsilons[min(t, len(self._epsilons) - 1)]
         return pick(actions(self._mdp, self.state), self._key, ACTION, t) if explore else best
 
     def simulate(self, a: int) -> tuple[int, int]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable, Mapping
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,6 +21,7 @@ from elicit.relaxed import RelaxedPolytopeComparator
 from elicit.scale import Floats
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.environments import draw_values, icu_sepsis, random_mdp
+from qlearn.gym_environments import deep_sea_treasure, frozen_lake
 from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import drive
 from qlearn.mdp import OrdinalMDP
@@ -33,7 +36,19 @@ Cell: TypeAlias = dict[str, Any]
 Size: TypeAlias = tuple[int, int, int, float]
 """Of the random MDPs: states, actions, levels, discount."""
 
-_NO_RUNS = ("ablation.py", "cli.py", "plot.py")  # sources that no run depends on
+REAL: Mapping[str, Callable[[], OrdinalMDP]] = MappingProxyType(
+    {"icu": icu_sepsis, "frozen-lake": frozen_lake, "deep-sea-treasure": deep_sea_treasure}
+)
+_NO_RUNS = (
+    "ablation.py",
+    "arguments.py",
+    "cli.py",
+    "figure_plots.py",
+    "figures.py",
+    "figures_command.py",
+    "plot.py",
+    "trends.py",
+)  # sources that no run depends on
 
 
 class Run(NamedTuple):
@@ -54,7 +69,7 @@ def run(
     close: float = 0.005,
     tolerance: float = 0.005,
     max_sweeps: int = 200,
-    max_queries: int = 2000,
+    max_queries: int | None = 2000,
     audit_steps: int = 2000,
     audit_sweeps: int = 20,
     precision: float = 300.0,
@@ -74,7 +89,7 @@ def run(
     close           indifference of Q-learning with "posterior-close"
     tolerance       of value iteration: policy loss with right verdicts, share of the value range
     max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
-    max_queries     question budget; "always" has none
+    max_queries     question budget, None for none; "always" has none
     audit_steps, audit_sweeps   no more of an audited run: contradictions show early
     precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
                     value range is answered rightly 95 times in 100
@@ -144,9 +159,10 @@ def run_named(cell: Cell, size: Size, built: str, settings: dict[str, Any]) -> R
 
 @lru_cache(maxsize=32)
 def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of a problem, "random" or "icu". Raises as their makers do."""
-    if problem == "icu":
-        mdp = _icu()
+    """The MDP and the hidden values (k,) of a problem: "random" (``size`` says which), or one of ``REAL``, whose values
+    come from ``draw_values``. Raises as their makers do."""
+    if problem in REAL:
+        mdp = _real(problem)
         return mdp, draw_values(mdp.k, rng=seed)
     return random_mdp(*size, rng=seed)
 
@@ -160,7 +176,7 @@ def sources() -> str:
         for path in sorted(folder.glob("*.py")):
             if path.name not in _NO_RUNS:
                 digest.update(path.name.encode() + path.read_bytes())
-    for library in ("numpy", "scipy", "clarabel", "numba", "icu-sepsis"):
+    for library in ("numpy", "scipy", "clarabel", "numba", "icu-sepsis", "gymnasium", "mo-gymnasium"):
         try:
             digest.update(f"{library} {version(library)}".encode())
         except PackageNotFoundError:
@@ -169,8 +185,8 @@ def sources() -> str:
 
 
 @cache
-def _icu() -> OrdinalMDP:
-    return icu_sepsis()  # takes seconds
+def _real(problem: str) -> OrdinalMDP:
+    return REAL[problem]()  # takes seconds
 
 
 @lru_cache(maxsize=32)

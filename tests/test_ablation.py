@@ -212,3 +212,15 @@ def test_the_figure_shows_something(frame: pd.DataFrame, max_queries: int | None
     picture = imread(file)
     assert picture.shape[0] > 300
     assert picture.std() > 0.05
+
+
+@pytest.mark.parametrize("problem", ["frozen-lake", "deep-sea-treasure"])
+def test_known_tasks_are_problems_too(problem: str) -> None:
+    pytest.importorskip("mo_gymnasium")
+    settings = TINY | {"problems": [problem], "comparators": ["polytope"], "error_rates": [0.0], "audit": 0.0}
+    rows = ablate(**settings, jobs=1)
+    assert len(rows) == 4
+    assert (rows.problem == problem).all()
+    polytope = rows[(rows.comparator == "polytope") & (rows.learner == "q-learning")]
+    assert (polytope.excess_loss == 0).all()
+    assert "FrozenLake 8x8, Q-learning" in table(summarise(rows)) or problem != "frozen-lake"

@@ -39,10 +39,14 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "default": {},
     "zero start, rate 1": {"start": "zero", "learning_rate": 1.0},
     "episodes, constant rate": {"episode_length": 7, "learning_rate": 0.5},
+    "best start, decaying": {"start": "best", "epsilon": np.linspace(0.9, 0.1, 400)},
 }
 
 
 def learn(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Result:
+    chances = settings.get("epsilon")
+    if isinstance(chances, np.ndarray):
+        settings["epsilon"] = lambda steps: chances[steps]
     return drive(InteractiveQLearning(mdp, comparator, **{"steps": 400, "epsilon": 0.3, **settings}), tutor)
 
 
@@ -298,7 +302,10 @@ def test_greedy_run_never_explores() -> None:
         ({"learning_rate": lambda visits: 1.0 / visits[1:]}, r"\(9,\)"),
         ({"learning_rate": lambda visits: -1.0 - visits}, "-1.0"),
         ({"episode_length": 0}, "0"),
-        ({"start": "best"}, "best"),
+        ({"start": "good"}, "good"),
+        ({"exploration": "bold"}, "constant, decaying, restarts, optimistic, uniform, not 'bold'"),
+        ({"epsilon": lambda steps: steps - 4.0}, "-4.0"),
+        ({"epsilon": lambda steps: 0.1 * steps[1:]}, r"\(9,\)"),
         ({"indifference": -0.125}, "-0.125"),
         ({"indifference": float("inf")}, "inf"),
         ({"max_queries": -2}, "-2"),

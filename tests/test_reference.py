@@ -169,8 +169,8 @@ def test_draws_have_the_stated_distribution() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("episode_length", [None, 6])
-def test_vectors_and_scalars_tell_the_same_story(seed: int, episode_length: int | None) -> None:
+@pytest.mark.parametrize(("episode_length", "start"), [(None, "worst"), (6, "worst"), (None, "best")])
+def test_vectors_and_scalars_tell_the_same_story(seed: int, episode_length: int | None, start: str) -> None:
     # proposition 1 all along a run: always asking a truthful tutor is ordinary Q-learning on the true values
     for mdp, values in (random_mdp(8, 3, 4, rng=seed), messy_mdp(seed)):
         settings: dict[str, Any] = {
@@ -179,6 +179,7 @@ def test_vectors_and_scalars_tell_the_same_story(seed: int, episode_length: int 
             "rates": np.full(300, 0.3),
             "key": key_of(seed),
             "episode_length": episode_length,
+            "start": start,
         }
         scalar = scalar_q_learning(mdp, values, **settings)
         vector, _, told = interactive_q_learning(mdp, AlwaysAsk(mdp.k), TruthfulTutor(values), **settings)
