@@ -61,7 +61,7 @@ OPTIONS: Groups = {
         "level": ({"type": INNER}, 0.95, "confidence level, also the posterior's"),
         "refit_growth": ({"type": SCALE}, 0.2, "growth of the box's answers between two fits; 0: fit at each (hours)"),
         "lapse": ({"type": LAPSE}, 0.1, "share of answers that the posterior takes to be given at random"),
-        "particles": ({"type": PARTICLES}, 500, "the posterior's number of particles"),
+        "particles": ({"type": PARTICLES}, 1000, "the posterior's number of particles"),
     },
 }
 DEFAULTS = defaults_of(OPTIONS)
