@@ -112,9 +112,10 @@ def run(
     elif name.startswith("posterior"):
         comparator = PosteriorComparator(k, lapse=lapse, level=level, particles=particles, seed=seed)
     else:
-        comparator = BradleyTerryComparator(
-            k, precision=precision, n_boot=n_boot, level=level, region=name, refit_growth=refit_growth, seed=seed
-        )
+        region: Any = "box" if name == "box-rescaled" else name
+        rescale = name == "box-rescaled"
+        common_fit: dict[str, Any] = {"n_boot": n_boot, "level": level, "refit_growth": refit_growth, "seed": seed}
+        comparator = BradleyTerryComparator(k, precision=precision, region=region, rescale=rescale, **common_fit)
     if name == "posterior-close":
         indifference = close
     indifference = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
