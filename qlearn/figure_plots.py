@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,9 @@ def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
         )  # fmt: skip
         _lines(axes, rows, measure)
         axes.set_title(title, fontsize=10)
-        axes.set_ylabel(unit)
+        axes.set_yscale("symlog", linthresh=1, linscale=0.8)
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.set_ylabel(f"{unit[:-1]}; log scale beyond ±1)")
         axes.set_xlabel(_X[series])
     _title(figure, f"Figure 4: loss against always asking a truthful tutor, by {_X[series]}", rows)
     return figure
@@ -121,4 +124,5 @@ def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
         fontsize=11,
     )
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, handlelength=3.4)
+    columns = math.ceil(len(labels) / math.ceil(len(labels) / 3))  # at most three, in rows of about equal length
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.4)
