@@ -63,9 +63,10 @@ def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
         axes.set_title(title, fontsize=10)
         axes.set_yscale("symlog", linthresh=1, linscale=0.8)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.set_ylabel(f"{unit[:-1]}; log scale beyond ±1)")
+        axes.set_ylabel(unit)
         axes.set_xlabel(_X[series])
-    _title(figure, f"Figure 4: loss against always asking a truthful tutor, by {_X[series]}", rows)
+    title = f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond ±1%)"
+    _title(figure, title, rows)
     return figure
 
 
