@@ -11,7 +11,7 @@ import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlearn.plot import NAMES, STYLES
 
@@ -40,7 +40,9 @@ def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
         axes.set_title(title, fontsize=10)
         axes.set_xlabel(_X[series])
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     panels[0].set_ylabel("questions to the tutor (%, log scale)")
     number = {"levels": 2, "states": 3}[series]
     _title(figure, f"Figure {number}: how often the tutor is asked, by {_X[series]}", rows)
