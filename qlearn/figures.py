@@ -9,6 +9,7 @@ verdicts alone.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from inspect import signature
 from pathlib import Path
@@ -69,10 +70,11 @@ def figures(
     truthful tutor. ``both_tutors`` puts them to a truthful tutor too. ``settings`` are keywords of ``runs.run``,
     where not given those of ``SETTINGS``. The oracle always runs.
 
-    Beside the columns of a run: ``asked_percent_fresh`` (questions in percent of the pairs left open that had not been
-    asked before), ``paper_loss_percent`` (figure 4's formula, signed as printed, against the oracle),
-    ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out) and ``excess_loss`` (true policy loss
-    beyond the oracle's, mean over the states, share of the value range).
+    Beside the columns of a run: ``warnings`` (how often a comparator warned that it is not to be relied on: particles
+    that are worth too few draws, a fit that found no maximum), ``asked_percent_fresh`` (questions in percent of the
+    pairs left open that had not been asked before), ``paper_loss_percent`` (figure 4's formula, signed as printed,
+    against the oracle), ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out) and
+    ``excess_loss`` (true policy loss beyond the oracle's, mean over the states, share of the value range).
 
     Rows depend neither on ``jobs`` nor on what came from the ``journal``; these, ``fresh``, ``progress`` and
     what is raised are as with ``ablation.ablate``.
@@ -126,8 +128,12 @@ def cells(
 
 
 def run_one(cell: Cell, actions: int, discount: float, built: str, settings: dict[str, Any]) -> Run:
-    """One run, by a worker that makes the problem itself. Raises as ``runs.run_named``."""
-    return run_named(cell, (cell["states"], actions, cell["levels"], discount), built, settings)
+    """One run, by a worker that makes the problem itself; its warnings are counted in the row. Raises as
+    ``runs.run_named``."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        row, v = run_named(cell, (cell["states"], actions, cell["levels"], discount), built, settings)
+    return Run(row | {"warnings": len(caught)}, v)
 
 
 def _cost(cell: Cell) -> float:

@@ -102,6 +102,13 @@ def test_both_tutors_and_some_comparators() -> None:
     ]  # fmt: skip
 
 
+def test_warnings_are_counted_not_shown() -> None:
+    part = TINY | {"levels": (3,), "states": (8,), "at_levels": 3, "seeds": 1, "comparators": ["box"]}
+    quiet, loud = (figures(**part, jobs=1, precision=precision) for precision in (300.0, 1e300))
+    assert (quiet.warnings == 0).all()
+    assert loud.warnings[loud.comparator == "box"].item() > 0
+
+
 def test_what_there_is_not_is_refused() -> None:
     with pytest.raises(ValueError, match="no comparator 'sphere' in the figures; choose among polytope"):
         figures(comparators=["sphere"])
