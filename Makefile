@@ -10,8 +10,8 @@ export OMP_NUM_THREADS = 1
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
 
-figures: $(READY)  ## the paper's figures 2, 3 and 4 with intervals, 20 runs a point (half an hour on two cores)
-	$(BIN)/qlearn figures --out results/figures
+figures: $(READY)  ## the paper's figures 2, 3 and 4 with intervals, 20 runs a point (most of an hour on two cores)
+	$(BIN)/qlearn figures --both-tutors --out results/figures
 
 test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto

@@ -184,7 +184,8 @@ def on_a_learner(pairs: str, setting: Setting, k: int, number: int, seed: int, s
         comparator, key = RULES[name](k, precision, 0.25), int(number)
         learner: InteractiveQLearning | InteractiveValueIteration
         if pairs == "Q-learning":
-            learner = InteractiveQLearning(mdp, comparator, steps=size.steps, max_queries=size.budget, rng=key)
+            settings = {"steps": size.steps, "max_queries": size.budget, "rng": key}
+            learner = InteractiveQLearning(mdp, comparator, exploration="constant", **settings)
         else:
             learner = InteractiveValueIteration(
                 mdp, comparator, tolerance=0.02, max_sweeps=size.sweeps, max_queries=size.budget

@@ -28,7 +28,7 @@ Told = Answers | Iterable[Entry | Answer]
 
 _ROOTS = np.linspace(0.03, 0.98, 9)  # square roots of the lapses tried: the likelihood changes fastest near 0
 _LAPSE = 4.0  # a priori the lapse is Beta(1, 4)
-_BOUNDLESS = math.exp(PRECISION[0] + PRECISION[1])  # an interval of the precision that reaches beyond has no end
+_BOUNDLESS = math.exp(PRECISION[0] + 1.25 * PRECISION[1])  # an interval of the precision that reaches beyond has no end
 _SHOWN = 5  # doubtful answers that a report names
 
 

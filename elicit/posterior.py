@@ -36,7 +36,7 @@ WORN = 0.02  # below this share of an effective sample the particles are reporte
 _FAR = 1e12  # tail sums are no larger for the likelihood
 _THIN = 1e-12  # sets of scales narrower than this have no room for particles, only for rounding
 _NODES = 16  # of the quadrature over the prior's shape
-PRECISION = (math.log(100.0), 2.5)
+PRECISION = (math.log(30.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
 
 
@@ -62,7 +62,7 @@ class PosteriorComparator:
     """Decides a difference where one sign of d.e has posterior probability ``level``.
 
     k          number of levels
-    precision  c of eq. (6), logits per unit of d.e; None: learned, log c ~ N(log 100, 2.5^2) a priori
+    precision  c of eq. (6), logits per unit of d.e; None: learned, log c ~ N(log 30, 2.5^2) a priori
     lapse      share of answers given at random; a tutor who flips a tenth of all answers lapses in a fifth
     level      posterior probability that a verdict needs, in (1/2, 1)
     particles  how many stand for the posterior

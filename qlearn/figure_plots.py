@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlearn.plot import NAMES, STYLES
 
@@ -39,7 +40,9 @@ def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
         axes.set_title(title, fontsize=10)
         axes.set_xlabel(_X[series])
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     panels[0].set_ylabel("questions to the tutor (%, log scale)")
     number = {"levels": 2, "states": 3}[series]
     _title(figure, f"Figure {number}: how often the tutor is asked, by {_X[series]}", rows)
@@ -60,9 +63,12 @@ def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
         )  # fmt: skip
         _lines(axes, rows, measure)
         axes.set_title(title, fontsize=10)
+        axes.set_yscale("symlog", linthresh=1, linscale=0.8)
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.set_ylabel(unit)
         axes.set_xlabel(_X[series])
-    _title(figure, f"Figure 4: loss against always asking a truthful tutor, by {_X[series]}", rows)
+    title = f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond ±1%)"
+    _title(figure, title, rows)
     return figure
 
 
@@ -121,4 +127,5 @@ def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
         fontsize=11,
     )
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, handlelength=3.4)
+    columns = math.ceil(len(labels) / math.ceil(len(labels) / 3))  # at most three, in rows of about equal length
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.4)

@@ -29,7 +29,7 @@ QUICK: dict[str, Any] = {
     "levels": [4, 6, 8], "at_states": 20, "states": [20, 30, 40], "at_levels": 6, "actions": 3, "seeds": 3,
     "steps": 2000, "n_boot": 20, "particles": 200,
 }  # fmt: skip
-_COMPARATORS = ("polytope", "posterior", "box")
+_COMPARATORS = ("polytope", "posterior", "box-rescaled", "box")
 OPTIONS: Groups = {
     "the two series": {
         "levels": ({"nargs": "+", "type": LEVELS}, (5, 10, 15, 20, 25), "numbers of levels of the first series"),
@@ -47,15 +47,16 @@ OPTIONS: Groups = {
         "comparators": (
             {"nargs": "+", "choices": _COMPARATORS},
             _COMPARATORS,
-            "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box",
+            "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box with footnote 3 and "
+            "without",
         ),
         "error_rate": (
             {"type": ERROR_RATE},
             0.1,
-            "of the tutor of the latter two, who errs as in eq. (6): his precision is set to err in this share of the "
-            "comparisons of an optimal policy",
+            "of the tutor of all but the polytope, who errs as in eq. (6): his precision is set to err in this share "
+            "of the comparisons of an optimal policy",
         ),
-        "both_tutors": ({"action": "store_true"}, False, "a truthful tutor for the latter two as well"),
+        "both_tutors": ({"action": "store_true"}, False, "a truthful tutor for all of them as well"),
         "precision": ({"type": SCALE}, 300.0, "of the box's prior, logits per unit of d.e"),
         "n_boot": ({"type": COUNT}, 50, "the box's number of resamples"),
         "level": ({"type": INNER}, 0.95, "confidence level, also the posterior's"),

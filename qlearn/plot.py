@@ -27,6 +27,7 @@ NAMES = {
     "posterior-close": "posterior, indifferent",
     "ensemble": "Bradley-Terry ensemble",
     "box": "Bradley-Terry box",
+    "box-rescaled": "Bradley-Terry box, rescaled",
 }
 # Okabe and Ito's colours; the markers and line styles tell the same in grey
 STYLES: dict[str, dict[str, Any]] = {
@@ -37,6 +38,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "posterior-close": {"color": "#7A5195", "marker": "X", "linestyle": (0, (2, 1))},
     "ensemble": {"color": "#0072B2", "marker": "o", "linestyle": (0, (5, 1.5))},
     "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
+    "box-rescaled": {"color": "#56B4E9", "marker": "v", "linestyle": (0, (1, 1))},
 }
 
 _HEADER = (

@@ -21,6 +21,7 @@ from elicit.relaxed import RelaxedPolytopeComparator
 from elicit.scale import Floats
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.environments import draw_values, icu_sepsis, random_mdp
+from qlearn.exploration import Start
 from qlearn.gym_environments import deep_sea_treasure, frozen_lake
 from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import drive
@@ -39,6 +40,7 @@ Size: TypeAlias = tuple[int, int, int, float]
 REAL: Mapping[str, Callable[[], OrdinalMDP]] = MappingProxyType(
     {"icu": icu_sepsis, "frozen-lake": frozen_lake, "deep-sea-treasure": deep_sea_treasure}
 )
+START: Start = "worst"  # the paper's line 4, but with totals that stay 1
 _NO_RUNS = (
     "ablation.py",
     "arguments.py",
@@ -112,9 +114,10 @@ def run(
     elif name.startswith("posterior"):
         comparator = PosteriorComparator(k, lapse=lapse, level=level, particles=particles, seed=seed)
     else:
-        comparator = BradleyTerryComparator(
-            k, precision=precision, n_boot=n_boot, level=level, region=name, refit_growth=refit_growth, seed=seed
-        )
+        region: Any = "box" if name == "box-rescaled" else name
+        rescale = name == "box-rescaled"
+        common_fit: dict[str, Any] = {"n_boot": n_boot, "level": level, "refit_growth": refit_growth, "seed": seed}
+        comparator = BradleyTerryComparator(k, precision=precision, region=region, rescale=rescale, **common_fit)
     if name == "posterior-close":
         indifference = close
     indifference = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
@@ -126,7 +129,7 @@ def run(
         learner: InteractiveValueIteration | InteractiveQLearning = (
             InteractiveValueIteration(mdp, comparator, tolerance=tolerance, max_sweeps=max_sweeps, **common)
             if ivi
-            else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, **common)
+            else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, start=START, **common)
         )
         watch = Watch(values, indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)

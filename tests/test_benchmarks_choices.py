@@ -57,3 +57,20 @@ def test_with_a_truthful_tutor_and_the_default_a_measure_is_a_run():
     assert found.shape == (len(assumptions.MEASURES),)
     assert 0 <= found[0] <= found[1] <= 100
     assert found[4] >= 0
+
+
+def test_the_rows_behind_the_ablation_notebook_are_paired():
+    from benchmarks.ablation_table import table
+
+    tiny = {"seeds": 1, "steps": 60, "max_sweeps": 8, "states": 8, "actions": 2, "max_queries": 20, "n_boot": 5}
+    rows = table(levels=(3, 4), tasks=(), particles=50, tolerance=0.05, error_rates=(0.0, 0.3), jobs=1, **tiny)
+    assert sorted(rows.k.unique()) == [3, 4]
+    audited = rows[rows.name == "polytope, audited"]
+    assert (audited.audit > 0).all()
+    assert (audited.rounds[audited.learner == "q-learning"] == 60).all()  # as long as the others
+    assert (rows.questions == rows.asked + rows.audited).all()
+    oracle = rows[(rows.comparator == "always") & (rows.error_rate == 0)]
+    assert (oracle.excess == 0).all()
+    for row in rows.itertuples():
+        of = oracle[(oracle.k == row.k) & (oracle.learner == row.learner) & (oracle.seed == row.seed)]
+        assert row.excess == pytest.approx(100 * (row.loss - of.loss.iloc[0]))

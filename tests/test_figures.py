@@ -13,7 +13,7 @@ from scipy import stats
 
 from qlearn import cli, figures_command
 from qlearn.ablation import ablate
-from qlearn.figures import KEYS, SETTINGS, Interrupted, cells, figures
+from qlearn.figures import COMPARATORS, KEYS, SETTINGS, Interrupted, cells, figures
 from qlearn.trends import MEASURES, claims, claims_text, series_of, summarise_series
 
 TINY: dict[str, Any] = {
@@ -54,10 +54,10 @@ def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
 
 
 def test_one_row_a_run_and_a_problem_of_both_series_once(frame: pd.DataFrame) -> None:
-    assert len(frame) == 3 * 4 * 2  # sizes, comparators with the oracle, seeds
+    assert len(frame) == 3 * 5 * 2  # sizes, comparators with the oracle, seeds
     assert not frame.duplicated(list(KEYS)).any()
     assert set(frame.error_rate[frame.comparator.isin(["always", "polytope"])]) == {0.0}
-    assert set(frame.error_rate[frame.comparator.isin(["posterior", "box"])]) == {0.1}
+    assert set(frame.error_rate[~frame.comparator.isin(["always", "polytope"])]) == {0.1}
     assert (frame.guess == 0).all()  # no budget
     assert (frame.rounds == 250).all()
 
@@ -100,6 +100,13 @@ def test_both_tutors_and_some_comparators() -> None:
     assert [(row.comparator, row.error_rate) for row in rows.itertuples()] == [
         ("always", 0.0), ("posterior", 0.0), ("posterior", 0.1)
     ]  # fmt: skip
+
+
+def test_warnings_are_counted_not_shown() -> None:
+    part = TINY | {"levels": (3,), "states": (8,), "at_levels": 3, "seeds": 1, "comparators": ["box"]}
+    quiet, loud = (figures(**part, jobs=1, precision=precision) for precision in (300.0, 1e300))
+    assert (quiet.warnings == 0).all()
+    assert loud.warnings[loud.comparator == "box"].item() > 0
 
 
 def test_what_there_is_not_is_refused() -> None:
@@ -174,7 +181,7 @@ def test_the_bound_is_held_to_the_interval_of_every_size(loss: float, answer: st
 
 def test_the_statistics_of_real_rows_can_be_recomputed(frame: pd.DataFrame) -> None:
     told = claims(frame)
-    assert len(told) == 3 * (2 * 4 + 3)  # comparators; denominators of figures 2 and 3; losses of figure 4
+    assert len(told) == 4 * (2 * 4 + 3)  # comparators; denominators of figures 2 and 3; losses of figure 4
     for row in told[told.figure == 3].itertuples():
         part = frame[(frame.levels == 5) & (frame.comparator == row.comparator)]
         wide = part.pivot(index="seed", columns="states", values=row.measure)
@@ -194,7 +201,7 @@ def test_the_summary_has_means_and_half_widths(frame: pd.DataFrame) -> None:
     asked = frame.query("states == 12 and comparator == 'box'").asked
     assert (line.asked, line.runs) == (asked.mean(), 2)
     assert line.asked_half == pytest.approx(stats.t.ppf(0.975, 1) * asked.std() / math.sqrt(2))
-    assert series_of(frame, "levels").comparator.unique().tolist() == ["always", "polytope", "posterior", "box"]
+    assert series_of(frame, "levels").comparator.unique().tolist() == ["always", *COMPARATORS]
 
 
 # --- the command
@@ -236,7 +243,7 @@ def test_the_command_writes_the_same_bytes_again_and_on_two_cores(
             assert (one / name).read_bytes() == (two / name).read_bytes(), name
     runs = pd.read_csv(one / "runs.csv")
     assert "seconds" not in runs.columns
-    assert len(runs) == 3 * 4 * 2
+    assert len(runs) == 3 * 5 * 2
     svg = (one / "figure4.svg").read_text(encoding="utf-8")
     assert "<dc:date>" not in svg
 

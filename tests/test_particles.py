@@ -40,7 +40,7 @@ def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] | None = No
     a = np.exp(rng.uniform(np.log(shape[0]), np.log(shape[1]), (m, 1)))
     log_gamma = np.log(rng.standard_gamma(a + 1.0, (m, p))) + np.log(rng.random((m, p))) / a
     log_g = log_gamma - logsumexp(log_gamma, axis=1, keepdims=True)
-    return np.ascontiguousarray(log_g + rng.normal(math.log(100.0), 2.5, (m, 1)))
+    return np.ascontiguousarray(log_g + rng.normal(math.log(30.0), 2.5, (m, 1)))
 
 
 def direct_log_prior(x: Floats, shape: tuple[float, float]) -> float:
@@ -59,7 +59,7 @@ def direct_log_prior(x: Floats, shape: tuple[float, float]) -> float:
     peak = grid[int(np.argmax([density(u) for u in grid]))]
     ends = [low, *(p for p in (peak - 0.1, peak, peak + 0.1) if low < p < high), high]
     parts = [quad(lambda u: math.exp(density(u) - top), a, b, epsabs=0, epsrel=1e-12)[0] for a, b in pairwise(ends)]
-    normal = -0.5 * ((log_c - math.log(100.0)) / 2.5) ** 2 - math.log(2.5 * math.sqrt(2 * math.pi))
+    normal = -0.5 * ((log_c - math.log(30.0)) / 2.5) ** 2 - math.log(2.5 * math.sqrt(2 * math.pi))
     return top + math.log(sum(parts) / (high - low)) + float(log_g.sum()) + normal
 
 
@@ -168,7 +168,7 @@ def test_the_prior_is_the_stated_one(k: int, shape: tuple[float, float]) -> None
 
 def _uniform_log_prior(x: Floats) -> float:
     log_c = float(logsumexp(x))
-    return float((x - log_c).sum()) - 0.5 * ((log_c - math.log(100.0)) / 2.5) ** 2
+    return float((x - log_c).sum()) - 0.5 * ((log_c - math.log(30.0)) / 2.5) ** 2
 
 
 def test_a_given_precision_scales_theta_and_inequalities_bound_it() -> None:
@@ -290,8 +290,8 @@ def test_moves_reach_the_prior_from_elsewhere() -> None:
     rng, prior = np.random.default_rng(3), PosteriorComparator(4)._prior
     nothing, untied = np.zeros((3, 1)), np.zeros(1, dtype=np.bool_)
     start = prior_draws(rng, 3, 3000)
-    start = start[logsumexp(start, axis=1) > math.log(100.0)]
-    assert ks_2samp(logsumexp(start, axis=1), rng.normal(math.log(100.0), 2.5, 9999)).pvalue < 1e-9
+    start = start[logsumexp(start, axis=1) > math.log(30.0)]
+    assert ks_2samp(logsumexp(start, axis=1), rng.normal(math.log(30.0), 2.5, 9999)).pvalue < 1e-9
     assert_same_law(moved(start, nothing, untied, prior, 250, 5), prior_draws(rng, 3, 20_000))
 
 
@@ -327,7 +327,7 @@ def test_moves_keep_to_the_inequalities() -> None:
 def test_particles_leave_a_subspace_that_all_of_them_lie_in() -> None:
     prior = PosteriorComparator(4)._prior
     nothing, untied = np.zeros((3, 1)), np.zeros(1, dtype=np.bool_)
-    start = np.log(100.0 / 3) + np.random.default_rng(0).normal(size=(300, 1)) * np.ones((1, 3))
+    start = np.log(30.0 / 3) + np.random.default_rng(0).normal(size=(300, 1)) * np.ones((1, 3))
     x = moved(start, nothing, untied, prior, 400, 2)
     assert np.std(x[:, 0] - x[:, 1]) > 0.1
 

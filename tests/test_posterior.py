@@ -24,7 +24,8 @@ from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
 Floats = np.ndarray[Any, Any]
 Rng = np.random.Generator
-MEAN, SD = math.log(100.0), 2.5
+MEAN, SD = math.log(30.0), 2.5
+TINY = 1e-20
 WORTH = (
     120  # independent draws that 1000 particles are worth at least, for k up to 8: moved copies stay alike for a time
 )
@@ -652,8 +653,10 @@ def ranks(k: int, n: int, replications: int, seed: int) -> tuple[list[str], Floa
         c = PosteriorComparator(k, seed=i).update(answered(rng, differences(rng, k, n), g, math.exp(log_c)))
         gaps, weights, precision = c.draws
         pick = rng.choice(len(weights), 99, p=weights)
-        levels, true = np.cumsum(gaps, axis=0)[:-1, pick], np.cumsum(g)[:-1]
-        below = [*(levels < true[:, None]).sum(axis=1), (np.log(precision[pick]) < log_c).sum()]
+        # gaps that no vector can tell from none are kept to within e^-60 of the greatest only: they tie
+        levels, true = np.maximum(np.cumsum(gaps, axis=0)[:-1, pick], TINY), np.maximum(np.cumsum(g)[:-1], TINY)
+        ties = rng.integers(0, (levels == true[:, None]).sum(axis=1) + 1)
+        below = [*((levels < true[:, None]).sum(axis=1) + ties), (np.log(precision[pick]) < log_c).sum()]
         out.append([*below, (t @ gaps[:, pick] < t @ g).sum()])
     return [*(f"e{j}" for j in range(2, k)), "log c", "d.e"], np.array(out)
 
