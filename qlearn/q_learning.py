@@ -73,8 +73,10 @@ class InteractiveQLearning:
         check_levels_agree(mdp, comparator)
         if steps < 0 or int(steps) != steps:
             raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
-        by_hand = (epsilon, start, episode_length) != (None, None, None)
-        chosen = exploration_of(exploration or ("constant" if by_hand else "optimistic"))
+        if exploration is None:
+            by_hand = any(setting is not None for setting in (epsilon, start, episode_length))
+            exploration = "constant" if by_hand else "optimistic"
+        chosen = exploration_of(exploration)
         start = chosen.start if start is None else start
         check_start(start)
         episode_length = chosen.episode_length if episode_length is None else episode_length
