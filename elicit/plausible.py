@@ -22,6 +22,7 @@ from elicit.rule import Rule, proven
 from elicit.scale import Floats, order_bounds, tail_sums
 from elicit.settle import UNSETTLED, settle, settle_all, to_unit
 from elicit.simplex import Region, Vertex, minimise_exactly, rounding
+from elicit.support import greatest
 
 
 class Empty(ValueError):
@@ -97,6 +98,10 @@ class PlausibleSet:
             low, high = np.ldexp(low, exponent), np.ldexp(high, exponent)
         # one step outwards: the results may have lost bits on the way back
         return np.where(some, np.nextafter(low, -np.inf), 0.0), np.where(some, np.nextafter(high, np.inf), 0.0)
+
+    def greatest(self, d: Floats) -> Floats:
+        """Upper bounds (n,) on d.e for valid differences d (n, k), from the corners that walks find."""
+        return greatest(d, self._known)
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """The part of it that satisfies one more row (1, p)."""

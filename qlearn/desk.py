@@ -18,7 +18,7 @@ from elicit.hashed import pair_code
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
-from qlearn.learner import Audit, OnConflict, Result, Status
+from qlearn.learner import Audit, Guarantor, OnConflict, Result, Status
 from qlearn.standing import Standing
 
 Watch = Callable[[Floats, Decisions], None]
@@ -110,14 +110,14 @@ class Desk:
             close = (low >= -self._indifference) & (high <= self._indifference)
             verdicts[rows[close]], tiers[rows[close]] = Verdict.EQUAL, Tier.INDIFFERENT
             rows = rows[~close]
-        if self._max_queries is not None and self.asked >= self._max_queries and len(rows):
+        if self.spent and len(rows):
             verdicts[rows], tiers[rows] = np.sign(dot(tail_sums(d[rows]), self._gaps())), Tier.GUESS
         return Decisions(verdicts, tiers)
 
     def standing(self) -> Standing:
         """The same for compiled loops, which come back with what only ``judge`` can tell."""
         asks = self.signs is None
-        spent = asks and self._max_queries is not None and self.asked >= self._max_queries
+        spent = asks and self.spent
         return Standing(
             indifference=self._indifference if asks else 0.0,
             audit=self._audit,
@@ -208,6 +208,24 @@ class Desk:
                 self.watch(d[None, :], decisions)
         return {answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)}, dropped
 
+    @property
+    def spent(self) -> bool:
+        """Whether the question budget is used up."""
+        return self._max_queries is not None and self.asked >= self._max_queries
+
+    @property
+    def audits_any(self) -> bool:
+        """Whether settled pairs may be put to the tutor."""
+        return self._audit > 0
+
+    def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
+        """Which of the differences d (n, k) were not answered before, nor compared at a place where the tutor could
+        not tell."""
+        if not self._said:
+            return np.ones(len(d), dtype=np.bool_)
+        new = [_name(t)[0] not in self._said for t in tail_sums(d)]
+        return np.array([fresh and places(i) not in self._unclear for i, fresh in enumerate(new)], dtype=np.bool_)
+
     def next_batch(self, d: Floats) -> list[int]:
         """Which of the differences d (n, k), judged UNKNOWN, to ask about now: the first ones, as many as batch
         and budget allow, and of several rows about one pair only the first."""
@@ -220,7 +238,14 @@ class Desk:
         return list(chosen.values())
 
     def result(
-        self, *, policy: NDArray[np.int64], q: Floats, status: Status, tiers: NDArray[np.int64], rounds: int
+        self,
+        *,
+        policy: NDArray[np.int64],
+        q: Floats,
+        status: Status,
+        tiers: NDArray[np.int64],
+        rounds: int,
+        guarantee: Guarantor,
     ) -> Result:
         """The Result of a learner that stands here."""
         return Result(
@@ -234,6 +259,7 @@ class Desk:
             audits=tuple(self.audits),
             cannot_tell=self.cannot_tell,
             rounds=rounds,
+            guarantee=guarantee,
         )
 
     def _learn(

@@ -17,6 +17,7 @@ from elicit.seeds import Seed
 from qlearn.backup import model_of, q_of
 from qlearn.competition import Competition
 from qlearn.desk import Desk, Watch
+from qlearn.guarantee import loss_bound
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 from qlearn.q_learning import check_levels_agree
@@ -114,6 +115,7 @@ class InteractiveValueIteration:
             status=status,
             tiers=self._desk.counts.copy(),
             rounds=self._sweeps,
+            guarantee=partial(loss_bound, self._mdp, self._states.best.copy(), self._desk.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:

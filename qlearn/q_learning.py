@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
 from qlearn import kernel
 from qlearn.desk import Desk, Watch, place
+from qlearn.guarantee import loss_bound
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 
@@ -153,6 +155,7 @@ class InteractiveQLearning:
             status=finished if done else Status.WAITING,
             tiers=tiers,
             rounds=int(self._state.cursor[kernel.STEP]),
+            guarantee=partial(loss_bound, self._mdp, self._state.best.copy(), self._desk.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:

@@ -1,0 +1,191 @@
+"""Certify first: solve for one central scale, then ask only about what could still change the policy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.comparator import Comparator, Decisions, Tier, decide, simultaneous_bounds
+from elicit.query import Answer, Query, Verdict
+from elicit.scale import Floats
+from elicit.seeds import Seed
+from qlearn.desk import AUDIT, Desk, Watch, place
+from qlearn.guarantee import Advantages, Guarantee, advantages, collected
+from qlearn.learner import OnConflict, Result, Status
+from qlearn.mdp import OrdinalMDP
+from qlearn.planning import Actions, _action_values, _solve
+from qlearn.q_learning import check_levels_agree
+from qlearn.strategies import Candidates, Strategy, best, telling_violation
+
+_TIE = 1e-13
+
+
+class InteractivePolicyIteration:
+    """Solves the MDP for the comparator's central scale, bounds what the policy can lose under every plausible scale
+    (``qlearn.guarantee``), and stops once that is within ``tolerance``, a share of the value range at every state: for
+    every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
+    advantage Q(s, a) - V(s) that could still change the policy, takes in the answer, and solves again.
+
+    ``strategy`` picks the question (``qlearn.strategies``); the default weighs what an answer tells by how likely it is
+    to matter. ``indifference`` (default tolerance (1 - discount)): an advantage that no plausible scale puts above it
+    is not asked about; above the default, the tolerance may be out of reach. ``max_loss``: stop there even if the
+    tolerance is smaller. ``max_queries``: beyond it the policy for the central scale stands, with what can be said of
+    its loss. ``audit``: share of the pairs decided by answers, among those that the finished policy rests on, that is
+    put to the tutor all the same; ``rng`` picks them. ``batch``: the best so many questions at once.
+
+    Every round solves linear systems in all states: made for models of up to some thousands of states.
+    """
+
+    def __init__(
+        self,
+        mdp: OrdinalMDP,
+        comparator: Comparator,
+        *,
+        tolerance: float = 0.001,
+        max_loss: float | None = None,
+        strategy: Strategy = telling_violation,
+        rng: Seed = 0,
+        max_queries: int | None = None,
+        indifference: float | None = None,
+        audit: float = 0.0,
+        batch: int = 1,
+    ) -> None:
+        check_levels_agree(mdp, comparator)
+        for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be a positive share of the value range, not {value!r}")
+        self._mdp = mdp
+        self._enough = max(tolerance, max_loss or 0.0)
+        self._limit = self._enough * (1 - mdp.discount) if indifference is None else float(indifference)
+        self._strategy = strategy
+        self._desk = Desk(
+            comparator,
+            f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
+            indifference=self._limit,
+            max_queries=max_queries,
+            audit=audit,
+            batch=batch,
+            seed=rng,
+        )
+        self._policy: Actions = np.argmax(mdp.admissible, axis=1)
+        self._rounds = 0
+        self._end: Status | None = None
+        self._found: tuple[Comparator, Advantages, Floats, float, float] | None = None
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries, or () when finished."""
+        if self._desk.pending or self._end is not None:
+            return self._desk.ask()
+        over, high, loss, _ = self._round()
+        if loss <= self._enough:
+            return self._audit(over)
+        if self._desk.spent:
+            self._end = Status.GUESSED
+            return ()
+        rows = np.flatnonzero(high > self._limit)
+        rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        if not len(rows):
+            self._end = Status.EXHAUSTED
+            return ()
+        candidates = Candidates(
+            over.d[rows], over.states[rows], over.actions[rows], self._limit, self._desk.comparator
+        )
+        order = rows[best(self._strategy, candidates, len(rows) if self._desk.batch > 1 else 1)]
+        return self._open(over, order[self._desk.next_batch(over.d[order])], Tier.TUTOR)
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
+        ``on_conflict="drop"`` (then such an answer is left unused, and is returned)."""
+        return self._desk.tell(answers, on_conflict)[1]
+
+    def result(self) -> Result:
+        """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the pairs of the
+        present policy by what settled them, and the questions."""
+        over, high, loss, confidence = self._round()
+        tiers = self._desk.counts + np.bincount(self._settled_by(over, high), minlength=len(Tier))
+        return self._desk.result(
+            policy=over.policy.copy(),
+            q=over.q,
+            status=self._end or Status.WAITING,
+            tiers=tiers,
+            rounds=self._rounds,
+            guarantee=partial(Guarantee, loss, confidence),
+        )
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Has no effect: each question is asked and logged, also by a comparator that never learns."""
+
+    def watch(self, watcher: Watch) -> None:
+        """Call ``watcher(d, decisions)`` with every question answered."""
+        self._desk.watch = watcher
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+        return self._desk.comparator
+
+    def _round(self) -> tuple[Advantages, Floats, float, float]:
+        """The policy for the central scale, upper bounds (n,) on its advantages, the bound on its loss, and the
+        confidence in both."""
+        comparator = self._desk.comparator
+        if self._found is None or self._found[0] is not comparator:
+            self._policy = optimal_policy(self._mdp, comparator.values, self._policy)
+            over = advantages(self._mdp, self._policy)
+            high, confidence = simultaneous_bounds(comparator, over.d)
+            loss = float(collected(self._mdp, over, high).max(initial=0.0))
+            self._found = comparator, over, high, loss, confidence
+            self._rounds += 1
+        return self._found[1:]
+
+    def _settled_by(self, over: Advantages, high: Floats) -> NDArray[np.int8]:
+        """The tiers (n,) by which the policy's alternatives are no better; those still open are left out, but for a
+        budget that is spent."""
+        verdicts, tiers = decide(self._desk.comparator, over.d)
+        tiers = np.where(verdicts != Verdict.UNKNOWN, tiers, np.where(high <= self._limit, Tier.INDIFFERENT, Tier.GUESS))
+        return np.asarray(tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8)
+
+    def _audit(self, over: Advantages) -> tuple[Query, ...]:
+        """The certificate stands: audit some of what it rests on."""
+        if not self._desk.audits_any:
+            self._end = Status.CONVERGED
+            return ()
+        decisions = self._desk.judge(over.d, lambda row: self._place(over, row))
+        rows = np.flatnonzero(decisions.tiers >= AUDIT)[: self._desk.batch]
+        if len(rows):
+            return self._open(over, rows, decisions.tiers[rows])
+        self._end = Status.CONVERGED
+        return ()
+
+    def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: NDArray[np.int8] | Tier) -> tuple[Query, ...]:
+        s, a = over.states[rows], over.actions[rows]
+        own = over.policy[s]
+        pairs = [
+            (over.q[i, j], over.v[i], int(i), int(j), int(b)) for i, j, b in zip(s, a, own, strict=True)
+        ]
+        verdicts = np.full(len(rows), Verdict.UNKNOWN, np.int8)
+        return self._desk.open(pairs, Decisions(verdicts, np.broadcast_to(np.int8(tiers), len(rows))))
+
+    def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
+        state = over.states[row]
+        return place(state, over.actions[row], over.policy[state])
+
+
+def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
+    """An optimal policy (S,) if the scale is ``values`` (k,), by Howard's algorithm from the policy ``start`` (S,),
+    whose actions are kept where they are as good."""
+    e, rows, live = np.asarray(values), np.arange(mdp.n_states), ~mdp.terminal
+    v, policy = np.where(mdp.terminal, e[mdp.final_level], 0.0), start
+    for _ in range(100):
+        chain = mdp.transitions[rows * mdp.n_actions + policy][live]
+        inflow = (1 - mdp.discount) * e[mdp.levels[rows, policy]][live]
+        inflow += mdp.discount * (chain[:, mdp.terminal] @ v[mdp.terminal])
+        v[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
+        q = _action_values(mdp, e, v)
+        better = live & (q.max(axis=1) > q[rows, policy] + _TIE)
+        if not better.any():
+            break
+        policy = np.where(better, q.argmax(axis=1), policy)
+    return policy
