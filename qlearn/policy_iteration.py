@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from elicit.comparator import Comparator, Decisions, Tier, decide, simultaneous_bounds
 from elicit.query import Answer, Query, Verdict
-from elicit.scale import Floats
+from elicit.scale import Floats, tail_sums
 from elicit.seeds import Seed
 from qlearn.desk import AUDIT, Desk, Watch, place
-from qlearn.guarantee import Advantages, Guarantee, advantages, collected
+from qlearn.guarantee import Advantages, Guarantee, advantages, drawn_set, guarantee
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 from qlearn.planning import Actions, _action_values, _solve
 from qlearn.q_learning import check_levels_agree
-from qlearn.strategies import Candidates, Strategy, best, telling_violation
+from qlearn.strategies import Candidates, Strategy, best, draws_of, telling_violation
 
 _TIE = 1e-13
 
@@ -73,20 +73,19 @@ class InteractivePolicyIteration:
         self._policy: Actions = np.argmax(mdp.admissible, axis=1)
         self._rounds = 0
         self._end: Status | None = None
-        self._found: tuple[Comparator, Advantages, Floats, float, float] | None = None
+        self._found: tuple[Comparator, Advantages, Guarantee] | None = None
 
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, or () when finished."""
         if self._desk.pending or self._end is not None:
             return self._desk.ask()
-        over, high, loss, _ = self._round()
-        if loss <= self._enough:
+        over, found = self._round()
+        if found.loss_bound <= self._enough:
             return self._audit(over)
         if self._desk.spent:
             self._end = Status.GUESSED
             return ()
-        rows = np.flatnonzero(high > self._limit)
-        rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        rows = self._open_pairs(over)
         if not len(rows):
             self._end = Status.EXHAUSTED
             return ()
@@ -104,7 +103,8 @@ class InteractivePolicyIteration:
     def result(self) -> Result:
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the pairs of the
         present policy by what settled them, and the questions."""
-        over, high, loss, confidence = self._round()
+        over, found = self._round()
+        high = simultaneous_bounds(self._desk.comparator, over.d)[0]
         tiers = self._desk.counts + np.bincount(self._settled_by(over, high), minlength=len(Tier))
         return self._desk.result(
             policy=over.policy.copy(),
@@ -112,7 +112,7 @@ class InteractivePolicyIteration:
             status=self._end or Status.WAITING,
             tiers=tiers,
             rounds=self._rounds,
-            guarantee=partial(Guarantee, loss, confidence),
+            guarantee=partial(_in_full, found, self._mdp, over, self._desk.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
@@ -127,18 +127,27 @@ class InteractivePolicyIteration:
         """What is known of the scale."""
         return self._desk.comparator
 
-    def _round(self) -> tuple[Advantages, Floats, float, float]:
-        """The policy for the central scale, upper bounds (n,) on its advantages, the bound on its loss, and the
-        confidence in both."""
+    def _round(self) -> tuple[Advantages, Guarantee]:
+        """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
         comparator = self._desk.comparator
         if self._found is None or self._found[0] is not comparator:
             self._policy = optimal_policy(self._mdp, comparator.values, self._policy)
             over = advantages(self._mdp, self._policy)
-            high, confidence = simultaneous_bounds(comparator, over.d)
-            loss = float(collected(self._mdp, over, high).max(initial=0.0))
-            self._found = comparator, over, high, loss, confidence
+            found = guarantee(self._mdp, over, comparator, self._enough)
+            self._found = comparator, over, found
             self._rounds += 1
         return self._found[1:]
+
+    def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
+        """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
+        scale puts above the limit; of drawn scales, where no draw is left out, if there are none else."""
+        comparator = self._desk.comparator
+        rows = np.flatnonzero(simultaneous_bounds(comparator, over.d)[0] > self._limit)
+        rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        if not len(rows) and drawn_set(comparator) is not None:
+            rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > 0).any(axis=1))
+            rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        return rows
 
     def _settled_by(self, over: Advantages, high: Floats) -> NDArray[np.int8]:
         """The tiers (n,) by which the policy's alternatives are no better; those still open are left out, but for a
@@ -171,6 +180,11 @@ class InteractivePolicyIteration:
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]
         return place(state, over.actions[row], over.policy[state])
+
+
+def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
+    """A guarantee whose bound was needed only as far as "too much"."""
+    return found if np.isfinite(found.loss_bound) else guarantee(mdp, over, comparator)
 
 
 def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
