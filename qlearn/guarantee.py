@@ -111,8 +111,10 @@ def loss_over_draws(
         if first[order[start]] <= max(target, _quantile(upper[order[:start]], draws.weights[order[:start]], spare)):
             break
         block = order[start : start + BLOCK]
-        low, upper[block] = game.losses(np.ascontiguousarray(gain[:, block]), target)
-        beyond += float(draws.weights[block][low > target].sum())
+        weights = draws.weights[block]
+        room = np.inf if enough is None else spare - beyond
+        low, upper[block] = game.losses(np.ascontiguousarray(gain[:, block]), target, weights, room)
+        beyond += float(weights[low > target].sum())
         if enough is not None and beyond > spare:
             return np.inf
     return min(1.0, _quantile(upper, draws.weights, spare) + doubt)
@@ -149,9 +151,10 @@ class _Game(NamedTuple):
             discount=mdp.discount,
         )
 
-    def losses(self, gain: Floats, target: float) -> tuple[Floats, Floats]:
+    def losses(self, gain: Floats, target: float, weights: Floats, room: float) -> tuple[Floats, Floats]:
         """Lower and upper bounds (b,) on the greatest total, from whatever state, of gains (n, b), until all are on
-        one side of the target or within a hundredth of each other: sweeps from zero, with MacQueen's (1966) bounds."""
+        one side of the target or within a hundredth of each other, or more weight than there is room for is certain
+        to exceed the target: sweeps from zero, with MacQueen's (1966) bounds."""
         b = gain.shape[1]
         total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)
         low, high = np.zeros(b), np.full(b, np.inf)
@@ -164,6 +167,8 @@ class _Game(NamedTuple):
             total[self.live] = new
             low = total.max(axis=0)
             high = np.minimum(high, low + ratio * change + _ROUNDING)
+            if target >= 0 and weights[low > target].sum() > room:
+                break
             if ((low > target) & (target >= 0) | (high <= target) | (high - low <= 0.01 * high + 1e-9)).all():
                 break
         return low, high

@@ -70,7 +70,6 @@ class InteractivePolicyIteration:
             batch=batch,
             seed=rng,
         )
-        self._policy: Actions = np.argmax(mdp.admissible, axis=1)
         self._rounds = 0
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
@@ -131,12 +130,19 @@ class InteractivePolicyIteration:
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
         comparator = self._desk.comparator
         if self._found is None or self._found[0] is not comparator:
-            self._policy = optimal_policy(self._mdp, comparator.values, self._policy)
-            over = advantages(self._mdp, self._policy)
+            over = self._solved_for(comparator.values)
             found = guarantee(self._mdp, over, comparator, self._enough)
             self._found = comparator, over, found
             self._rounds += 1
         return self._found[1:]
+
+    def _solved_for(self, values: Floats) -> Advantages:
+        """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
+        over = self._found[1] if self._found is not None else None
+        if over is None or (over.d @ values > _TIE).any():
+            start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
+            over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
+        return over
 
     def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
         """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
