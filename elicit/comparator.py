@@ -27,7 +27,7 @@ class Tier(IntEnum):
     MODEL = 6  # a statistical model
     KNOWN = 7  # this very pair was answered before
     INDIFFERENT = 8  # both signs possible, but too close to matter
-    GUESS = 9  # the question budget is spent: the sign at the comparator's best scale
+    GUESS = 9  # the question budget is spent, or the question put off: the sign at the comparator's best scale
     TUTOR = 10  # asked
 
 

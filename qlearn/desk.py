@@ -70,8 +70,9 @@ class Desk:
         self.watch: Watch | None = None
         self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
         self.pending: tuple[Pending, ...] = ()
+        self.puts_off = False  # whether undecided pairs go by the best guess for now, to be asked about later
         self._fingerprint = fingerprint
-        self._indifference = float(indifference)
+        self.indifference = float(indifference)
         self._max_queries = max_queries
         self._audit = float(audit)
         self._key = np.uint64(key_of(seed))
@@ -105,28 +106,28 @@ class Desk:
             unclear = np.array([places(int(row)) in self._unclear for row in rows], dtype=bool)
             verdicts[rows[unclear]], tiers[rows[unclear]] = Verdict.EQUAL, Tier.KNOWN
             rows = rows[~unclear]
-        if self._indifference > 0 and len(rows):
+        if self.indifference > 0 and len(rows):
             low, high = self.comparator.bounds(d[rows])
-            close = (low >= -self._indifference) & (high <= self._indifference)
+            close = (low >= -self.indifference) & (high <= self.indifference)
             verdicts[rows[close]], tiers[rows[close]] = Verdict.EQUAL, Tier.INDIFFERENT
             rows = rows[~close]
-        if self.spent and len(rows):
+        if self.guesses and len(rows):
             verdicts[rows], tiers[rows] = np.sign(dot(tail_sums(d[rows]), self._gaps())), Tier.GUESS
         return Decisions(verdicts, tiers)
 
     def standing(self) -> Standing:
         """The same for compiled loops, which come back with what only ``judge`` can tell."""
         asks = self.signs is None
-        spent = asks and self.spent
+        guesses = asks and self.guesses
         return Standing(
-            indifference=self._indifference if asks else 0.0,
+            indifference=self.indifference if asks else 0.0,
             audit=self._audit,
             key=self._key,
             binding=self._binding_codes,
             said=self._said_codes,
             plain=self._audit == 0 and not len(self._binding_codes),
             unclear=bool(self._unclear),
-            guess=self._gaps() if spent else np.empty(0),
+            guess=self._gaps() if guesses else np.empty(0),
         )
 
     def commit(self, d: Floats, decisions: Decisions) -> None:
@@ -212,6 +213,11 @@ class Desk:
     def spent(self) -> bool:
         """Whether the question budget is used up."""
         return self._max_queries is not None and self.asked >= self._max_queries
+
+    @property
+    def guesses(self) -> bool:
+        """Whether pairs that would need the tutor go by the comparator's best scale."""
+        return self.puts_off or self.spent
 
     @property
     def audits_any(self) -> bool:

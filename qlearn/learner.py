@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from math import nan
+from math import inf, nan
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -18,6 +18,8 @@ from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.scale import Floats
 from elicit.tutor import Tutor
 
+Asking: TypeAlias = Literal["at once", "late"]
+"""When a learner asks: as soon as it meets a pair that it cannot decide, or not before that can matter."""
 OnConflict: TypeAlias = Literal["raise", "drop"]
 Guarantor: TypeAlias = Callable[[], tuple[float, float]]
 """Computes a bound on a policy's loss and the confidence in it (``qlearn.guarantee``)."""
@@ -33,6 +35,7 @@ class Status(Enum):
         "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
         "at the scale; raise max_queries"
     )
+    CERTIFIED = "finished: no plausible scale lets the policy lose more than max_loss"
     EXHAUSTED = (
         "stopped: whatever could still change the policy, the tutor has answered already or could not tell; "
         "loss_bound says how much that can matter"
@@ -52,6 +55,20 @@ class Audit:
     def contradicts(self) -> bool:
         """Whether the tutor said the opposite of what the answers imply."""
         return self.answer is not None and self.expected * self.answer == -1
+
+
+def check_asking(asking: Asking) -> bool:
+    """Whether questions are put off. Raises ValueError for no known way to ask."""
+    if asking not in ("at once", "late"):
+        raise ValueError(f'asking must be "at once" or "late", not {asking!r}')
+    return asking == "late"
+
+
+def check_max_loss(max_loss: float | None) -> float | None:
+    """``max_loss``, None or a positive share of the value range; raises ValueError."""
+    if max_loss is not None and not 0 < max_loss < inf:
+        raise ValueError(f"max_loss must be None or a positive share of the value range, not {max_loss!r}")
+    return max_loss
 
 
 class OnDemand:
