@@ -29,7 +29,7 @@ from elicit.simplex import Region
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """Differences d (n, k) that may be asked about: of a challenger at ``states`` (n,), ``actions`` (n,), left, and
-    the incumbent, right. Only d.e > ``limit`` can matter."""
+    the incumbent, right. ``limit``: what d.e must exceed to matter."""
 
     d: Floats
     states: NDArray[np.int64]
@@ -108,8 +108,10 @@ def violated_weight(candidates: Candidates) -> Floats:
 
 
 def telling_violation(candidates: Candidates) -> Floats:
-    """Mutual information times the weight of the scales under which the difference matters."""
-    return np.asarray(mutual_information(candidates) * violated_weight(candidates))
+    """Mutual information times the weight of the scales under which the difference matters, one draw's weight added so
+    that there is a best question also where no draw says that it does."""
+    spare = 1.0 / len(candidates.weights)
+    return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
 
 
 def entropy(chance: Floats) -> Floats:
