@@ -232,7 +232,11 @@ class _Sublevel:
         """Draws from the set around, those within {f <= budget}; the known points where hardly any are."""
         drawn = draws_within(self.around.region, np.diff(self.values))
         within = np.array([self.hinges.total(g) <= self.budget + _NEAR for g in drawn.gaps.T])
-        gaps = drawn.gaps[:, within] if within.sum() >= _FEWEST else np.concatenate([drawn.gaps[:, within], self.points.T], axis=1)
+        gaps = (
+            drawn.gaps[:, within]
+            if within.sum() >= _FEWEST
+            else np.concatenate([drawn.gaps[:, within], self.points.T], axis=1)
+        )
         m = gaps.shape[1]
         return Draws(gaps, np.full(m, 1.0 / m), np.full(m, np.inf))
 

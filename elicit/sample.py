@@ -1,8 +1,8 @@
 """Scales drawn from K_t, about uniformly: hit-and-run (Smith 1984), many chains at once.
 
-Proofs about K_t need no draws. Questions do: which of them divides what is plausible most evenly, say. For that, chains
-that start at the middle of K_t and take their directions from Dikin's ellipsoid there (Kannan and Narayanan 2012), which
-has about the shape of K_t, are near enough to uniform after a few dozen steps.
+Proofs about K_t need no draws. Questions do: which of them divides what is plausible most evenly, say. For that,
+chains that start at the middle of K_t and take their directions from Dikin's ellipsoid there (Kannan and Narayanan
+2012), which has about the shape of K_t, are near enough to uniform after a few dozen steps.
 """
 
 from __future__ import annotations

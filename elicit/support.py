@@ -23,7 +23,8 @@ def greatest(d: Floats, known: Known) -> Floats:
     """Upper bounds (n,) on d.e over K_t for valid differences d (n, k), tight but for rounding; of a set too flat
     for floats to have corners, those that the order of the levels gives."""
     t = tail_sums(d)
-    high = order_bounds(t, known.margin)[1] + rounding(t.shape[1] + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
+    high: Floats = order_bounds(t, known.margin)[1]
+    high = high + rounding(t.shape[1] + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
     with np.errstate(all="ignore"):
         greatest_all(np.ascontiguousarray(t), known, high)
     return high

@@ -150,12 +150,15 @@ class Desk:
             self.watch(d, Decisions(verdicts, np.full(len(d), Tier.TUTOR, np.int8)))
         return verdicts
 
-    def open(self, pairs: Sequence[tuple[Floats, Floats, int, int, int]], decisions: Decisions) -> tuple[Query, ...]:
-        """Make the pending queries of (left, right, state, left action, right action), judged UNKNOWN."""
+    def open(
+        self, pairs: Sequence[tuple[Floats, Floats, int, int, int]], decisions: Decisions, about: str | None = None
+    ) -> tuple[Query, ...]:
+        """Make the pending queries of (left, right, state, left action, right action), judged UNKNOWN. ``about`` says
+        what they are about, where that is no state and actions."""
         pending = []
         for (left, right, state, a, b), tier in zip(pairs, decisions.tiers, strict=True):
-            about = f"state {state}: action {a} (left) or action {b} (right)?"
-            query = Query.make(self._fingerprint, self._number, left, right, about)
+            said = about or f"state {state}: action {a} (left) or action {b} (right)?"
+            query = Query.make(self._fingerprint, self._number, left, right, said)
             self._number += 1
             expected = Verdict(int(decide(self.comparator, query.d).verdicts[0])) if tier >= AUDIT else None
             pending.append(Pending(query, expected, int(tier) % AUDIT, place(state, a, b)))

@@ -183,7 +183,6 @@ class InteractiveValueIteration:
         else:
             self._states.next_sweep()
 
-
     def _put_off(self, questions: bool) -> None:
         """Begin the sweep anew, with questions put off or asked."""
         self._desk.puts_off = questions
@@ -197,7 +196,9 @@ class InteractiveValueIteration:
         if self._bounded is not None and self._bounded[0] is comparator and (self._bounded[1] == policy).all():
             return False
         self._bounded = comparator, policy.copy()
-        return guarantee(self._mdp, advantages(self._mdp, policy), comparator, self._max_loss).loss_bound <= self._max_loss
+        return (
+            guarantee(self._mdp, advantages(self._mdp, policy), comparator, self._max_loss).loss_bound <= self._max_loss
+        )
 
 
 def _q(v: Floats, mdp: OrdinalMDP) -> Floats:

@@ -1,9 +1,10 @@
 """When Q-learning that asks late stops to ask, and what about.
 
-Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at doubling numbers of steps, and
-at each at most ``2 (k - 1)`` questions are asked, so that questions grow with the logarithm of the steps. There a pair is
-asked about only if some plausible scale puts an alternative above the greedy action by more than the indifference, and by
-more than the two estimates have moved since half as many steps: what the next steps may undo need not be known now.
+Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at doubling numbers of
+steps, and at each at most ``2 (k - 1)`` questions are asked, so that questions grow with the logarithm of the steps.
+There a pair is asked about only if some plausible scale puts an alternative above the greedy action by more than the
+indifference, and by more than the difference is likely to move still. At the end nothing moves any more, and what could
+matter to the policy by more than the indifference is asked about, within the same number.
 """
 
 from __future__ import annotations
@@ -74,7 +75,8 @@ class Checkpoints:
         actions: NDArray[np.int64],
         own: NDArray[np.int64],
     ) -> Floats:
-        """(n,) how far each difference has come since the last checkpoint, under the central scale; 0 at the end."""
+        """(n,) how far each difference is likely to move still, under the central scale: a share of how far it has
+        come since the last checkpoint; 0 at the end."""
         if self.next >= self._steps:
             return np.zeros(len(states))
         before = np.zeros_like(q) if self._before is None else self._before

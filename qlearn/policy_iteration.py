@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.bags import Bags
 from elicit.comparator import Comparator, Decisions, Tier, decide, simultaneous_bounds
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats, tail_sums
@@ -21,8 +22,10 @@ from qlearn.q_learning import check_levels_agree
 from qlearn.strategies import Candidates, Strategy, best, draws_of, telling_violation
 
 _TIE = 1e-13
-_MATTERS = 0.5  # of the tolerance: an advantage beyond it matters to a strategy. One in a single state, taken once, costs
-# just that; 200 runs with a tutor who errs asked a fifth less than with the least advantage that could ever matter
+_ABOUT = 12  # advantages, the best to ask about, whose signs a simple question should tell
+_MATTERS = 0.5
+"""Of the tolerance: what an advantage must exceed to count for a strategy. In one state, taken once, it costs as much;
+with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
 
 
 class InteractivePolicyIteration:
@@ -32,11 +35,13 @@ class InteractivePolicyIteration:
     advantage Q(s, a) - V(s) that could still change the policy, takes in the answer, and solves again.
 
     ``strategy`` picks the question (``qlearn.strategies``); the default weighs what an answer tells by how likely it is
-    to matter. ``indifference`` (default tolerance (1 - discount)): an advantage that no plausible scale puts above it
-    is not asked about; above the default, the tolerance may be out of reach. ``max_loss``: stop there even if the
-    tolerance is smaller. ``max_queries``: beyond it the policy for the central scale stands, with what can be said of
-    its loss. ``audit``: share of the pairs decided by answers, among those that the finished policy rests on, that is
-    put to the tutor all the same; ``rng`` picks them. ``batch``: the best so many questions at once.
+    to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as they tell enough of the signs of the
+    advantages in question (``elicit.bags``), one at a time. ``indifference`` (default tolerance (1 - discount)): an
+    advantage that no plausible scale puts above it is not asked about; above the default, the tolerance may be out of
+    reach. ``max_loss``: stop there even if the tolerance is smaller. ``max_queries``: beyond it the policy for the
+    central scale stands, with what can be said of its loss. ``audit``: share of the pairs decided by answers, among
+    those that the finished policy rests on, that is put to the tutor all the same; ``rng`` picks them. ``batch``: the
+    best so many questions at once.
 
     Every round solves linear systems in all states: made for models of up to some thousands of states.
     """
@@ -49,6 +54,7 @@ class InteractivePolicyIteration:
         tolerance: float = 0.001,
         max_loss: float | None = None,
         strategy: Strategy = telling_violation,
+        bags: Bags | None = None,
         rng: Seed = 0,
         max_queries: int | None = None,
         indifference: float | None = None,
@@ -62,7 +68,7 @@ class InteractivePolicyIteration:
         self._mdp = mdp
         self._enough = max(tolerance, max_loss or 0.0)
         self._limit = self._enough * (1 - mdp.discount) if indifference is None else float(indifference)
-        self._strategy = strategy
+        self._strategy, self._bags = strategy, bags
         self._desk = Desk(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
@@ -93,7 +99,9 @@ class InteractivePolicyIteration:
         candidates = Candidates(
             over.d[rows], over.states[rows], over.actions[rows], _MATTERS * self._enough, self._desk.comparator
         )
-        order = rows[best(self._strategy, candidates, len(rows) if self._desk.batch > 1 else 1)]
+        order = rows[best(self._strategy, candidates, len(rows))]
+        if self._bags is not None and (simple := self._simple(candidates, over.d[order[:_ABOUT]], self._bags)):
+            return simple
         return self._open(over, order[self._desk.next_batch(over.d[order])], Tier.TUTOR)
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
@@ -102,8 +110,8 @@ class InteractivePolicyIteration:
         return self._desk.tell(answers, on_conflict)[1]
 
     def result(self) -> Result:
-        """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the pairs of the
-        present policy by what settled them, and the questions."""
+        """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
+        policy's alternatives by what settled them, and the questions."""
         over, found = self._round()
         high = simultaneous_bounds(self._desk.comparator, over.d)[0]
         tiers = self._desk.counts + np.bincount(self._settled_by(over, high), minlength=len(Tier))
@@ -138,6 +146,18 @@ class InteractivePolicyIteration:
             self._rounds += 1
         return self._found[1:]
 
+    def _simple(self, candidates: Candidates, about: Floats, bags: Bags) -> tuple[Query, ...]:
+        """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
+        asked = bags.questions(self._mdp.k)
+        skip = np.flatnonzero(~self._desk.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
+        lapse = float(getattr(candidates.comparator, "lapse", 0.0))
+        row, _ = bags.best(candidates.draws, about, lapse, skip.tolist())
+        if row < 0:
+            return ()
+        pair = (asked.left[row] / bags.days, asked.right[row] / bags.days, -1, -1, -1)
+        verdict = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
+        return self._desk.open([pair], verdict, bags.sentence(asked.left[row], asked.right[row], self._mdp.labels))
+
     def _solved_for(self, values: Floats) -> Advantages:
         """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
         over = self._found[1] if self._found is not None else None
@@ -161,7 +181,9 @@ class InteractivePolicyIteration:
         """The tiers (n,) by which the policy's alternatives are no better; those still open are left out, but for a
         budget that is spent."""
         verdicts, tiers = decide(self._desk.comparator, over.d)
-        tiers = np.where(verdicts != Verdict.UNKNOWN, tiers, np.where(high <= self._limit, Tier.INDIFFERENT, Tier.GUESS))
+        tiers = np.where(
+            verdicts != Verdict.UNKNOWN, tiers, np.where(high <= self._limit, Tier.INDIFFERENT, Tier.GUESS)
+        )
         return np.asarray(tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8)
 
     def _audit(self, over: Advantages) -> tuple[Query, ...]:
@@ -179,15 +201,18 @@ class InteractivePolicyIteration:
     def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: NDArray[np.int8] | Tier) -> tuple[Query, ...]:
         s, a = over.states[rows], over.actions[rows]
         own = over.policy[s]
-        pairs = [
-            (over.q[i, j], over.v[i], int(i), int(j), int(b)) for i, j, b in zip(s, a, own, strict=True)
-        ]
+        pairs = [(over.q[i, j], over.v[i], int(i), int(j), int(b)) for i, j, b in zip(s, a, own, strict=True)]
         verdicts = np.full(len(rows), Verdict.UNKNOWN, np.int8)
         return self._desk.open(pairs, Decisions(verdicts, np.broadcast_to(np.int8(tiers), len(rows))))
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]
         return place(state, over.actions[row], over.policy[state])
+
+
+def _nowhere(row: int) -> tuple[int, int, int]:
+    """The place of what is compared in no state: never one where the tutor could not tell."""
+    return -1, -1, -1
 
 
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:

@@ -20,6 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.bags import entropy, says_left
 from elicit.comparator import Comparator, simultaneous_bounds
 from elicit.sample import Draws, draws_within
 from elicit.scale import Floats, tail_sums
@@ -61,10 +62,7 @@ class Candidates:
     @cached_property
     def agreement(self) -> Floats:
         """(n, m) the chance that the tutor says "left is better", under each of the draws."""
-        lapse = float(getattr(self.comparator, "lapse", 0.0))
-        with np.errstate(over="ignore", invalid="ignore"):
-            logits = np.nan_to_num(self.draws.precision * self.scores, nan=0.0)
-            return np.asarray(0.5 * lapse + (1.0 - lapse) / (1.0 + np.exp(-logits)))
+        return says_left(self.scores, self.draws.precision, float(getattr(self.comparator, "lapse", 0.0)))
 
     def __len__(self) -> int:
         return len(self.d)
@@ -112,13 +110,6 @@ def telling_violation(candidates: Candidates) -> Floats:
     that there is a best question also where no draw says that it does."""
     spare = 1.0 / len(candidates.weights)
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
-
-
-def entropy(chance: Floats) -> Floats:
-    """Of a yes or no with this chance, in bits."""
-    p = np.clip(chance, 1e-300, 1.0)
-    q = np.clip(1.0 - chance, 1e-300, 1.0)
-    return np.asarray(-(chance * np.log2(p) + (1.0 - chance) * np.log2(q)))
 
 
 def draws_of(comparator: Comparator) -> Draws:
