@@ -1,4 +1,4 @@
-"""Certify first: its bound against brute force, its policy against value iteration, its protocol against the others'."""
+"""Certify first: its bound against brute force, its policy against value iteration, and its manners."""
 
 from __future__ import annotations
 
@@ -195,12 +195,16 @@ def test_audits_ask_what_the_finished_policy_rests_on():
     assert audited.asked == plain.asked
     assert not any(audit.contradicts for audit in audited.audits)
     lies = TruthfulTutor(values[::-1] * -1)  # its scale has the gaps in the opposite order
-    with pytest.raises(InconsistentAnswers):
-        learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, audit=1.0)
-        honest = TruthfulTutor(values)
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, audit=1.0)
+    honest = TruthfulTutor(values)
+
+    def answer_all():
         while queries := learner.ask():
             audit = any(p.expected is not None for p in learner._desk.pending)
             learner.tell([lies(q) if audit else honest(q) for q in queries])
+
+    with pytest.raises(InconsistentAnswers):
+        answer_all()
 
 
 @pytest.mark.parametrize(
