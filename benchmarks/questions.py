@@ -199,7 +199,8 @@ def report(done: Sequence[tuple[Row, Row]]) -> str:
         "# How many questions?",
         "",
         f"True loss at the worst state, in percent of the value range, after so many answers: mean over {seeds}"
-        " problems, and below it what was guaranteed by then, where that was computed. Who has finished keeps the policy."
+        " problems, and below it what was guaranteed by then, where that was computed. Who has finished, keeps the"
+        " policy."
         f" *asked*: questions in all, mean and 95% interval of the mean, at most {GRID[-1]}.",
     ]
     for environment, error in dict.fromkeys((key[0], key[1]) for key in groups):
@@ -232,7 +233,8 @@ def _closing(groups: dict[tuple[Any, ...], list[Row]]) -> list[str]:
         "",
         f"Until no plausible scale lets the policy lose more than {100 * TOLERANCE:.0f}% of the value range anywhere"
         " (`InteractivePolicyIteration`, default strategy): mean, and the most in nine of ten problems. A polytope"
-        " proves it, if every answer is right; a posterior says so at 95%. *Kept*: runs whose true loss is within the bound.",
+        " proves it, if every answer is right; a posterior says so at 95%. *Kept*: runs whose true loss is within the"
+        " bound.",
         "",
         "| problem | answers flipped | comparator | simple bags | mean | nine in ten | kept |",
         "|---|---|---|---|---|---|---|",
