@@ -29,8 +29,8 @@ from qlearn.guarantee import loss_bound
 from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import Learner
 from qlearn.mdp import OrdinalMDP
-from qlearn.planning import evaluate_policy, policy_loss, value_iteration
-from qlearn.policy_iteration import InteractivePolicyIteration, optimal_policy
+from qlearn.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
+from qlearn.policy_iteration import InteractivePolicyIteration
 from qlearn.q_learning import InteractiveQLearning
 from qlearn.sweep import Cell, sweep
 

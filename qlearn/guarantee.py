@@ -26,10 +26,9 @@ from elicit.sample import Draws
 from elicit.scale import Floats, tail_sums
 from qlearn.backup import model_of, q_of
 from qlearn.mdp import OrdinalMDP
-from qlearn.planning import Actions, _solve, evaluate_policy
+from qlearn.planning import Actions, evaluate_policy, policy_iteration
 
 _ROUNDING = 1e-14  # more than the rounding of one advantage
-_TIE = 1e-13
 LEVEL_ROUNDING = 1e-9  # weights that fall short of a level by less reach it
 BLOCK = 48  # draws looked at together
 MOST_SWEEPS = 2000
@@ -192,21 +191,9 @@ def collected(mdp: OrdinalMDP, over: Advantages, high: Floats) -> Floats:
 def _greatest_total(mdp: OrdinalMDP, gain: Floats) -> Floats:
     """The greatest expected discounted total (S,) of gain (S, A), rounded up: policy iteration proposes, a sweep
     certifies. -inf: no such action; terminal states gain nothing."""
-    rows, live = np.arange(mdp.n_states), ~mdp.terminal
-    policy, v = gain.argmax(axis=1), np.zeros(mdp.n_states)
-
-    def action_values() -> Floats:
-        q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(gain.shape)
-        q[mdp.terminal] = 0.0
-        return q
-
-    for _ in range(50):
-        chain = mdp.transitions[rows * mdp.n_actions + policy][live]
-        v[live] = _solve(chain[:, live], gain[rows, policy][live][:, None], mdp.discount)[:, 0]
-        q = action_values()
-        better = q.max(axis=1) > q[rows, policy] + _TIE
-        if not better.any():
-            break
-        policy = np.where(better, q.argmax(axis=1), policy)
-    change = float((q.max(axis=1) - v).max())
-    return np.where(live, v + (max(change, 0.0) + _ROUNDING) / (1 - mdp.discount), 0.0)
+    live, ends = ~mdp.terminal, np.zeros(mdp.n_states)
+    gain = np.where(live[:, None], gain, 0.0)
+    v, _ = policy_iteration(mdp, gain, ends, gain.argmax(axis=1))
+    swept = (gain + mdp.discount * (mdp.transitions @ v).reshape(gain.shape)).max(axis=1)
+    change = max(0.0, float((swept - v)[live].max(initial=0.0)))
+    return np.where(live, v + (change + _ROUNDING) / (1 - mdp.discount), 0.0)

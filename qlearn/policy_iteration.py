@@ -17,7 +17,7 @@ from qlearn.desk import AUDIT, Desk, Watch, place
 from qlearn.guarantee import Advantages, Guarantee, advantages, drawn_set, guarantee
 from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
-from qlearn.planning import Actions, _action_values, _solve
+from qlearn.planning import optimal_policy
 from qlearn.q_learning import check_levels_agree
 from qlearn.strategies import Candidates, Strategy, best, draws_of, telling_violation
 
@@ -218,21 +218,3 @@ def _nowhere(row: int) -> tuple[int, int, int]:
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
     """A guarantee whose bound was needed only as far as "too much"."""
     return found if np.isfinite(found.loss_bound) else guarantee(mdp, over, comparator)
-
-
-def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
-    """An optimal policy (S,) if the scale is ``values`` (k,), by Howard's algorithm from the policy ``start`` (S,),
-    whose actions are kept where they are as good."""
-    e, rows, live = np.asarray(values), np.arange(mdp.n_states), ~mdp.terminal
-    v, policy = np.where(mdp.terminal, e[mdp.final_level], 0.0), start
-    for _ in range(100):
-        chain = mdp.transitions[rows * mdp.n_actions + policy][live]
-        inflow = (1 - mdp.discount) * e[mdp.levels[rows, policy]][live]
-        inflow += mdp.discount * (chain[:, mdp.terminal] @ v[mdp.terminal])
-        v[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
-        q = _action_values(mdp, e, v)
-        better = live & (q.max(axis=1) > q[rows, policy] + _TIE)
-        if not better.any():
-            break
-        policy = np.where(better, q.argmax(axis=1), policy)
-    return policy

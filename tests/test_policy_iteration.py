@@ -24,8 +24,8 @@ from qlearn.environments import random_mdp
 from qlearn.guarantee import advantages, drawn_set, loss_bound, loss_over_draws
 from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import Status, drive
-from qlearn.planning import evaluate_policy, policy_loss, value_iteration
-from qlearn.policy_iteration import InteractivePolicyIteration, optimal_policy
+from qlearn.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
+from qlearn.policy_iteration import InteractivePolicyIteration
 from qlearn.q_learning import InteractiveQLearning
 from qlearn.strategies import most_even_cut
 
