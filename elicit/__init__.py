@@ -4,10 +4,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from elicit.choose import choose
-from elicit.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide
+from elicit.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide, simultaneous_bounds
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 
 if TYPE_CHECKING:
+    from elicit.bags import Bags
     from elicit.bradley_terry import BradleyTerryComparator
     from elicit.diagnostics import tutor_report
     from elicit.foretell import compare_held_out, held_out
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 _LATER = {  # imported when first used, so that `import elicit` stays light
     "AnswerLog": "elicit.log",
+    "Bags": "elicit.bags",
     "BradleyTerryComparator": "elicit.bradley_terry",
     "BradleyTerryTutor": "elicit.tutor",
     "FlippingTutor": "elicit.tutor",
@@ -42,6 +44,7 @@ __all__ = [
     "Answer",
     "AnswerLog",
     "Answers",
+    "Bags",
     "BradleyTerryComparator",
     "BradleyTerryTutor",
     "Comparator",
@@ -65,6 +68,7 @@ __all__ = [
     "held_out",
     "inequalities",
     "inequality",
+    "simultaneous_bounds",
     "tutor_report",
 ]
 

@@ -24,6 +24,7 @@ from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_le
 from elicit.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
 from elicit.query import Answers, Verdict
 from elicit.rule import Rule, box, ensemble, silent
+from elicit.sample import Draws
 from elicit.scale import Floats, as_vectors, dominance, dot, order_bounds, tail_sums, values_of
 from elicit.seeds import Seed, key_of
 
@@ -163,6 +164,29 @@ class BradleyTerryComparator:
         if self._model.region is not None:
             lo, hi = (np.clip(end, least, greatest) for end in self._model.region.extremes(rows))
         return np.ldexp(lo, power), np.ldexp(hi, power)
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e / e_k that hold for all rows of d (n, k) at once, and their nominal confidence: the
+        greatest d.e over the fits, without the share 1 - ``level`` of them with the greatest d.e of any row. It is the
+        bootstrap's, not a posterior probability. Where the model says nothing, and for the box, whose levels are not
+        bounded together: what holds for every ordered scale, at confidence 1."""
+        rows = as_vectors(d, self.k)
+        draws, t = self.draws, tail_sums(rows)
+        if draws is None or not len(rows):
+            return order_bounds(t, 0.0)[1], 1.0
+        at = t @ draws.gaps
+        most = np.sort(at.max(axis=0))[-1 - math.floor((1.0 - self.level) * at.shape[1] + 1e-9)]
+        return at[:, at.max(axis=0) <= most].max(axis=1), self.level
+
+    @property
+    def draws(self) -> Draws | None:
+        """The fits as equally likely scales, each with its own precision; None where the model says nothing, for the
+        box, and where a fit has no scale (theta_k <= 0)."""
+        region = self._model.region
+        if not isinstance(region, _Ensemble) or not (region.gaps.sum(axis=0) > 0).all():
+            return None
+        total, m = region.gaps.sum(axis=0), region.gaps.shape[1]
+        return Draws(region.gaps / total, np.full(m, 1.0 / m), total * self._model.top)
 
     def probability(self, d: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """s_min, s_max and the point estimate of P(left is better), eq. (6), each (n,), at the fitted

@@ -27,7 +27,7 @@ class Tier(IntEnum):
     MODEL = 6  # a statistical model
     KNOWN = 7  # this very pair was answered before
     INDIFFERENT = 8  # both signs possible, but too close to matter
-    GUESS = 9  # the question budget is spent: the sign at the comparator's best scale
+    GUESS = 9  # the question budget is spent, or the question put off: the sign at the comparator's best scale
     TUTOR = 10  # asked
 
 
@@ -76,6 +76,20 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
     return Decisions(verdicts, dominance_tiers(plain, Tier.MODEL))
 
 
+def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
+    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do.
+
+    The one thing that a guarantee on a policy needs of a comparator beyond the protocol: its method of this name, from
+    a set of scales that holds the true one with that confidence (1: for certain, if the answers are right; nan: none
+    can be stated). Of a comparator without it, what holds for every ordered scale.
+    """
+    own = getattr(comparator, "simultaneous_bounds", None)
+    if own is not None:
+        result: tuple[Floats, float] = own(d)
+        return result
+    return order_bounds(tail_sums(as_vectors(d, comparator.k)), 0.0)[1], 1.0
+
+
 def dominance_tiers(codes: Verdicts, otherwise: Tier) -> NDArray[np.int8]:
     """EQUAL or DOMINANCE where ``scale.dominance`` decided, else the given tier."""
     by_code = np.array([Tier.EQUAL, Tier.DOMINANCE, otherwise, Tier.DOMINANCE], dtype=np.int8)
@@ -122,6 +136,10 @@ class _Unlearning:
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Least and greatest d.e (n,) over every ordered scale."""
         return order_bounds(tail_sums(as_vectors(d, self.k)), 0.0)
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e over every ordered scale, and their confidence, 1."""
+        return self.bounds(d)[1], 1.0
 
 
 class Dominance(_Unlearning):

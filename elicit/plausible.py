@@ -22,6 +22,7 @@ from elicit.rule import Rule, proven
 from elicit.scale import Floats, order_bounds, tail_sums
 from elicit.settle import UNSETTLED, settle, settle_all, to_unit
 from elicit.simplex import Region, Vertex, minimise_exactly, rounding
+from elicit.support import greatest
 
 
 class Empty(ValueError):
@@ -97,6 +98,17 @@ class PlausibleSet:
             low, high = np.ldexp(low, exponent), np.ldexp(high, exponent)
         # one step outwards: the results may have lost bits on the way back
         return np.where(some, np.nextafter(low, -np.inf), 0.0), np.where(some, np.nextafter(high, np.inf), 0.0)
+
+    def greatest(self, d: Floats) -> Floats:
+        """Upper bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1 where positive: from the corners
+        that walks find, else from Clarabel."""
+        high = greatest(d, self._known)
+        if len(self.region.rows) and len(d):
+            points = self._known.points[:, : self._known.counts[USED]]
+            reached = (tail_sums(d) @ points).max(axis=1, initial=-np.inf)
+            for i in np.flatnonzero((high > 0) & (high - reached > 1e-9 * np.abs(d).sum(axis=1))):
+                high[i] = min(high[i], self.bounds(d[i : i + 1])[1][0])
+        return high
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """The part of it that satisfies one more row (1, p)."""

@@ -195,6 +195,17 @@ class PosteriorComparator:
         least, greatest = order_bounds(t, 0.0)
         return np.clip(low, least, greatest), np.clip(high, least, greatest)
 
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the posterior probability of that:
+        of the particles, those with the greatest d.e of any row are left out, up to the weight 1 - ``level``."""
+        gaps, weights = self._gaps_and_weights
+        at = tail_sums(as_vectors(d, self.k)) @ gaps
+        if not len(at):
+            return np.empty(0), 1.0
+        order = np.argsort(at.max(axis=0), kind="stable")
+        kept = order[: 1 + int(np.searchsorted(np.cumsum(weights[order]), self.level - LEVEL_ROUNDING))]
+        return at[:, kept].max(axis=1), self.level
+
     @cached_property
     def values(self) -> Floats:
         """(k,) the posterior mean of the scale, from 0 to 1; read-only."""

@@ -28,6 +28,7 @@ from elicit.polytope import PolytopeComparator
 from elicit.prior import PriorLike
 from elicit.query import Answers, InconsistentAnswers, Verdict
 from elicit.rule import Rule, outer
+from elicit.sample import Draws, draws_within
 from elicit.scale import Floats, as_vectors, tail_sums, values_of
 from elicit.simplex import End, minimise, minimise_exactly, rounding
 
@@ -41,6 +42,8 @@ _TIGHT = 3e-10  # how far least t.g over the cuts may lie below that over {f <= 
 _PATIENCE = 4  # cuts for one optimum before it is asked for outright
 _MOST_CUTS = 1000  # for one optimum
 _MOST_POINTS = 1000  # of {f <= B} to remember
+_SHARPENED = 20  # rounds in which the greatest of several upper bounds is made tight
+_FEWEST = 50  # draws that a question can go by
 _BLOCK = 32  # open differences that are looked at together, after all cuts made for those before them
 
 
@@ -98,6 +101,16 @@ class RelaxedPolytopeComparator:
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
         return self._set.bounds(as_vectors(d, self.k))
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e over the plausible scales, for all rows of d (n, k) at once, and their confidence: 1
+        while the answers are consistent; nan after that, for nothing says how likely the slack is to be enough."""
+        return self._set.simultaneous_bounds(as_vectors(d, self.k))[0], 1.0 if self._exact is not None else np.nan
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Plausible scales, for questions that go by probability; no proof rests on them."""
+        return self._set.draws
 
     @property
     def values(self) -> Floats:
@@ -201,6 +214,31 @@ class _Sublevel:
             for t in (one, -one) if one.any() else ():
                 self._sharpen(t, -np.inf)
         return self.around.bounds(d)
+
+    def simultaneous_bounds(self, d: Floats) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e for valid differences, the greatest of them tight to 1e-9 |d|_1."""
+        high = self.around.greatest(d)
+        for _ in range(_SHARPENED if len(d) else 0):
+            row = int(np.argmax(high))
+            before = float(high[row])
+            self._sharpen(-_unit_tails(d[row : row + 1])[0], -np.inf)
+            high = np.minimum(high, self.around.greatest(d))
+            if high[row] >= before - 1e-9 * float(np.abs(d[row]).sum()):
+                break
+        return high, 1.0
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Draws from the set around, those within {f <= budget}; the known points where hardly any are."""
+        drawn = draws_within(self.around.region, np.diff(self.values))
+        within = np.array([self.hinges.total(g) <= self.budget + _NEAR for g in drawn.gaps.T])
+        gaps = (
+            drawn.gaps[:, within]
+            if within.sum() >= _FEWEST
+            else np.concatenate([drawn.gaps[:, within], self.points.T], axis=1)
+        )
+        m = gaps.shape[1]
+        return Draws(gaps, np.full(m, 1.0 / m), np.full(m, np.inf))
 
     @cached_property
     def values(self) -> Floats:

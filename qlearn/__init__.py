@@ -5,14 +5,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from qlearn.environments import draw_values, icu_sepsis, random_mdp
+    from qlearn.guarantee import Guarantee, loss_bound
     from qlearn.ivi import InteractiveValueIteration
     from qlearn.learner import Audit, Learner, Result, Status, drive
     from qlearn.mdp import OrdinalMDP
     from qlearn.planning import evaluate_policy, policy_loss, value_iteration
+    from qlearn.policy_iteration import InteractivePolicyIteration
     from qlearn.q_learning import InteractiveQLearning
 
 _LATER = {  # imported when first used, so that the command line starts fast
     "Audit": "qlearn.learner",
+    "Guarantee": "qlearn.guarantee",
+    "InteractivePolicyIteration": "qlearn.policy_iteration",
     "InteractiveQLearning": "qlearn.q_learning",
     "InteractiveValueIteration": "qlearn.ivi",
     "Learner": "qlearn.learner",
@@ -23,6 +27,7 @@ _LATER = {  # imported when first used, so that the command line starts fast
     "drive": "qlearn.learner",
     "evaluate_policy": "qlearn.planning",
     "icu_sepsis": "qlearn.environments",
+    "loss_bound": "qlearn.guarantee",
     "policy_loss": "qlearn.planning",
     "random_mdp": "qlearn.environments",
     "value_iteration": "qlearn.planning",
@@ -30,6 +35,8 @@ _LATER = {  # imported when first used, so that the command line starts fast
 
 __all__ = [
     "Audit",
+    "Guarantee",
+    "InteractivePolicyIteration",
     "InteractiveQLearning",
     "InteractiveValueIteration",
     "Learner",
@@ -40,6 +47,7 @@ __all__ = [
     "drive",
     "evaluate_policy",
     "icu_sepsis",
+    "loss_bound",
     "policy_loss",
     "random_mdp",
     "value_iteration",

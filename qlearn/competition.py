@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elicit.comparator import Decisions, Tier
 from elicit.query import Verdict
-from elicit.rule import NOTHING, PROOFS, Rule, outlasts_answers, rule_of
+from elicit.rule import NOTHING, PROOFS, Rule, outlasts_answers, rule_of, silent
 from elicit.scale import Floats, tail_sums
 from qlearn.backup import is_compiled, model_of, q_of
 from qlearn.desk import Desk, place
@@ -44,14 +44,14 @@ class Competition:
         self._copies: list[Rule] = []
         self._begin()
 
-    def proceed(self) -> NDArray[np.int64]:
-        """Let all states' actions compete, up to where a batch of states needs the tutor; returns these states in
-        order, and none at the end of the sweep."""
-        batch = self._desk.batch
-        self._look_again()
+    def proceed(self, batch: int | None = None) -> NDArray[np.int64]:
+        """Let all states' actions compete, up to where a batch of states needs the tutor (by default the desk's);
+        returns these states in order, and none at the end of the sweep."""
+        batch = batch or self._desk.batch
+        self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
             self._go_on()
-            self._look_again()
+            self._look_again(batch)
         return self._waiting[: min(batch, self._verified)]
 
     def settle(self, state: int, verdict: Verdict) -> None:
@@ -91,9 +91,13 @@ class Competition:
         self._waiting = np.concatenate([self._waiting, waiting])
         self._reached += len(states)
 
-    def _look_again(self) -> None:
+    def again(self) -> None:
+        """Begin this sweep anew, from the same V."""
+        self._begin()
+
+    def _look_again(self, batch: int) -> None:
         """Judge waiting states anew, in order, until a batch of them is known to need the tutor."""
-        batch, size = self._desk.batch, self._desk.batch
+        size = batch
         while self._verified < min(batch, len(self._waiting)):
             part = self._waiting[self._verified :]
             if self._is_plain():
@@ -140,6 +144,8 @@ class Competition:
                 self._sides[:] = 0
             self._copies.clear()
             self._judged_by = comparator
+        if self._desk.puts_off and rule.kind != NOTHING:
+            return silent()  # the best guess lies among the plausible scales, and is cheaper to look up
         return rule
 
     def _rules(self, n: int) -> Sequence[Rule]:

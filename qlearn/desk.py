@@ -18,7 +18,7 @@ from elicit.hashed import pair_code
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
-from qlearn.learner import Audit, OnConflict, Result, Status
+from qlearn.learner import Audit, Guarantor, OnConflict, Result, Status
 from qlearn.standing import Standing
 
 Watch = Callable[[Floats, Decisions], None]
@@ -70,8 +70,9 @@ class Desk:
         self.watch: Watch | None = None
         self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
         self.pending: tuple[Pending, ...] = ()
+        self.puts_off = False  # whether undecided pairs go by the best guess for now, to be asked about later
         self._fingerprint = fingerprint
-        self._indifference = float(indifference)
+        self.indifference = float(indifference)
         self._max_queries = max_queries
         self._audit = float(audit)
         self._key = np.uint64(key_of(seed))
@@ -105,28 +106,28 @@ class Desk:
             unclear = np.array([places(int(row)) in self._unclear for row in rows], dtype=bool)
             verdicts[rows[unclear]], tiers[rows[unclear]] = Verdict.EQUAL, Tier.KNOWN
             rows = rows[~unclear]
-        if self._indifference > 0 and len(rows):
+        if self.indifference > 0 and len(rows):
             low, high = self.comparator.bounds(d[rows])
-            close = (low >= -self._indifference) & (high <= self._indifference)
+            close = (low >= -self.indifference) & (high <= self.indifference)
             verdicts[rows[close]], tiers[rows[close]] = Verdict.EQUAL, Tier.INDIFFERENT
             rows = rows[~close]
-        if self._max_queries is not None and self.asked >= self._max_queries and len(rows):
+        if self.guesses and len(rows):
             verdicts[rows], tiers[rows] = np.sign(dot(tail_sums(d[rows]), self._gaps())), Tier.GUESS
         return Decisions(verdicts, tiers)
 
     def standing(self) -> Standing:
         """The same for compiled loops, which come back with what only ``judge`` can tell."""
         asks = self.signs is None
-        spent = asks and self._max_queries is not None and self.asked >= self._max_queries
+        guesses = asks and self.guesses
         return Standing(
-            indifference=self._indifference if asks else 0.0,
+            indifference=self.indifference if asks else 0.0,
             audit=self._audit,
             key=self._key,
             binding=self._binding_codes,
             said=self._said_codes,
             plain=self._audit == 0 and not len(self._binding_codes),
             unclear=bool(self._unclear),
-            guess=self._gaps() if spent else np.empty(0),
+            guess=self._gaps() if guesses else np.empty(0),
         )
 
     def commit(self, d: Floats, decisions: Decisions) -> None:
@@ -149,12 +150,15 @@ class Desk:
             self.watch(d, Decisions(verdicts, np.full(len(d), Tier.TUTOR, np.int8)))
         return verdicts
 
-    def open(self, pairs: Sequence[tuple[Floats, Floats, int, int, int]], decisions: Decisions) -> tuple[Query, ...]:
-        """Make the pending queries of (left, right, state, left action, right action), judged UNKNOWN."""
+    def open(
+        self, pairs: Sequence[tuple[Floats, Floats, int, int, int]], decisions: Decisions, about: str | None = None
+    ) -> tuple[Query, ...]:
+        """Make the pending queries of (left, right, state, left action, right action), judged UNKNOWN. ``about`` says
+        what they are about, where that is no state and actions."""
         pending = []
         for (left, right, state, a, b), tier in zip(pairs, decisions.tiers, strict=True):
-            about = f"state {state}: action {a} (left) or action {b} (right)?"
-            query = Query.make(self._fingerprint, self._number, left, right, about)
+            said = about or f"state {state}: action {a} (left) or action {b} (right)?"
+            query = Query.make(self._fingerprint, self._number, left, right, said)
             self._number += 1
             expected = Verdict(int(decide(self.comparator, query.d).verdicts[0])) if tier >= AUDIT else None
             pending.append(Pending(query, expected, int(tier) % AUDIT, place(state, a, b)))
@@ -208,6 +212,29 @@ class Desk:
                 self.watch(d[None, :], decisions)
         return {answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)}, dropped
 
+    @property
+    def spent(self) -> bool:
+        """Whether the question budget is used up."""
+        return self._max_queries is not None and self.asked >= self._max_queries
+
+    @property
+    def guesses(self) -> bool:
+        """Whether pairs that would need the tutor go by the comparator's best scale."""
+        return self.puts_off or self.spent
+
+    @property
+    def audits_any(self) -> bool:
+        """Whether settled pairs may be put to the tutor."""
+        return self._audit > 0
+
+    def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
+        """Which of the differences d (n, k) were not answered before, nor compared at a place where the tutor could
+        not tell."""
+        if not self._said:
+            return np.ones(len(d), dtype=np.bool_)
+        new = [_name(t)[0] not in self._said for t in tail_sums(d)]
+        return np.array([fresh and places(i) not in self._unclear for i, fresh in enumerate(new)], dtype=np.bool_)
+
     def next_batch(self, d: Floats) -> list[int]:
         """Which of the differences d (n, k), judged UNKNOWN, to ask about now: the first ones, as many as batch
         and budget allow, and of several rows about one pair only the first."""
@@ -220,7 +247,14 @@ class Desk:
         return list(chosen.values())
 
     def result(
-        self, *, policy: NDArray[np.int64], q: Floats, status: Status, tiers: NDArray[np.int64], rounds: int
+        self,
+        *,
+        policy: NDArray[np.int64],
+        q: Floats,
+        status: Status,
+        tiers: NDArray[np.int64],
+        rounds: int,
+        guarantee: Guarantor,
     ) -> Result:
         """The Result of a learner that stands here."""
         return Result(
@@ -234,6 +268,7 @@ class Desk:
             audits=tuple(self.audits),
             cannot_tell=self.cannot_tell,
             rounds=rounds,
+            guarantee=guarantee,
         )
 
     def _learn(

@@ -65,7 +65,7 @@ EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
         "decaying": Exploration(Decay()),
         "restarts": Exploration(0.1, episode_length=20),
         "optimistic": Exploration(0.1, start="best"),
-        "uniform": Exploration(1.0),
+        "uniform": Exploration(1.0, start="best"),
     }
 )
 """The choices that have a name; ``python -m benchmarks.exploration`` measures what each leads to."""

@@ -17,9 +17,11 @@ from elicit.seeds import Seed
 from qlearn.backup import model_of, q_of
 from qlearn.competition import Competition
 from qlearn.desk import Desk, Watch
-from qlearn.learner import OnConflict, Result, Status
+from qlearn.guarantee import advantages, guarantee, loss_bound
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
 from qlearn.mdp import OrdinalMDP
 from qlearn.q_learning import check_levels_agree
+from qlearn.strategies import Candidates, Strategy, best, telling_violation
 
 
 class InteractiveValueIteration:
@@ -33,6 +35,12 @@ class InteractiveValueIteration:
     a tutor who errs anew each time can keep V moving for ever). Other keywords as for
     InteractiveQLearning; ``rng`` only picks the audits. Questions come in order of states, each asked as
     soon as what is known cannot settle it; with ``batch`` > 1 up to that many at once.
+
+    ``asking="late"`` puts questions off (Gilbert, Spanjaard, Viappiani and Weng 2015, who delay and order them):
+    undecided pairs go by the comparator's central scale until V has settled; only then one of those that it met is
+    asked about, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It stops after a sweep in which
+    nothing had to be guessed, so that the same guarantee holds. ``max_loss`` stops after a sweep whose policy no
+    plausible scale lets lose more (``Result.loss_bound``, computed whenever policy or answers have changed).
 
     ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so that
     several runs side by side do not crowd each other. Beside the MDP only V is kept, twice (S, k), and what
@@ -54,6 +62,9 @@ class InteractiveValueIteration:
         audit: float = 0.0,
         batch: int = 1,
         jobs: int = 1,
+        asking: Asking = "at once",
+        strategy: Strategy = telling_violation,
+        max_loss: float | None = None,
     ) -> None:
         check_levels_agree(mdp, comparator)
         if not (np.isfinite(tolerance) and tolerance > 0):
@@ -76,6 +87,11 @@ class InteractiveValueIteration:
             seed=rng,
         )
         self._states = Competition(mdp, self._desk, int(jobs))
+        self._desk.puts_off = self._late = check_asking(asking)
+        self._since, self._patient = 0, max_sweeps is None  # by default the limit is for each question put off
+        self._strategy, self._max_loss = strategy, check_max_loss(max_loss)
+        self._bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # what the loss was last bounded for
+        self._guessed = 0  # comparisons that went by the best guess, when this sweep began
         self._sweeps = 0
         self._end: Status | None = None
         self._answered: dict[int, Verdict] = {}  # by state, for the pair at its cursor
@@ -85,10 +101,14 @@ class InteractiveValueIteration:
         """The pending queries, or () when finished. Sweeps as far as it needs no tutor."""
         if self._desk.pending:
             return self._desk.ask()
+        if self._late and self._answered:
+            self._answered.clear()  # the comparator knows, or the desk does
+            self._since = self._sweeps if self._patient else 0
+            self._put_off(True)
         while self._answered:
             self._states.settle(*self._answered.popitem())
         while self._end is None:
-            waiting = self._states.proceed()
+            waiting = self._states.proceed(self._mdp.n_states if self._late else None)
             if len(waiting):
                 return self._open(waiting)
             self._finish_sweep()
@@ -106,7 +126,7 @@ class InteractiveValueIteration:
         """The policy and the counts so far."""
         status = self._end or Status.WAITING
         self._states.lent = True
-        if status is Status.CONVERGED and self._desk.counts[Tier.GUESS]:
+        if status is Status.CONVERGED and self._desk.counts[Tier.GUESS] and not self._late:
             status = Status.GUESSED
         return self._desk.result(
             policy=self._states.best.copy(),
@@ -114,6 +134,7 @@ class InteractiveValueIteration:
             status=status,
             tiers=self._desk.counts.copy(),
             rounds=self._sweeps,
+            guarantee=partial(loss_bound, self._mdp, self._states.best.copy(), self._desk.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
@@ -132,7 +153,12 @@ class InteractiveValueIteration:
     def _open(self, heads: NDArray[np.int64]) -> tuple[Query, ...]:
         states, rows = self._states, np.arange(len(heads))
         q, challengers, incumbents = q_of(heads, states.v, states.model), states.cursor[heads], states.best[heads]
-        chosen = self._desk.next_batch(q[rows, challengers] - q[rows, incumbents])
+        d = q[rows, challengers] - q[rows, incumbents]
+        order = list(range(len(heads)))
+        if self._late:
+            pool = Candidates(d, heads, challengers.astype(np.int64), self._desk.indifference, self._desk.comparator)
+            order = best(self._strategy, pool, len(heads))
+        chosen = [order[i] for i in self._desk.next_batch(d[order])]
         pairs = [
             (q[i, challengers[i]], q[i, incumbents[i]], int(heads[i]), int(challengers[i]), int(incumbents[i]))
             for i in chosen
@@ -144,12 +170,35 @@ class InteractiveValueIteration:
 
     def _finish_sweep(self) -> None:
         self._sweeps += 1
-        if self._states.change < self._small_change or self._mdp.discount == 0:
-            self._end = Status.CONVERGED
-        elif self._sweeps >= self._max_sweeps:
+        guesses, self._guessed = int(self._desk.counts[Tier.GUESS]) - self._guessed, int(self._desk.counts[Tier.GUESS])
+        if self._certified():
+            self._end = Status.CERTIFIED
+        elif self._states.change < self._small_change or self._mdp.discount == 0:
+            if self._late and guesses and not self._desk.spent:
+                self._put_off(False)
+            else:
+                self._end = Status.GUESSED if self._late and guesses else Status.CONVERGED
+        elif self._sweeps - self._since >= self._max_sweeps:
             self._end = Status.SWEEP_LIMIT
         else:
             self._states.next_sweep()
+
+    def _put_off(self, questions: bool) -> None:
+        """Begin the sweep anew, with questions put off or asked."""
+        self._desk.puts_off = questions
+        self._states.again()
+
+    def _certified(self) -> bool:
+        """Whether no plausible scale lets the policy lose more than ``max_loss``."""
+        if self._max_loss is None:
+            return False
+        comparator, policy = self._desk.comparator, self._states.best
+        if self._bounded is not None and self._bounded[0] is comparator and (self._bounded[1] == policy).all():
+            return False
+        self._bounded = comparator, policy.copy()
+        return (
+            guarantee(self._mdp, advantages(self._mdp, policy), comparator, self._max_loss).loss_bound <= self._max_loss
+        )
 
 
 def _q(v: Floats, mdp: OrdinalMDP) -> Floats:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
+from math import inf, nan
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
@@ -16,7 +18,11 @@ from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.scale import Floats
 from elicit.tutor import Tutor
 
+Asking: TypeAlias = Literal["at once", "late"]
+"""When a learner asks: as soon as it meets a pair that it cannot decide, or not before that can matter."""
 OnConflict: TypeAlias = Literal["raise", "drop"]
+Guarantor: TypeAlias = Callable[[], tuple[float, float]]
+"""Computes a bound on a policy's loss and the confidence in it (``qlearn.guarantee``)."""
 
 
 class Status(Enum):
@@ -28,6 +34,11 @@ class Status(Enum):
     GUESSED = (
         "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
         "at the scale; raise max_queries"
+    )
+    CERTIFIED = "finished: no plausible scale lets the policy lose more than max_loss"
+    EXHAUSTED = (
+        "stopped: whatever could still change the policy, the tutor has answered already or could not tell; "
+        "loss_bound says how much that can matter"
     )
     SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
 
@@ -44,6 +55,20 @@ class Audit:
     def contradicts(self) -> bool:
         """Whether the tutor said the opposite of what the answers imply."""
         return self.answer is not None and self.expected * self.answer == -1
+
+
+def check_asking(asking: Asking) -> bool:
+    """Whether questions are put off. Raises ValueError for no known way to ask."""
+    if asking not in ("at once", "late"):
+        raise ValueError(f'asking must be "at once" or "late", not {asking!r}')
+    return asking == "late"
+
+
+def check_max_loss(max_loss: float | None) -> float | None:
+    """``max_loss``, None or a positive share of the value range; raises ValueError."""
+    if max_loss is not None and not 0 < max_loss < inf:
+        raise ValueError(f"max_loss must be None or a positive share of the value range, not {max_loss!r}")
+    return max_loss
 
 
 class OnDemand:
@@ -64,11 +89,21 @@ class OnDemand:
         vars(instance)[self._name] = value
 
 
+def no_guarantee() -> tuple[float, float]:
+    """Nothing can be said."""
+    return nan, nan
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """What a learner knows so far. ``policy`` (S,) actions; ``q`` (S, A, k) shares, of many states computed when
     first read; ``asked``: questions to the tutor, audits not counted; ``decided``: comparisons by tier;
-    ``rounds``: steps or sweeps done."""
+    ``rounds``: steps, sweeps, or policies solved for.
+
+    ``loss_bound`` is an upper bound on what the policy loses against the best, from whatever state, as a share of the
+    value range, and ``confidence`` the probability with which it holds: 1 where every scale that fits the answers
+    allows no more (they must be right), the comparator's level for a posterior, nan where none can be stated. Both are
+    computed from the MDP's transition probabilities when first read, also for learners that only ever sample them."""
 
     policy: NDArray[np.int64]
     status: Status
@@ -80,6 +115,21 @@ class Result:
     cannot_tell: int
     rounds: int
     q: OnDemand = OnDemand()
+    guarantee: Guarantor = field(default=no_guarantee, repr=False)
+
+    @cached_property
+    def _guaranteed(self) -> tuple[float, float]:
+        return self.guarantee()
+
+    @property
+    def loss_bound(self) -> float:
+        """The policy loses at most this share of the value range from any state; nan where no bound can be given."""
+        return float(self._guaranteed[0])
+
+    @property
+    def confidence(self) -> float:
+        """How certain ``loss_bound`` is: 1 if the answers are right, a comparator's level, or nan."""
+        return float(self._guaranteed[1])
 
     @property
     def audited(self) -> int:

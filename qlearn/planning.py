@@ -41,7 +41,7 @@ def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
     e = mdp.normalise(values)
     if not 0 < tolerance < np.inf:
         raise ValueError(f"tolerance must be a positive number (a share of the value range), not {tolerance}")
-    v = _policy_iteration(mdp, e)
+    v = policy_iteration(mdp, *_rewarded(mdp, e))[0]
     while True:
         previous, q = v, _action_values(mdp, e, v)
         v = q.max(axis=1)
@@ -130,9 +130,18 @@ def best_absorption_probability(mdp: OrdinalMDP, state: int) -> tuple[Floats, Ac
 
 def _action_values(mdp: OrdinalMDP, e: Floats, v: Floats) -> Floats:
     """Q (S, A) in shares from v (S,); -inf for inadmissible actions."""
-    expected = (mdp.transitions @ v).reshape(mdp.levels.shape)
-    q: Floats = (1 - mdp.discount) * e[mdp.levels] + mdp.discount * expected
-    q[mdp.terminal] = e[mdp.final_level[mdp.terminal], None]
+    return _backed_up(mdp, *_rewarded(mdp, e), v)
+
+
+def _rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
+    """What each action gains (S, A) and what each terminal state is worth (S,), in shares."""
+    gain: Floats = (1 - mdp.discount) * e[mdp.levels]
+    return gain, np.where(mdp.terminal, e[mdp.final_level], 0.0)
+
+
+def _backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
+    q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(mdp.levels.shape)
+    q[mdp.terminal] = ends[mdp.terminal, None]
     q[~mdp.admissible] = -np.inf
     return q
 
@@ -142,23 +151,31 @@ def _first_best(q: Floats) -> Actions:
     return best
 
 
-def _policy_iteration(mdp: OrdinalMDP, e: Floats) -> Floats:
-    """v (S,) by Howard's algorithm. It need not be exact, only good: the caller certifies the result."""
+def policy_iteration(
+    mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Actions | None = None
+) -> tuple[Floats, Actions]:
+    """The greatest discounted total v (S,) of what actions gain (S, A), a terminal state's being ``ends`` (S,), and a
+    policy (S,) for it, by Howard's algorithm; where the actions of ``start`` (S,) are as good, they are kept. It need
+    not be exact, only good: whoever needs certainty certifies the result."""
     rows, live = np.arange(mdp.n_states), ~mdp.terminal
-    v = np.where(mdp.terminal, e[mdp.final_level], 0.0)
-    policy = _first_best(_action_values(mdp, e, v))
+    v = np.where(mdp.terminal, ends, 0.0)
+    policy = _first_best(_backed_up(mdp, gain, ends, v)) if start is None else start
     for _ in range(100):
-        taken = rows * mdp.n_actions + policy
-        chain = mdp.transitions[taken][live]
-        inflow = (1 - mdp.discount) * e[mdp.levels[rows, policy]][live]
-        inflow += mdp.discount * (chain[:, mdp.terminal] @ v[mdp.terminal])
+        chain = mdp.transitions[rows * mdp.n_actions + policy][live]
+        inflow = gain[rows, policy][live] + mdp.discount * (chain[:, mdp.terminal] @ v[mdp.terminal])
         v[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
-        q = _action_values(mdp, e, v)
-        better = q.max(axis=1) > q[rows, policy] + _TIE
+        q = _backed_up(mdp, gain, ends, v)
+        better = live & (q.max(axis=1) > q[rows, policy] + _TIE)
         if not better.any():
             break
         policy = np.where(better, q.argmax(axis=1), policy)
-    return v
+    return v, policy
+
+
+def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
+    """An optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1, found from ``start`` (S,), whose actions are
+    kept where they are as good."""
+    return policy_iteration(mdp, *_rewarded(mdp, np.asarray(values)), start)[1]
 
 
 def _solve(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+<<<<<<< HEAD
 from typing import Any, TypeAlias
+=======
+from functools import partial
+from typing import Any, Literal, TypeAlias
+>>>>>>> h7
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +21,16 @@ from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
 from qlearn import kernel
 from qlearn.desk import Desk, Watch, place
+<<<<<<< HEAD
 from qlearn.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
 from qlearn.learner import OnConflict, Result, Status
+=======
+from qlearn.guarantee import advantages, guarantee, loss_bound
+from qlearn.late import Checkpoints
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
+>>>>>>> h7
 from qlearn.mdp import OrdinalMDP
+from qlearn.strategies import Strategy, telling_violation
 
 _TO_ASK = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
 KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
@@ -51,6 +63,12 @@ class InteractiveQLearning:
     it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
     share of the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
     run of Q-learning has one pair in question at a time.
+
+    ``asking="late"``: undecided pairs go by the comparator's central scale, and questions wait for checkpoints at
+    doubling numbers of steps; there a pair is asked about only if it can change the greedy policy by more than the
+    ``indifference`` and by more than its estimates still move, the best by ``strategy`` first (``qlearn.late``).
+    ``max_loss``: stop at a checkpoint where no plausible scale lets the greedy policy lose more. Only for that, and
+    for ``Result.loss_bound``, are the MDP's transition probabilities read: learning itself samples them.
     """
 
     def __init__(
@@ -69,6 +87,9 @@ class InteractiveQLearning:
         indifference: float = 0.0,
         audit: float = 0.0,
         batch: int = 1,
+        asking: Asking = "at once",
+        strategy: Strategy = telling_violation,
+        max_loss: float | None = None,
     ) -> None:
         check_levels_agree(mdp, comparator)
         if steps < 0 or int(steps) != steps:
@@ -103,6 +124,9 @@ class InteractiveQLearning:
             key,
         )
         self._state = _first_state(mdp, self._model, start)
+        self._max_loss, self._enough = check_max_loss(max_loss), False
+        self._late, self._over = check_asking(asking), False
+        self._stops = Checkpoints(mdp, int(steps), strategy)
         self._verdict = int(Verdict.UNKNOWN)
         self._kept = _kept(mdp.k, KEPT_AT_ONCE)
         self._oracle: Any = None
@@ -111,6 +135,39 @@ class InteractiveQLearning:
         """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
         if self._desk.pending:
             return self._desk.ask()
+        if not self._late and self._max_loss is None:
+            return self._run(self._model)
+        while not self._enough:
+            queries = self._run(self._model._replace(steps=self._stops.next), self._late)
+            queries = queries or (self._ask_late() if self._late else ())
+            if queries:
+                return queries
+            self._enough = self._certified()
+            if self._stops.next >= self._model.steps:
+                self._over = True
+                break
+            self._stops.pass_on(self._state.q)
+        return ()
+
+    def _ask_late(self) -> tuple[Query, ...]:
+        """At a checkpoint: go by what is known now, and ask about what could still matter."""
+        if self._desk.signs is not None:
+            return ()
+        q, policy = self._state.q, self._state.best
+        self._stops.best_by(self._desk.comparator.values, q, policy)
+        pair = self._stops.question(q, policy, self._state.visits, self._desk)
+        return () if pair is None else self._desk.open([pair], _TO_ASK)
+
+    def _certified(self) -> bool:
+        """Whether no plausible scale lets the greedy policy lose more than ``max_loss``."""
+        if self._max_loss is None:
+            return False
+        over = advantages(self._mdp, self._state.best)
+        return guarantee(self._mdp, over, self._desk.comparator, self._max_loss).loss_bound <= self._max_loss
+
+    def _run(self, model: kernel.Model, puts_off: bool = False) -> tuple[Query, ...]:
+        """Run the loop to the model's last step, or to a pair that only the tutor can settle: then the query."""
+        self._desk.puts_off = puts_off
         rule, standing, oracle = rule_of(self._desk.comparator), self._desk.standing(), nobody()
         if isinstance(self._desk.comparator, AlwaysAsk) and self._oracle is not None:
             oracle = self._oracle.respondent
@@ -118,7 +175,7 @@ class InteractiveQLearning:
         code = kernel.FULL
         while code != kernel.DONE:
             with np.errstate(all="ignore"):  # the hash wraps around
-                code = kernel.advance(self._state, self._model, self._verdict, rule, standing, oracle, kept)
+                code = kernel.advance(self._state, model, self._verdict, rule, standing, oracle, kept)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
             self._show(kept)
             if oracle.kind != NOBODY:
@@ -144,8 +201,9 @@ class InteractiveQLearning:
         """Take the answer to the pending query. Raises StaleAnswer, or InconsistentAnswers unless
         ``on_conflict="drop"`` (then the answer settles its own pair only, and is returned)."""
         verdicts, dropped = self._desk.tell(answers, on_conflict)
-        for verdict in verdicts.values():
-            self._verdict = int(verdict)
+        if self._state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
+            for verdict in verdicts.values():
+                self._verdict = int(verdict)
         if not outlasts_answers(rule_of(self._desk.comparator)):
             self._state.sides[:] = 0
         return dropped
@@ -154,13 +212,18 @@ class InteractiveQLearning:
         """The greedy policy and the counts so far."""
         done = self._state.cursor[kernel.STEP] >= self._model.steps and not self._desk.pending
         tiers = self._desk.counts + self._state.decided
-        finished = Status.GUESSED if tiers[Tier.GUESS] else Status.DONE
+        finished = Status.GUESSED if (self._desk.spent if self._late else tiers[Tier.GUESS]) else Status.DONE
+        if self._enough:
+            done, finished = True, Status.CERTIFIED
+        elif self._late:
+            done = self._over
         return self._desk.result(
             policy=self._state.best.copy(),
             q=self._state.q.copy(),
             status=finished if done else Status.WAITING,
             tiers=tiers,
             rounds=int(self._state.cursor[kernel.STEP]),
+            guarantee=partial(loss_bound, self._mdp, self._state.best.copy(), self._desk.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:

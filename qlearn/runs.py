@@ -21,7 +21,6 @@ from elicit.relaxed import RelaxedPolytopeComparator
 from elicit.scale import Floats
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.environments import draw_values, icu_sepsis, random_mdp
-from qlearn.exploration import Start
 from qlearn.gym_environments import deep_sea_treasure, frozen_lake
 from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import drive
@@ -40,7 +39,6 @@ Size: TypeAlias = tuple[int, int, int, float]
 REAL: Mapping[str, Callable[[], OrdinalMDP]] = MappingProxyType(
     {"icu": icu_sepsis, "frozen-lake": frozen_lake, "deep-sea-treasure": deep_sea_treasure}
 )
-START: Start = "worst"  # the paper's line 4, but with totals that stay 1
 _NO_RUNS = (
     "ablation.py",
     "arguments.py",
@@ -129,7 +127,7 @@ def run(
         learner: InteractiveValueIteration | InteractiveQLearning = (
             InteractiveValueIteration(mdp, comparator, tolerance=tolerance, max_sweeps=max_sweeps, **common)
             if ivi
-            else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, start=START, **common)
+            else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, **common)
         )
         watch = Watch(values, indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
