@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-<<<<<<< HEAD
-from typing import Any, TypeAlias
-=======
 from functools import partial
-from typing import Any, Literal, TypeAlias
->>>>>>> h7
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +17,10 @@ from elicit.scale import Floats
 from elicit.seeds import Seed, fold, key_of, uniform
 from qlearn import kernel
 from qlearn.desk import Desk, Watch, place
-<<<<<<< HEAD
 from qlearn.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
-from qlearn.learner import OnConflict, Result, Status
-=======
 from qlearn.guarantee import advantages, guarantee, loss_bound
 from qlearn.late import Checkpoints
 from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
->>>>>>> h7
 from qlearn.mdp import OrdinalMDP
 from qlearn.strategies import Strategy, telling_violation
 
