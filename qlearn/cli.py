@@ -133,6 +133,11 @@ _OPTIONS: Groups = {
             1.0,
             "chance of a random action; at 1 all comparators see the same transitions",
         ),
+        "exploration": (
+            {"choices": ("constant", "decaying", "restarts", "optimistic", "uniform")},
+            None,
+            "a named way of exploring, in place of epsilon",
+        ),
         "indifference": ({"type": SHARE}, 0.0, "undecided pairs this close count as equal (share of range)"),
         "close": ({"type": SHARE}, 0.005, "the indifference of posterior-close"),
     },

@@ -65,6 +65,7 @@ def run(
     *,
     steps: int = 100_000,
     epsilon: float = 1.0,
+    exploration: str | None = None,
     indifference: float = 0.0,
     close: float = 0.005,
     tolerance: float = 0.005,
@@ -85,6 +86,7 @@ def run(
 
     steps, epsilon  of Q-learning. An epsilon of 1 explores uniformly: then all comparators see the same transitions,
                     and losses differ by verdicts alone
+    exploration     of Q-learning, by name (``exploration.EXPLORATIONS``), in place of epsilon
     indifference    of Q-learning, share of the value range; value iteration derives its own from the tolerance
     close           indifference of Q-learning with "posterior-close"
     tolerance       of value iteration: policy loss with right verdicts, share of the value range
@@ -127,7 +129,14 @@ def run(
         learner: InteractiveValueIteration | InteractiveQLearning = (
             InteractiveValueIteration(mdp, comparator, tolerance=tolerance, max_sweeps=max_sweeps, **common)
             if ivi
-            else InteractiveQLearning(mdp, comparator, steps=steps, epsilon=epsilon, **common)
+            else InteractiveQLearning(
+                mdp,
+                comparator,
+                steps=steps,
+                exploration=exploration,
+                epsilon=epsilon if exploration is None else None,
+                **common,
+            )
         )
         watch = Watch(values, indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)

@@ -152,6 +152,16 @@ def test_logistic_noise_errs_at_near_ties() -> None:
         run(cell, mdp, values, steps=1, noise="loud")  # type: ignore[arg-type]
 
 
+def test_a_named_exploration_takes_the_place_of_epsilon() -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=0)
+    cell = dict(zip(KEYS, ("random", "q-learning", "always", 0.0, 0.0, 0), strict=True))
+    named, uniform, other = (
+        run(cell, mdp, values, steps=300, **settings).v.tolist()
+        for settings in ({"exploration": "uniform", "epsilon": 0.3}, {"epsilon": 1.0}, {"exploration": "decaying"})
+    )
+    assert named == uniform != other
+
+
 def test_unknown_names_and_rates_are_refused() -> None:
     with pytest.raises(ValueError, match="no comparator 'sphere'; choose among always"):
         ablate(comparators=["sphere"])
