@@ -664,7 +664,7 @@ def ranks(k: int, n: int, replications: int, seed: int) -> tuple[list[str], Floa
 def assert_uniform(names: list[str], found: Floats) -> None:
     for name, column in zip(names, found.T, strict=True):
         histogram = np.bincount(column // 10, minlength=10)
-        assert chisquare(histogram).pvalue > 1e-3, f"ranks of {name}: {histogram}"
+        assert chisquare(histogram).pvalue > 0.01 / len(names), f"ranks of {name}: {histogram}"
 
 
 def test_ranks_of_the_truth_are_uniform() -> None:
