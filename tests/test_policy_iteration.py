@@ -238,6 +238,21 @@ def test_bags_replace_the_long_questions():
     assert np.mean(simple) > 0.5
 
 
+def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked():
+    mdp, values = random_mdp(30, 3, 5, rng=7)
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=0.02, bags=Bags())
+    tutor, first, seen = TruthfulTutor(values), True, []
+    while queries := learner.ask():
+        seen.append(queries[0].about)
+        learner.tell([Answer(queries[0], None) if first else tutor(queries[0])])
+        first = False
+    assert learner.result().cannot_tell == 1
+    assert seen[0].startswith("of 10 days")
+    assert seen[1].startswith("of 10 days")
+    assert seen.count(seen[0]) == 1
+    assert learner.result().status is Status.CONVERGED
+
+
 def test_settings_that_make_no_sense_are_refused():
     mdp, _ = random_mdp(6, 2, 3, rng=0)
     for bad in ({"tolerance": 0.0}, {"tolerance": np.nan}, {"max_loss": -1.0}, {"max_queries": -1}):
