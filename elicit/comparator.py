@@ -37,7 +37,12 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 
 @runtime_checkable
 class Comparator(Protocol):
-    """What is known of the scale so far. A frozen value: ``update`` returns a new one."""
+    """What is known of the scale so far. A frozen value: ``update`` returns a new one.
+
+    A comparator may also have ``simultaneous_bounds(d)``, from which learners take what they guarantee (see the
+    function of that name), and ``draws``, weighted plausible scales, by which they choose questions. Where it has a
+    ``level`` too, the draws are what its bounds rest on, and a guarantee holds under so much of their weight.
+    """
 
     @property
     def k(self) -> int:

@@ -154,7 +154,7 @@ class InteractivePolicyIteration:
         row, _ = bags.best(candidates.draws, about, lapse, skip.tolist())
         if row < 0:
             return ()
-        pair = (asked.left[row] / bags.days, asked.right[row] / bags.days, -1, -1, -1)
+        pair = (asked.left[row] / bags.days, asked.right[row] / bags.days, *_nowhere(row))
         verdict = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
         return self._desk.open([pair], verdict, bags.sentence(asked.left[row], asked.right[row], self._mdp.labels))
 
@@ -211,8 +211,8 @@ class InteractivePolicyIteration:
 
 
 def _nowhere(row: int) -> tuple[int, int, int]:
-    """The place of what is compared in no state: never one where the tutor could not tell."""
-    return -1, -1, -1
+    """The place of a question of bags, which is about no state: each has its own."""
+    return -1, row, row
 
 
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:

@@ -37,7 +37,7 @@ def test_every_method_is_measured_the_same_way(method, small):
 
 
 def test_a_truthful_tutor_and_a_polytope_keep_every_bound(small):
-    for method in questions.METHODS:
+    for method in ("certify, telling violation", "value iteration", "Q-learning, late", "random pairs + fit"):
         cell = {"environment": "", "method": method, "error": 0, "comparator": "polytope", "bounds": True, "seed": 2}
         row = questions.run(cell)
         assert row["kept"]
