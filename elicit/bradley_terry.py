@@ -13,8 +13,9 @@ from __future__ import annotations
 import copy
 import math
 import warnings
+from bisect import bisect_right
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -309,7 +310,14 @@ def refit_point(n: int, growth: float) -> int:
     """The largest r_i <= n of the schedule r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + growth)))."""
     if n * growth <= 1:
         return n
-    r = max(1, int(1 / growth))  # up to here the schedule steps by one
-    while (following := r + max(1, math.ceil(r * growth))) <= n:
-        r = following
-    return r
+    points = _refits(growth, 1 << n.bit_length())
+    return points[bisect_right(points, n) - 1]
+
+
+@lru_cache(maxsize=64)
+def _refits(growth: float, beyond: int) -> tuple[int, ...]:
+    """The schedule from where its steps exceed one, up to ``beyond``."""
+    points = [max(1, int(1 / growth))]
+    while points[-1] <= beyond:
+        points.append(points[-1] + max(1, math.ceil(points[-1] * growth)))
+    return tuple(points)
