@@ -262,7 +262,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     environments = ["k = 5"] if chosen.quick else ["k = 5", "k = 10", "k = 20", "ICU-Sepsis"]
     methods = [name for name in METHODS if not (chosen.quick and name.startswith("Q-learning"))]
     todo = cells(environments, 2 if chosen.quick else chosen.seeds, methods)
-    rows = sweep(run, todo, journal=chosen.journal, jobs=chosen.jobs, progress=_progress)
+    from benchmarks import questions  # by the name that workers and the journal know, not as __main__
+
+    rows = sweep(questions.run, todo, journal=chosen.journal, jobs=chosen.jobs, progress=_progress)
     text = report(list(zip(todo, rows, strict=True)))
     if chosen.out is None:
         print(text)
