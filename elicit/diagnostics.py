@@ -17,9 +17,10 @@ from scipy.interpolate import PchipInterpolator
 from scipy.special import bdtr, betaincinv, expit
 
 from elicit.log import AnswerLog, Entry
-from elicit.posterior import PRECISION, Draws, PosteriorComparator
+from elicit.posterior import PRECISION, PosteriorComparator
 from elicit.prior import PriorLike
 from elicit.query import Answer, Answers
+from elicit.sample import Draws
 from elicit.scale import Floats, dominance, tail_sums
 from elicit.seeds import Seed, key_of
 

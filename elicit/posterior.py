@@ -13,7 +13,6 @@ import math
 import warnings
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +27,7 @@ from elicit.particles import LEVEL_ROUNDING, SWEEPS, effective_size, learn, thet
 from elicit.prior import PriorLike, as_prior
 from elicit.query import Answers
 from elicit.rule import Rule, weighted
+from elicit.sample import Draws
 from elicit.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
 from elicit.seeds import Seed, fold, key_of
 from elicit.simplex import Region
@@ -48,14 +48,6 @@ fixed sum, levels set in between leave the law of the others as it was (Ferguson
 
 class Degenerate(RuntimeWarning):
     """Too few particles carry the weight for probabilities to be trusted."""
-
-
-class Draws(NamedTuple):
-    """Weighted draws of gaps (p, m), their weights (m,), which total 1, and of the precision (m,)."""
-
-    gaps: Floats
-    weights: Floats
-    precision: Floats
 
 
 class PosteriorComparator:
