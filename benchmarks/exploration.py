@@ -30,6 +30,7 @@ CHOICES: Mapping[str, Exploration] = MappingProxyType(
         **EXPLORATIONS,
         "constant, zero start": Exploration(0.1, start="zero"),
         "optimistic, decaying": Exploration(Decay(), start="best"),
+        "uniform, worst start": replace(EXPLORATIONS["uniform"], start="worst"),
         "uniform, restarts": replace(EXPLORATIONS["uniform"], episode_length=20),
     }
 )

@@ -76,7 +76,7 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
 
 def claims_text(told: pd.DataFrame) -> str:
     """``claims`` as text of at most 120 columns, without the unequal pairs (nearly all of all)."""
-    lines = [f"{'figure':<8}{'comparator':<12}{'tutor errs':<12}{'measured':<34}{'estimate, 95% interval':<31}answer"]
+    lines = [f"{'figure':<8}{'comparator':<14}{'tutor errs':<12}{'measured':<32}{'estimate, 95% interval':<31}answer"]
     lines += ["-" * 104]
     row: Any
     for row in told[told.measure != "asked_percent_unequal"].itertuples():
@@ -85,7 +85,7 @@ def claims_text(told: pd.DataFrame) -> str:
         numbers = f"{row.estimate:+.3f} ({row.low:+.3f} to {row.high:+.3f})"
         note = f" ({row.agreeing} of {row.runs} runs)" if row.figure != 4 else ""
         rate = f"{100 * row.error_rate:g}%"
-        lines.append(f"{row.figure:<8}{row.comparator:<12}{rate:<12}{what:<34}{numbers:<31}{row.answer}{note}")
+        lines.append(f"{row.figure:<8}{row.comparator:<14}{rate:<12}{what:<32}{numbers:<31}{row.answer}{note}")
     lines += [
         "",
         "figure 2: slope per 5 levels; figure 3: slope per 100 states, both in percentage points; figure 4: %",
