@@ -31,7 +31,10 @@ class Status(Enum):
 
     WAITING = "not finished: it waits for the tutor; answer what ask() returns"
     DONE = "finished: all steps are done"
-    CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
+    CONVERGED = (
+        "finished: the policy is within the tolerance, if the answers and verdicts were right; value iteration "
+        "also takes pairs that the tutor could not tell (cannot_tell) for ties, which loss_bound does not"
+    )
     GUESSED = (
         "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
         "at the scale; raise max_queries"
@@ -60,7 +63,7 @@ class Audit:
 
 def is_number(value: Any, least: float = -inf) -> bool:
     """Whether a setting is a finite number of at least ``least``; a text or None is none, and raises nothing."""
-    return isinstance(value, Real) and isfinite(value) and bool(value >= least)
+    return isinstance(value, Real) and isfinite(value) and float(value) >= least
 
 
 def is_whole(value: Any, least: int) -> bool:
