@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from math import gcd
+from math import gcd, isfinite
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from elicit.comparator import check_levels
 from elicit.sample import Draws
-from elicit.scale import Floats, tail_sums
+from elicit.scale import Floats, as_vectors, tail_sums
 
 _LEAST = 1e-3  # bits: what tells less is no question
 
@@ -43,11 +44,11 @@ class Bags:
     simplicity: float = 0.3
 
     def __post_init__(self) -> None:
-        if isinstance(self.days, bool) or int(self.days) != self.days or self.days < 2:
+        if isinstance(self.days, bool) or not _is_number(self.days) or self.days < 2 or int(self.days) != self.days:
             raise ValueError(
                 f"days, the number of days in a bag, must be a whole number of at least 2, not {self.days!r}"
             )
-        if not 0 <= self.simplicity <= 1:
+        if not (_is_number(self.simplicity) and 0 <= self.simplicity <= 1):
             raise ValueError(f"simplicity must lie in 0..1, not {self.simplicity!r}")
 
     def questions(self, k: int) -> BagQuestions:
@@ -57,8 +58,10 @@ class Bags:
     def best(self, draws: Draws, about: Floats, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
         """Which of ``questions`` to ask, and what each tells, in bits, of the signs of differences ``about`` (c, k):
         the easiest of those that tell at least (1 - simplicity) of what the best does; -1 where none tells anything.
-        ``draws`` say what is plausible, ``lapse`` how often a tutor answers at random; ``skip`` are rows not to ask."""
-        asked = self.questions(about.shape[1])
+        ``draws`` say what is plausible, ``lapse`` how often a tutor answers at random; ``skip`` are rows not to ask.
+        Raises ValueError for differences that are no finite numbers of the draws' k levels."""
+        k = len(draws.gaps) + 1
+        about, asked = as_vectors(about, k), self.questions(k)
         if not len(asked.ease):
             return -1, np.empty(0)
         d = (asked.left - asked.right) / self.days
@@ -126,6 +129,10 @@ def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> F
     if_false = np.clip((overall[:, None] - if_true * mass) / (1.0 - mass), 0.0, 1.0)
     told = entropy(overall)[:, None] - mass * entropy(if_true) - (1.0 - mass) * entropy(if_false)
     return np.asarray(np.maximum(told, 0.0).sum(axis=1) / len(events))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Real) and isfinite(value)
 
 
 def _bag(days: Floats, labels: Sequence[str]) -> str:

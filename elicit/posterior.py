@@ -35,6 +35,7 @@ from elicit.simplex import Region
 WORN = 0.02  # below this share of an effective sample the particles are reported
 _FAR = 1e12  # tail sums are no larger for the likelihood
 _THIN = 1e-12  # sets of scales narrower than this have no room for particles, only for rounding
+_SHAPES = (1e-9, 1e9)  # of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are the same
 _NODES = 16  # of the quadrature over the prior's shape
 PRECISION = (math.log(30.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
@@ -85,12 +86,18 @@ class PosteriorComparator:
         _require(0 <= lapse < 1, "lapse", "at least 0 and below 1", lapse)
         _require(0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
         _require(
-            int(particles) == particles and particles >= 20, "particles", "a whole number of at least 20", particles
+            20 <= particles < math.inf and int(particles) == particles,
+            "particles",
+            "a whole number of at least 20",
+            particles,
         )
         if shape is None:
             shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
         _require(
-            len(shape) == 2 and 0 < shape[0] <= shape[1] < math.inf, "shape", "two numbers, 0 < low <= high", shape
+            len(shape) == 2 and _SHAPES[0] <= shape[0] <= shape[1] <= _SHAPES[1],
+            "shape",
+            f"two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}",
+            shape,
         )
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key

@@ -32,6 +32,7 @@ _LATER = {  # imported when first used, so that the command line starts fast
     "random_mdp": "qlearn.environments",
     "value_iteration": "qlearn.planning",
 }
+_MODULES = ("exploration", "gym_environments", "strategies")  # to be written as qlearn.strategies.max_regret, say
 
 __all__ = [
     "Audit",
@@ -55,6 +56,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"qlearn.{name}")
     if name in _LATER:
         value = getattr(import_module(_LATER[name]), name)
         globals()[name] = value

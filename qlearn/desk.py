@@ -18,7 +18,7 @@ from elicit.hashed import pair_code
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
-from qlearn.learner import Audit, Guarantor, OnConflict, Result, Status
+from qlearn.learner import Audit, Guarantor, OnConflict, Result, Status, is_number, is_whole
 from qlearn.standing import Standing
 
 Watch = Callable[[Floats, Decisions], None]
@@ -52,13 +52,13 @@ class Desk:
         batch: int,
         seed: Seed,
     ) -> None:
-        if not (np.isfinite(indifference) and indifference >= 0):
+        if not is_number(indifference, 0):
             raise ValueError(f"indifference must be a number of at least 0, not {indifference!r}")
-        if max_queries is not None and (max_queries < 0 or int(max_queries) != max_queries):
+        if max_queries is not None and not is_whole(max_queries, 0):
             raise ValueError(f"max_queries must be None or a whole number of at least 0, not {max_queries!r}")
-        if not 0 <= audit <= 1:
+        if not (is_number(audit, 0) and audit <= 1):
             raise ValueError(f"audit, the share of settled pairs to ask about, must lie in 0..1, not {audit!r}")
-        if batch < 1 or int(batch) != batch:
+        if not is_whole(batch, 1):
             raise ValueError(f"batch must be a whole number of at least 1, not {batch!r}")
         self.comparator = comparator
         self.batch = int(batch)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.scale import Floats
+from qlearn.learner import is_number
 
 __all__ = ["EXPLORATIONS", "Decay", "Epsilon", "Exploration", "Start", "epsilons"]
 
@@ -34,7 +35,7 @@ class Decay:
     def __post_init__(self) -> None:
         for name in ("first", "last", "share"):
             value = getattr(self, name)
-            if not 0 <= value <= 1 or (name == "share" and value == 0):
+            if not (is_number(value, 0) and value <= 1) or (name == "share" and value == 0):
                 raise ValueError(f"{name} of a Decay must lie in 0..1{' above 0' * (name == 'share')}, not {value!r}")
 
 
@@ -75,7 +76,7 @@ def exploration_of(choice: str | Exploration) -> Exploration:
     """The choice of that name. Raises ValueError where there is none."""
     if isinstance(choice, Exploration):
         return choice
-    if choice not in EXPLORATIONS:
+    if not isinstance(choice, str) or choice not in EXPLORATIONS:
         raise ValueError(f"exploration must be an Exploration or one of {', '.join(EXPLORATIONS)}, not {choice!r}")
     return EXPLORATIONS[choice]
 
@@ -94,6 +95,8 @@ def epsilons(epsilon: Epsilon, steps: int) -> Floats:
                 f"steps it gives shape {chances.shape}"
             )
     else:
+        if not is_number(epsilon):
+            raise ValueError(f"epsilon must be a number in 0..1, a Decay, or a function of steps, not {epsilon!r}")
         chances = np.array([epsilon], dtype=np.float64)
     wrong = ~((chances >= 0) & (chances <= 1))
     if wrong.any():

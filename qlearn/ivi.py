@@ -18,10 +18,10 @@ from qlearn.backup import model_of, q_of
 from qlearn.competition import Competition
 from qlearn.desk import Desk, Watch
 from qlearn.guarantee import advantages, guarantee, loss_bound
-from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, is_number, is_whole
 from qlearn.mdp import OrdinalMDP
 from qlearn.q_learning import check_levels_agree
-from qlearn.strategies import Candidates, Strategy, best, telling_violation
+from qlearn.strategies import Candidates, Strategy, best, check_strategy, telling_violation
 
 
 class InteractiveValueIteration:
@@ -67,11 +67,11 @@ class InteractiveValueIteration:
         max_loss: float | None = None,
     ) -> None:
         check_levels_agree(mdp, comparator)
-        if not (np.isfinite(tolerance) and tolerance > 0):
+        if not (is_number(tolerance) and tolerance > 0):
             raise ValueError(f"tolerance must be a positive share of the value range, not {tolerance!r}")
-        if max_sweeps is not None and (max_sweeps < 1 or int(max_sweeps) != max_sweeps):
+        if max_sweeps is not None and not is_whole(max_sweeps, 1):
             raise ValueError(f"max_sweeps must be None or a whole number of at least 1, not {max_sweeps!r}")
-        if jobs < 1 or int(jobs) != jobs:
+        if not is_whole(jobs, 1):
             raise ValueError(f"jobs, the number of threads, must be a whole number of at least 1, not {jobs!r}")
         gamma = mdp.discount
         self._mdp = mdp
@@ -89,7 +89,7 @@ class InteractiveValueIteration:
         self._states = Competition(mdp, self._desk, int(jobs))
         self._desk.puts_off = self._late = check_asking(asking)
         self._since, self._patient = 0, max_sweeps is None  # by default the limit is for each question put off
-        self._strategy, self._max_loss = strategy, check_max_loss(max_loss)
+        self._strategy, self._max_loss = check_strategy(strategy), check_max_loss(max_loss)
         self._bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # what the loss was last bounded for
         self._guessed = 0  # comparisons that went by the best guess, when this sweep began
         self._sweeps = 0

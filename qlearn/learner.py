@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from math import inf, nan
-from typing import Literal, Protocol, TypeAlias
+from math import inf, isfinite, nan
+from numbers import Real
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,10 @@ class Status(Enum):
 
     WAITING = "not finished: it waits for the tutor; answer what ask() returns"
     DONE = "finished: all steps are done"
-    CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
+    CONVERGED = (
+        "finished: the policy is within the tolerance, if the answers and verdicts were right; value iteration "
+        "also takes pairs that the tutor could not tell (cannot_tell) for ties, which loss_bound does not"
+    )
     GUESSED = (
         "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
         "at the scale; raise max_queries"
@@ -57,6 +61,16 @@ class Audit:
         return self.answer is not None and self.expected * self.answer == -1
 
 
+def is_number(value: Any, least: float = -inf) -> bool:
+    """Whether a setting is a finite number of at least ``least``; a text or None is none, and raises nothing."""
+    return isinstance(value, Real) and isfinite(value) and float(value) >= least
+
+
+def is_whole(value: Any, least: int) -> bool:
+    """Whether a setting is a whole number of at least ``least``."""
+    return is_number(value, least) and bool(int(value) == value)
+
+
 def check_asking(asking: Asking) -> bool:
     """Whether questions are put off. Raises ValueError for no known way to ask."""
     if asking not in ("at once", "late"):
@@ -66,7 +80,7 @@ def check_asking(asking: Asking) -> bool:
 
 def check_max_loss(max_loss: float | None) -> float | None:
     """``max_loss``, None or a positive share of the value range; raises ValueError."""
-    if max_loss is not None and not 0 < max_loss < inf:
+    if max_loss is not None and not (is_number(max_loss) and max_loss > 0):
         raise ValueError(f"max_loss must be None or a positive share of the value range, not {max_loss!r}")
     return max_loss
 

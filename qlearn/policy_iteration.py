@@ -15,11 +15,11 @@ from elicit.scale import Floats, tail_sums
 from elicit.seeds import Seed
 from qlearn.desk import AUDIT, Desk, Watch, place
 from qlearn.guarantee import Advantages, Guarantee, advantages, drawn_set, guarantee
-from qlearn.learner import OnConflict, Result, Status
+from qlearn.learner import OnConflict, Result, Status, is_number
 from qlearn.mdp import OrdinalMDP
 from qlearn.planning import optimal_policy
 from qlearn.q_learning import check_levels_agree
-from qlearn.strategies import Candidates, Strategy, best, draws_of, telling_violation
+from qlearn.strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
 
 _TIE = 1e-13
 _ABOUT = 12  # advantages, the best to ask about, whose signs a simple question should tell
@@ -63,12 +63,14 @@ class InteractivePolicyIteration:
     ) -> None:
         check_levels_agree(mdp, comparator)
         for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
-            if not (np.isfinite(value) and value > 0):
+            if not (is_number(value) and value > 0):
                 raise ValueError(f"{name} must be a positive share of the value range, not {value!r}")
         self._mdp = mdp
         self._enough = max(tolerance, max_loss or 0.0)
-        self._limit = self._enough * (1 - mdp.discount) if indifference is None else float(indifference)
-        self._strategy, self._bags = strategy, bags
+        if bags is not None and not isinstance(bags, Bags):
+            raise ValueError(f"bags must be None or an elicit.Bags, such as Bags(days=10), not {bags!r}")
+        self._limit = self._enough * (1 - mdp.discount) if indifference is None else indifference
+        self._strategy, self._bags = check_strategy(strategy), bags
         self._desk = Desk(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",

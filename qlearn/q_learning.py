@@ -20,9 +20,9 @@ from qlearn.desk import Desk, Watch, place
 from qlearn.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
 from qlearn.guarantee import advantages, guarantee, loss_bound
 from qlearn.late import Checkpoints
-from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, is_whole
 from qlearn.mdp import OrdinalMDP
-from qlearn.strategies import Strategy, telling_violation
+from qlearn.strategies import Strategy, check_strategy, telling_violation
 
 _TO_ASK = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
 KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
@@ -84,7 +84,7 @@ class InteractiveQLearning:
         max_loss: float | None = None,
     ) -> None:
         check_levels_agree(mdp, comparator)
-        if steps < 0 or int(steps) != steps:
+        if not is_whole(steps, 0):
             raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
         if exploration is None:
             by_hand = any(setting is not None for setting in (epsilon, start, episode_length))
@@ -93,7 +93,7 @@ class InteractiveQLearning:
         start = chosen.start if start is None else start
         check_start(start)
         episode_length = chosen.episode_length if episode_length is None else episode_length
-        if episode_length is not None and (episode_length < 1 or int(episode_length) != episode_length):
+        if episode_length is not None and not is_whole(episode_length, 1):
             raise ValueError(f"episode_length must be None or a whole number of at least 1, not {episode_length!r}")
         key = key_of(rng)
         self._mdp = mdp
@@ -118,7 +118,7 @@ class InteractiveQLearning:
         self._state = _first_state(mdp, self._model, start)
         self._max_loss, self._enough = check_max_loss(max_loss), False
         self._late, self._over = check_asking(asking), False
-        self._stops = Checkpoints(mdp, int(steps), strategy)
+        self._stops = Checkpoints(mdp, int(steps), check_strategy(strategy))
         self._verdict = int(Verdict.UNKNOWN)
         self._kept = _kept(mdp.k, KEPT_AT_ONCE)
         self._oracle: Any = None

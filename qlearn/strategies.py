@@ -112,6 +112,16 @@ def telling_violation(candidates: Candidates) -> Floats:
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
 
 
+def check_strategy(strategy: Strategy) -> Strategy:
+    """The strategy itself; raises ValueError for what cannot be called, such as a name."""
+    if not callable(strategy):
+        raise ValueError(
+            "strategy must be a function from Candidates to scores (n,), such as qlearn.strategies.max_regret, "
+            f"not {strategy!r}"
+        )
+    return strategy
+
+
 def draws_of(comparator: Comparator) -> Draws:
     """A comparator's ``draws``, or draws from all ordered scales where it has none."""
     own: Any = getattr(comparator, "draws", None)

@@ -86,6 +86,15 @@ def test_a_sentence_that_a_person_can_read():
 
 
 @pytest.mark.parametrize("bad", [{"days": 1}, {"days": 2.5}, {"simplicity": -0.1}, {"simplicity": 1.1}])
-def test_settings_that_make_no_sense_are_refused(bad):
-    with pytest.raises(ValueError, match=next(iter(bad))):
-        Bags(**bad)
+@pytest.mark.parametrize("worse", [None, "ten", float("nan"), float("inf")])
+def test_settings_that_make_no_sense_are_refused(bad, worse):
+    (name,) = bad
+    for value in (bad[name], worse):
+        with pytest.raises(ValueError, match=f"{name}.* must .*, not {value!r}"):
+            Bags(**{name: value})
+
+
+@pytest.mark.parametrize("about", [np.zeros((2, 5)), np.array([[np.nan, 0.0, 0.0]]), "all"])
+def test_differences_that_are_none_are_refused(about):
+    with pytest.raises(ValueError, match="d must"):
+        Bags().best(PolytopeComparator(3).draws, about)

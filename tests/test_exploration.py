@@ -33,11 +33,23 @@ def test_a_decay_falls_in_a_line_and_stays() -> None:
     assert epsilons(0.25, 12).tolist() == [0.25]
 
 
-@pytest.mark.parametrize("wrong", [{"first": 1.5}, {"last": -0.5}, {"share": 0.0}, {"share": float("nan")}])
+@pytest.mark.parametrize(
+    "wrong", [{"first": 1.5}, {"last": -0.5}, {"share": 0.0}, {"share": float("nan")}, {"last": "a"}]
+)
 def test_a_decay_that_is_none_is_refused(wrong: dict[str, float]) -> None:
     (name,) = wrong
     with pytest.raises(ValueError, match=f"{name} of a Decay must lie in 0"):
         Decay(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"exploration": ["constant"]}, {"epsilon": "x"}, {"epsilon": [0.1]}, {"steps": "x"}, {"episode_length": "x"}],
+)
+def test_settings_of_no_kind_are_refused_by_name(wrong: dict[str, Any]) -> None:
+    (name,) = wrong
+    with pytest.raises(ValueError, match=rf"{name} must .*, not ('x'|\[)"):
+        InteractiveQLearning(random_mdp(8, 3, 4, rng=2)[0], AlwaysAsk(4), **wrong)
 
 
 def test_a_name_stands_for_its_settings_and_settings_replace_them() -> None:

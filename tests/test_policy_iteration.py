@@ -255,7 +255,7 @@ def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked():
 
 def test_settings_that_make_no_sense_are_refused():
     mdp, _ = random_mdp(6, 2, 3, rng=0)
-    for bad in ({"tolerance": 0.0}, {"tolerance": np.nan}, {"max_loss": -1.0}, {"max_queries": -1}):
+    for bad in ({"tolerance": 0.0}, {"tolerance": np.nan}, {"max_loss": -1.0}, {"max_queries": -1}, {"bags": True}):
         with pytest.raises(ValueError, match=next(iter(bad))):
             InteractivePolicyIteration(mdp, PolytopeComparator(3), **bad)
     with pytest.raises(ValueError, match="k = 4"):

@@ -149,6 +149,9 @@ def test_it_is_a_comparator_like_the_others() -> None:
         {"shape": (0.0, 1.0)},
         {"shape": (2.0, 1.0)},
         {"shape": (1.0, math.inf)},
+        {"shape": (1e-300, 1e300)},  # whose logarithms of gaps are no numbers
+        {"particles": math.nan},
+        {"particles": math.inf},
         {"shape": (1.0,)},
         {"prior": "e2 >= 0.9, e2 <= 0.1"},
     ],

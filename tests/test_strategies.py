@@ -222,6 +222,15 @@ def test_ways_to_ask_that_there_are_not_are_refused():
             learner(mdp, PolytopeComparator(3), max_loss=0.0)
 
 
+@pytest.mark.parametrize("wrong", ["x", float("nan"), float("inf")])
+@pytest.mark.parametrize("name", ["strategy", "max_loss", "max_queries", "indifference", "audit", "batch"])
+def test_a_setting_of_no_kind_is_refused_before_the_first_question(name, wrong):
+    mdp, _ = random_mdp(6, 2, 3, rng=0)
+    for learner in (InteractivePolicyIteration, InteractiveValueIteration, InteractiveQLearning):
+        with pytest.raises(ValueError, match=f"{name}.* must .*, not {wrong!r}"):
+            learner(mdp, PolytopeComparator(3), **{name: wrong})
+
+
 def test_late_answers_of_q_learning_do_not_settle_the_next_step():
     # the verdict on a question between two steps must not leak into the loop's next comparison
     mdp, values = random_mdp(12, 3, 4, discount=0.9, rng=9)
