@@ -69,7 +69,11 @@ def _announce_compiling() -> None:
         def on_start(self, event: Any) -> None:
             if event.data["dispatcher"].py_func in _OURS and not said:
                 said.append(True)
-                print("elicit: compiling, once on this machine: up to a minute of computing ...", file=sys.stderr, flush=True)
+                print(
+                    "elicit: compiling, once on this machine: up to a minute of computing ...",
+                    file=sys.stderr,
+                    flush=True,
+                )
 
         def on_end(self, event: Any) -> None:
             pass

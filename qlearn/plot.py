@@ -42,8 +42,8 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 
 _HEADER = (
-    f"{'comparator':<16}{'errors':>7}{'questions':>13}{'% asked':>8}{'excess loss %':>14}{'wrong %':>8}"
-    f"{'after 1st':>10}  {'audits to conflict':<20}notes"
+    f"{'comparator':<16}{'errors':>7}{'questions':>15}{'% asked':>8}{'excess loss %':>14}{'wrong %':>8}"
+    f"{'after 1st':>10}  {'audits to conflict':<18} notes"
 )
 LEGEND = """\
 errors       chance that the tutor answers wrongly
@@ -182,10 +182,10 @@ def _line(name: Any, row: Any, audited: Any) -> str:
         if count
     ]
     return (
-        f"{name:<16}{100 * row.error_rate:>6.3g}%{_with_half(row.asked, row.asked_half, 0):>13}"
+        f"{name:<16}{100 * row.error_rate:>6.3g}%{_with_half(row.asked, row.asked_half, 0):>15}"
         f"{_number(row.asked_percent_open, 2):>8}{_with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2):>14}"
         f"{_rate(row.wrong_percent):>8}{_rate(row.wrong_percent_after):>10}"
-        f"  {contradiction:<20}{' '.join(notes)}"
+        f"  {contradiction:<18} {' '.join(notes)}"
     ).rstrip()
 
 
