@@ -118,7 +118,9 @@ def check_levels(k: int) -> int:
 
 
 def check_answers(answers: Answers, k: int) -> Answers:
-    """Raise ValueError where the answers are not about k levels."""
+    """Raise TypeError for anything but Answers, and ValueError where they are not about k levels."""
+    if not isinstance(answers, Answers):
+        raise TypeError(f"update takes Answers, not {answers!r}: Answers.of(list_of_answers, k) makes them")
     if answers.k != k:
         raise ValueError(f"these answers are about {answers.k} levels, but this comparator has k = {k}")
     return answers

@@ -65,6 +65,8 @@ def test_answers_teach_them_nothing():
         assert comparator.update(answers) == comparator
         with pytest.raises(ValueError, match="about 3 levels"):
             type(comparator)(4).update(answers)
+        with pytest.raises(TypeError, match=r"update takes Answers, not \[\]: Answers\.of"):
+            comparator.update([])
     assert isinstance(Dominance(3), Comparator)
     assert Dominance(3) != AlwaysAsk(3)
 
