@@ -155,11 +155,11 @@ def test_logistic_noise_errs_at_near_ties() -> None:
 def test_a_named_exploration_takes_the_place_of_epsilon() -> None:
     mdp, values = random_mdp(8, 3, 4, rng=0)
     cell = dict(zip(KEYS, ("random", "q-learning", "always", 0.0, 0.0, 0), strict=True))
-    named, uniform, other = (
+    named, constant, other = (
         run(cell, mdp, values, steps=300, **settings).v.tolist()
-        for settings in ({"exploration": "uniform", "epsilon": 0.3}, {"epsilon": 1.0}, {"exploration": "decaying"})
+        for settings in ({"exploration": "constant", "epsilon": 0.3}, {"epsilon": 0.1}, {"exploration": "decaying"})
     )
-    assert named == uniform != other
+    assert named == constant != other
 
 
 def test_unknown_names_and_rates_are_refused() -> None:
