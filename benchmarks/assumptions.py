@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import stdtrit
 
 from elicit import AlwaysAsk, BradleyTerryComparator, BradleyTerryTutor, TruthfulTutor
 from elicit.scale import Floats
 from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
 from qlearn.exploration import Start
-from qlearn.metrics import counts, estimated_values, paper_loss, reference_differences
+from qlearn.metrics import counts, estimated_values, half_width, paper_loss, reference_differences
 from qlearn.q_learning import LearningRate, polynomial_rate
 from qlearn.sweep import one_thread
 
@@ -119,7 +118,7 @@ def report(states: int, levels: int, steps: int, seeds: int, say: Callable[[str]
 
 
 def _shown(x: Floats, digits: int, signed: bool) -> str:
-    half = stdtrit(len(x) - 1, 0.975) * x.std(ddof=1) / np.sqrt(len(x))
+    half = half_width(x)
     mean = round(float(x.mean()), digits) + 0.0
     return f"{mean:{'+' if signed else ''}.{digits}f} ± {half:.{digits}f}"
 

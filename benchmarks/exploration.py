@@ -14,12 +14,12 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
-from scipy.special import stdtrit
 
 from elicit import AlwaysAsk, PolytopeComparator, TruthfulTutor
 from elicit.scale import Floats
 from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
 from qlearn.exploration import EXPLORATIONS, Decay, Exploration
+from qlearn.metrics import half_width
 from qlearn.runs import instance
 from qlearn.sweep import one_thread
 
@@ -92,7 +92,7 @@ def _over(problem: Problem, choice: Exploration, steps: int, seeds: int, ask: bo
 def _shown(x: Floats, digits: int) -> str:
     if np.isnan(x).any():
         return ""
-    half = "" if len(x) < 2 else f" ± {stdtrit(len(x) - 1, 0.975) * x.std(ddof=1) / np.sqrt(len(x)):,.{digits}f}"
+    half = "" if len(x) < 2 else f" ± {half_width(x):,.{digits}f}"
     return f"{x.mean():,.{digits}f}{half}"
 
 

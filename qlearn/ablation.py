@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from qlearn.metrics import CELL, paper_loss, summarise
-from qlearn.runs import Cell, Run, Size, instance, run, run_named, sources
+from qlearn.runs import Cell, Interrupted, Run, Size, instance, run, run_named, sources
 from qlearn.sweep import Unfinished, sweep
 
 __all__ = ["Interrupted", "Run", "ablate", "cells", "run", "summarise"]
@@ -31,14 +31,6 @@ ORDER: dict[str, tuple[str, ...]] = {
 
 AUDITED = ("polytope", "relaxed")  # to a statistical model a surprising answer is no contradiction
 _SLOW = {"box": 5.0, "ensemble": 4.0, "always": 3.0, "posterior": 2.0, "posterior-close": 2.0}  # roughly; others 1
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during an ablation; ``frame`` holds the runs that had finished."""
-
-    def __init__(self, frame: pd.DataFrame) -> None:
-        super().__init__(f"interrupted after {len(frame)} runs")
-        self.frame = frame
 
 
 def ablate(

@@ -77,6 +77,35 @@ def defaults_of(groups: Groups) -> dict[str, Any]:
     return {name: default for group in groups.values() for name, (_, default, _) in group.items()}
 
 
+def without(error: ModuleNotFoundError) -> int:
+    """Say which package of the extra is missing; returns the exit code. Raises the error where it is none of them."""
+    if (error.name or "").split(".")[0] not in EXTRAS:
+        raise error
+    return fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
+
+
+def frame_of(name: str, runs: Callable[..., Any], out: Path) -> tuple[Any, int]:
+    """The frame of all runs, or of those finished before Ctrl-C, with a bar and a journal in the directory ``out``,
+    and the exit code; None for the frame where there is nothing to show."""
+    from qlearn.runs import Interrupted
+
+    try:  # before the runs, not after minutes of them
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return None, fail(f"cannot make the directory --out {out}: {error.strerror}")
+    bar, show = progress_bar(name)
+    try:
+        with bar:
+            return runs(progress=show, journal=out / "journal.jsonl"), 0
+    except Interrupted as stopped:
+        kept = len(stopped.frame)
+        print(f"interrupted: keeping the {kept} runs that had finished; start again to go on", file=sys.stderr)
+        return stopped.frame if kept else None, 130
+    # a problem's package is missing; options that do not go together; a journal that is in use, or not to be written
+    except (ImportError, ValueError, OSError) as error:
+        return None, fail(str(error))
+
+
 def progress_bar(name: str) -> tuple[Any, Callable[[int, int], None]]:
     """A bar that counts runs on the error stream of a terminal, and what moves it to (finished, in all)."""
     from tqdm import tqdm

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from qlearn import figures_command
@@ -12,7 +13,6 @@ from qlearn.arguments import (
     COUNT,
     DISCOUNT,
     ERROR_RATE,
-    EXTRAS,
     FROM_0,
     INNER,
     LAPSE,
@@ -25,8 +25,8 @@ from qlearn.arguments import (
     add_groups,
     add_where,
     defaults_of,
-    fail,
-    progress_bar,
+    frame_of,
+    without,
 )
 
 QUICK: dict[str, Any] = {
@@ -49,30 +49,13 @@ def _ablate(options: dict[str, Any]) -> int:
     try:
         import tqdm  # noqa: F401 - for the bar
 
-        from qlearn.ablation import KEYS, Interrupted, ablate, summarise
+        from qlearn.ablation import KEYS, ablate, summarise
         from qlearn.plot import LEGEND, plot_ablation, table
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in EXTRAS:
-            raise
-        return fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
-    try:  # before the runs, not after minutes of them
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        return fail(f"cannot make the directory --out {out}: {error.strerror}")
-
-    bar, show = progress_bar("ablation")
-    code = 0
-    try:
-        with bar:
-            frame = ablate(progress=show, journal=out / "journal.jsonl", **settings)
-    except Interrupted as stopped:
-        frame, code = stopped.frame, 130
-        print(f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on", file=sys.stderr)
-        if frame.empty:
-            return code
-    # a problem's package is missing; options that do not go together; a journal that is in use, or not to be written
-    except (ImportError, ValueError, OSError) as error:
-        return fail(str(error))
+        return without(error)
+    frame, code = frame_of("ablation", partial(ablate, **settings), out)
+    if frame is None:
+        return code
 
     times = [*KEYS, "seconds"]
     frame[times].to_csv(out / "times.csv", index=False, lineterminator="\n")

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from qlearn.metrics import paper_loss
-from qlearn.runs import Cell, Run, Size, instance, run, run_named, sources
+from qlearn.runs import Cell, Interrupted, Run, Size, instance, run, run_named, sources
 from qlearn.sweep import Unfinished, sweep
 
 __all__ = ["COMPARATORS", "KEYS", "ORDER", "SETTINGS", "Interrupted", "cells", "figures", "run_one"]
@@ -32,14 +32,6 @@ SETTINGS: dict[str, Any] = {"noise": "logistic", "max_queries": None, "n_boot": 
 
 ORDER = ("always", *COMPARATORS)
 _SLOW = {"box": 8.0, "box-rescaled": 3.0, "posterior": 3.0}  # roughly; others 1
-
-
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C; ``frame`` holds the runs that had finished."""
-
-    def __init__(self, frame: pd.DataFrame) -> None:
-        super().__init__(f"interrupted after {len(frame)} runs")
-        self.frame = frame
 
 
 def figures(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
+from functools import partial
 from typing import Any
 
 from qlearn.arguments import (
     COUNT,
     DISCOUNT,
     ERROR_RATE,
-    EXTRAS,
     FROM_0,
     INNER,
     LAPSE,
@@ -21,8 +20,8 @@ from qlearn.arguments import (
     add_groups,
     add_where,
     defaults_of,
-    fail,
-    progress_bar,
+    frame_of,
+    without,
 )
 
 QUICK: dict[str, Any] = {
@@ -95,29 +94,13 @@ def run(options: dict[str, Any]) -> int:
         import tqdm  # noqa: F401 - for the bar
 
         from qlearn.figure_plots import plot_asked, plot_loss, save
-        from qlearn.figures import KEYS, Interrupted, figures
+        from qlearn.figures import KEYS, figures
         from qlearn.trends import claims, claims_page, claims_text, summarise_series
     except ModuleNotFoundError as error:
-        if (error.name or "").split(".")[0] not in EXTRAS:
-            raise
-        return fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
-    try:  # before the runs, not after minutes of them
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        return fail(f"cannot make the directory --out {out}: {error.strerror}")
-
-    bar, show = progress_bar("figures")
-    code = 0
-    try:
-        with bar:
-            frame = figures(progress=show, journal=out / "journal.jsonl", **settings)
-    except Interrupted as stopped:
-        frame, code = stopped.frame, 130
-        print(f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on", file=sys.stderr)
-        if frame.empty:
-            return code
-    except (ValueError, OSError) as error:  # options that do not go together; a journal that cannot be used
-        return fail(str(error))
+        return without(error)
+    frame, code = frame_of("figures", partial(figures, **settings), out)
+    if frame is None:
+        return code
 
     frame[[*KEYS, "seconds"]].to_csv(out / "times.csv", index=False, lineterminator="\n")
     frame = frame.drop(columns="seconds")

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
 from elicit.comparator import Comparator, simultaneous_bounds
+from elicit.particles import LEVEL_ROUNDING
 from elicit.sample import Draws
 from elicit.scale import Floats, tail_sums
 from qlearn.backup import model_of, q_of
@@ -29,7 +30,6 @@ from qlearn.mdp import OrdinalMDP
 from qlearn.planning import Actions, evaluate_policy, policy_iteration
 
 _ROUNDING = 1e-14  # more than the rounding of one advantage
-LEVEL_ROUNDING = 1e-9  # weights that fall short of a level by less reach it
 BLOCK = 48  # draws looked at together
 MOST_SWEEPS = 2000
 

@@ -197,3 +197,9 @@ def means(groups: Any, measures: Sequence[str]) -> DataFrame:
     half = spread * stdtrit(n - 1, 0.975).where(n > 1) / np.sqrt(n)
     table: DataFrame = mean.join(half.add_suffix("_half"))
     return table[[column for name in measures for column in (name, f"{name}_half")]]
+
+
+def half_width(x: Floats) -> float:
+    """Half the width of the 95% t-interval of the mean of x (n,); nan from one number."""
+    n = len(x)
+    return float(stdtrit(n - 1, 0.975) * np.std(x, ddof=1) / np.sqrt(n)) if n > 1 else float("nan")

@@ -58,6 +58,14 @@ class Run(NamedTuple):
     v: Floats
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during many runs; ``frame``, a pandas DataFrame, holds those that had finished."""
+
+    def __init__(self, frame: Any) -> None:
+        super().__init__(f"interrupted after {len(frame)} runs")
+        self.frame = frame
+
+
 def run(
     cell: Cell,
     mdp: OrdinalMDP,

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.special import stdtrit
 from scipy.stats import spearmanr
 
 from elicit.scale import Floats
 from qlearn.figures import ORDER
-from qlearn.metrics import means
+from qlearn.metrics import half_width, means
 
 __all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_page", "claims_text", "series_of", "summarise_series"]
 
@@ -177,7 +176,5 @@ def _head(figure: int, arm: Any, measure: str) -> dict[str, Any]:
 
 def _interval(x: Floats) -> tuple[float, float, float]:
     """Mean, and the ends of the 95% t-interval; nan from one number."""
-    n = len(x)
-    mean = float(np.mean(x))
-    half = float(stdtrit(n - 1, 0.975) * np.std(x, ddof=1) / np.sqrt(n)) if n > 1 else np.nan
+    mean, half = float(np.mean(x)), half_width(x)
     return mean, mean - half, mean + half
