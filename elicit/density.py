@@ -8,8 +8,6 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from elicit.jit import compiled
 from elicit.scale import Floats
 
@@ -220,13 +218,3 @@ def powered(theta: Any, rows: Any, tied: Any, n: int, last: float, lapse: float,
         return log_likelihood(theta, rows, tied, 0, n, lapse, least, work)
     found = last * log_likelihood(theta, rows, tied, n - 1, n, lapse, -math.inf, work)
     return found + log_likelihood(theta, rows, tied, 0, n - 1, lapse, least - found, work)
-
-
-@compiled
-def densities(x: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, out: Any) -> None:
-    """Log density (m,) of the target, the last row's likelihood to the power ``last``."""
-    p = x.shape[1]
-    theta, work = np.empty(p), np.empty((2, BLOCK))
-    for i in range(len(x)):
-        out[i] = log_prior(x[i], prior, theta, work)
-        out[i] += powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)

@@ -15,6 +15,7 @@ import numpy as np
 from elicit.density import BLOCK, Prior, log_prior, powered
 from elicit.hashed import mix
 from elicit.jit import compiled
+from elicit.rough import LEAST_LAPSE, error, rough_likelihood, roughened
 
 SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares: of proposals that exchange two gaps; of the others, those that
 # change the precision alone, and with them those in all coordinates; the rest step in at most so many
@@ -30,25 +31,51 @@ def unit(h: Any) -> float:
 
 
 @compiled
-def sweep(x: Any, logs: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: Any) -> int:
-    """Propose a move for each particle x (m, p) in turn, whose target's log density is in logs (m,). Returns how many
-    were accepted, those not counted that led nowhere."""
+def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: Any, turns: int) -> int:
+    """Propose a move for each particle x (m, p) in turn, so many times over, that keeps the density of ``log_prior``
+    and ``powered``: single precision decides unless its errors could. Returns how many were accepted, those not
+    counted that led nowhere."""
     m, p = x.shape
-    proposal, theta, work = np.empty(p), np.empty(p), np.empty((2, BLOCK))
-    accepted = 0
+    proposal, theta, work, small = np.empty(p), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
+    rough, logs, errors, accepted = roughened(rows, tied, n), np.empty(m), np.zeros(m), 0
+    precise = last < 1.0 or prior.lapse < LEAST_LAPSE
     for i in range(m):
-        h = mix(key, i)
-        away = swap(x, i, proposal, h) if p > 1 and unit(mix(h, 0)) < SWAPS else step(x, i, proposal, h)
-        density = log_prior(proposal, prior, theta, work)
-        least = logs[i] + math.log(unit(mix(h, 1))) - density
-        if density == -math.inf or least > 0.0:
+        if i > 0 and (x[i] == x[i - 1]).all():
+            logs[i], errors[i] = logs[i - 1], errors[i - 1]
             continue
-        found = powered(theta, rows, tied, n, last, prior.lapse, least, work)
-        if found >= least:
-            for j in range(p):
-                x[i, j] = proposal[j]
-            logs[i] = density + found
-            accepted += away
+        logs[i] = log_prior(x[i], prior, theta, work)
+        if precise:
+            logs[i] += powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)
+        else:
+            logs[i] += rough_likelihood(theta, rough, prior.lapse, -math.inf, small, work[0])
+            errors[i] = error(theta, rough)
+    for draw in range(turns * m):
+        i = draw % m
+        h = mix(mix(key, 1 + draw // m), i)
+        away = swap(x, i, proposal, h) if p > 1 and unit(mix(h, 0)) < SWAPS else step(x, i, proposal, h)
+        density, ease = log_prior(proposal, prior, theta, work), math.log(unit(mix(h, 1)))
+        least = logs[i] + ease - density
+        if density == -math.inf or least > errors[i]:
+            continue
+        slack, found = 0.0, -math.inf
+        if last == 1.0:
+            slack = error(theta, rough)
+            found = rough_likelihood(theta, rough, prior.lapse, least - errors[i] - slack, small, work[0])
+            if found == -math.inf:
+                continue
+        if precise or not found > least + errors[i] + slack:
+            if errors[i] > 0.0:
+                logs[i], errors[i] = log_prior(x[i], prior, theta, work), 0.0
+                logs[i] += powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)
+                density = log_prior(proposal, prior, theta, work)
+                least = logs[i] + ease - density
+            slack, found = 0.0, powered(theta, rows, tied, n, last, prior.lapse, least, work)
+            if least > 0.0 or not found >= least:
+                continue
+        for j in range(p):
+            x[i, j] = proposal[j]
+        logs[i], errors[i] = density + found, slack
+        accepted += away
     return accepted
 
 

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from elicit.density import BLOCK, Prior, densities, likelihoods, scaled
+from elicit.density import BLOCK, Prior, likelihoods, scaled
 from elicit.hashed import mix
 from elicit.jit import compiled
-from elicit.moves import sweep, unit
+from elicit.moves import move, unit
 from elicit.settle import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
 
 ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
@@ -93,10 +93,8 @@ def learn(
                 logs[i] = 0.0
                 run = run + 1.0 if i > 0 and copied[i] == copied[i - 1] else 1.0
                 noise[0] += (2.0 * run - 2.0) / m / m  # sums to squared numbers of copies, less one for each particle
-            densities(x, rows, tied, n, done, prior, target)
             before = features(x, prior.fixed)
-            for turn in range(SWEEPS):
-                accepted += sweep(x, target, rows, tied, n, done, prior, mix(mix(key, stage), 1 + turn))
+            accepted += move(x, rows, tied, n, done, prior, mix(key, stage), SWEEPS)
             proposed += SWEEPS * m
             thetas(x, prior.fixed, theta)
             noise[0] = 1.0 / m + remembered(before, features(x, prior.fixed)) * (noise[0] - 1.0 / m)

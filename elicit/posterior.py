@@ -20,9 +20,9 @@ from scipy.special import gammaln, ndtri
 
 from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.conflict import is_empty
-from elicit.density import Prior, densities
+from elicit.density import Prior
 from elicit.lp import prior_rows
-from elicit.moves import sweep
+from elicit.moves import move
 from elicit.particles import LEVEL_ROUNDING, SWEEPS, effective_size, learn, thetas, weigh
 from elicit.prior import PriorLike, as_prior
 from elicit.query import Answers
@@ -293,12 +293,9 @@ class PosteriorComparator:
             if 0.0 < gap < _THIN:
                 break
             x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
-            eased, logs = self._prior._replace(limits=limits - gap), np.empty(m)
-            densities(x, nothing, untied, 1, 1.0, eased, logs)
-            for turn in range(SWEEPS):
-                key = fold(self._key, m, stage, turn)[()]
-                with np.errstate(all="ignore"):
-                    sweep(x, logs, nothing, untied, 1, 1.0, eased, key)
+            eased = self._prior._replace(limits=limits - gap)
+            with np.errstate(all="ignore"):
+                move(x, nothing, untied, 1, 1.0, eased, fold(self._key, m, stage)[()], SWEEPS)
         raise ValueError(
             f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: "
             "relax some of them"

@@ -20,6 +20,7 @@ from scipy.stats import ks_2samp, kstest
 from elicit import density as D
 from elicit import moves as M
 from elicit import particles as P
+from elicit import rough as R
 from elicit.posterior import PosteriorComparator
 from elicit.query import Verdict
 from elicit.scale import dominance, tail_sums
@@ -244,16 +245,66 @@ def test_weighing_is_the_share_of_weight_on_either_side(level: float) -> None:
 
 
 def moved(x: Floats, rows: Floats, tied: Floats, prior: D.Prior, sweeps: int, key: int, last: float = 1.0) -> Floats:
-    x, logs = x.copy(), np.empty(len(x))
-    D.densities(x, rows, tied, rows.shape[1], last, prior, logs)
-    accepted = 0
-    for turn in range(sweeps):
-        accepted += M.sweep(x, logs, rows, tied, rows.shape[1], last, prior, fold(np.uint64(key), turn)[()])
-    again = np.empty(len(x))
-    D.densities(x, rows, tied, rows.shape[1], last, prior, again)
-    assert logs == pytest.approx(again, rel=1e-9, abs=1e-9)  # the densities kept are those of the particles
+    x = x.copy()
+    accepted = M.move(x, rows, tied, rows.shape[1], last, prior, np.uint64(key), sweeps)
     assert accepted > 0.05 * sweeps * len(x)
     return x
+
+
+def in_double(x: Floats, rows: Floats, tied: Floats, last: float, prior: D.Prior, key: Any, turns: int) -> int:
+    """``move`` as it would be without single precision."""
+    theta, work, proposal = np.empty(x.shape[1]), np.empty((2, D.BLOCK)), np.empty(x.shape[1])
+    accepted, n = 0, rows.shape[1]
+    logs = [D.log_prior(at, prior, theta, work) + D.powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)
+            for at in x]  # fmt: skip
+    for turn in range(turns):
+        for i in range(len(x)):
+            h = fold(key, 1 + turn, i)[()]
+            swaps = x.shape[1] > 1 and M.unit(fold(h, 0)[()]) < M.SWAPS
+            away = (M.swap if swaps else M.step)(x, i, proposal, h)
+            density = D.log_prior(proposal, prior, theta, work)
+            least = logs[i] + math.log(M.unit(fold(h, 1)[()])) - density
+            if density == -math.inf or least > 0.0:
+                continue
+            found = D.powered(theta, rows, tied, n, last, prior.lapse, least, work)
+            if found >= least:
+                x[i], logs[i], accepted = proposal, density + found, accepted + away
+    return accepted
+
+
+@pytest.mark.parametrize("lapse", [0.0, 1e-9, 1e-4, 0.1])
+@pytest.mark.parametrize(("n", "last", "size"), [(1, 1.0, 1.0), (70, 1.0, 0.2), (200, 0.3, 0.2), (400, 1.0, 30.0)])
+def test_single_precision_changes_no_decision(lapse: float, n: int, last: float, size: float) -> None:
+    p, rng = 6, np.random.default_rng(n)
+    prior = PosteriorComparator(p + 1, lapse=lapse)._prior
+    rows, tied = size * rng.normal(size=(p, n)), rng.random(n) < 0.1
+    start = prior_draws(rng, p, 40)
+    start[10:20] = start[9]  # copies
+    one, other = start.copy(), start.copy()
+    with np.errstate(all="ignore"):
+        accepted = M.move(one, rows, tied, n, last, prior, np.uint64(5), 12)
+        assert in_double(other, rows, tied, last, prior, np.uint64(5), 12) == accepted > 0
+    assert (one == other).all()
+    assert (one != start).any()
+
+
+@given(st.integers(0, 10**6))
+def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    p, n = int(rng.integers(1, 20)), int(rng.integers(1, 300))
+    rows = rng.normal(size=(p, n)) * 10.0 ** rng.uniform(-4, 2)
+    tied, lapse = rng.random(n) < rng.choice([0.0, 0.1]), float(rng.choice([0.0, 1e-6, 1e-4, 0.05, 0.9]))
+    theta = np.exp(rng.normal(size=p) * 2.0)
+    small, work = np.empty((2, D.BLOCK), np.float32), np.empty((2, D.BLOCK))
+    rough = R.roughened(rows, tied, n)
+    exact = D.log_likelihood(theta, rows, tied, 0, n, lapse, -math.inf, work)
+    found = R.rough_likelihood(theta, rough, lapse, -math.inf, small, work[0])
+    slack = R.error(theta, rough)
+    assert found >= exact - slack
+    assert lapse < R.LEAST_LAPSE or found <= exact + slack
+    assert R.rough_likelihood(theta, rough, lapse, found - 1e-9, small, work[0]) == pytest.approx(found, abs=1e-9)
+    assert R.rough_likelihood(theta, rough, lapse, found + 1e-6, small, work[0]) == -math.inf
+    assert slack < 1e-3 * n + 1e-5 * (np.abs(rows).T @ theta).sum()
 
 
 def statistics(x: Floats) -> dict[str, Floats]:

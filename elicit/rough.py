@@ -1,0 +1,143 @@
+"""Likelihoods in single precision, twice as fast, which decide on nearly all proposals as the exact ones would.
+
+Nothing hangs on their rounding: each comes with a bound on its error, and what is closer than that is left to double
+precision. Rows are filled up to whole blocks, so that every loop has a length that the compiler knows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from elicit.density import BLOCK
+from elicit.jit import compiled
+
+ROUNDING = 2.0**-24  # of a number in single precision
+TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
+LEAST_LAPSE = 1e-4  # below, a likelihood may come out too great: see ``_FEW``
+SMALL = 1e-150  # products below are put away as logarithms; from that lapse on half a block's is not below
+_NONE, _ONE, _FAR, _PART = np.float32(0.0), np.float32(1.0), np.float32(25.0), np.float32(-1.0 / 32.0)
+_FEW = np.float32(1e-9)  # no term is less: products of four are still numbers
+_C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in range(2, 8))
+
+
+class Rough(NamedTuple):
+    """Rows in single precision, with zeros up to whole blocks."""
+
+    rows: Any  # (p, n), single precision
+    tied: Any  # (n,)
+    sums: Any  # (p,) of the sizes in each column
+    even: float  # what the zeros' terms multiply a likelihood by, upside down
+
+
+@compiled
+def roughened(rows: Any, tied: Any, n: int) -> Rough:
+    """The first n of rows (p, >= n) and of ``tied``."""
+    p, whole = len(rows), (n + BLOCK - 1) // BLOCK * BLOCK
+    out, ties, sums = np.zeros((p, whole), np.float32), np.zeros(whole, np.bool_), np.zeros(p)
+    for j in range(p):
+        for i in range(n):
+            out[j, i] = rows[j, i]
+            sums[j] += abs(rows[j, i])
+    for i in range(n):
+        ties[i] = tied[i]
+    return Rough(out, ties, sums, 2.0 ** (whole - n))
+
+
+@compiled
+def error(theta: Any, rough: Rough) -> float:
+    """How far ``rough_likelihood`` of n rows may be from the exact one."""
+    sizes = 0.0
+    for j in range(len(theta)):
+        sizes += rough.sums[j] * theta[j]
+    return TERM * len(rough.tied) + (len(theta) + 6) * ROUNDING * sizes
+
+
+@compiled
+def rough_likelihood(theta: Any, rough: Rough, lapse: float, least: float, small: Any, work: Any) -> float:
+    """``log_likelihood`` of theta (p,) to within ``error``, or too great by more where the lapse is below
+    ``LEAST_LAPSE``; -inf as soon as it is below ``least``. Writes in small (2, BLOCK), in single precision, and in
+    work (BLOCK,)."""
+    whole, gone, share = len(rough.tied), 0.0, 1.0
+    limit = math.exp(least) if least > -700.0 else 0.0
+    for start in range(0, whole, BLOCK):
+        rough_logits(theta, rough.rows, start, small[0])
+        rough_terms(small, rough.tied[start : start + BLOCK], lapse, work)
+        if start + BLOCK == whole:
+            share *= rough.even
+        for half in range(2):
+            share *= max(work[half], SMALL)
+            if share < SMALL:
+                gone += math.log(share)
+                share, limit = 1.0, math.exp(least - gone) if least - gone > -700.0 else 0.0
+        if share < limit:
+            return -math.inf
+    return gone + math.log(share)
+
+
+@compiled
+def rough_logits(theta: Any, rows: Any, start: int, out: Any) -> None:
+    """row.theta into out (BLOCK,) for a block of rows (p, n) from ``start``."""
+    p, stop = len(theta), start + BLOCK
+    for i in range(BLOCK):
+        out[i] = _NONE
+    for j in range(0, p - 3, 4):  # four at a time: the sums stay in registers
+        a, b = np.float32(theta[j]), np.float32(theta[j + 1])
+        c, d = np.float32(theta[j + 2]), np.float32(theta[j + 3])
+        ra, rb = rows[j, start:stop], rows[j + 1, start:stop]
+        rc, rd = rows[j + 2, start:stop], rows[j + 3, start:stop]
+        for i in range(BLOCK):
+            out[i] += ra[i] * a + rb[i] * b + rc[i] * c + rd[i] * d
+    for j in range(p - p % 4, p):
+        a, ra = np.float32(theta[j]), rows[j, start:stop]
+        for i in range(BLOCK):
+            out[i] += ra[i] * a
+
+
+@compiled
+def rough_terms(small: Any, tied: Any, lapse: float, work: Any) -> None:
+    """The products of one block's terms (see ``density.log_terms``), half of them each, into the first two of work
+    (BLOCK,); eta is in the first row of small (2, BLOCK)."""
+    above, below, ties = small[0], small[1], 0
+    half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
+    for i in range(BLOCK):
+        ties += tied[i]
+    for i in range(BLOCK):
+        below[i] = rough_exp(min(abs(above[i]), _FAR))
+    for i in range(BLOCK):
+        above[i] = max(half + sure * (_ONE if above[i] >= _NONE else below[i]) / (_ONE + below[i]), _FEW)
+    if ties > 0:
+        for i in range(BLOCK):
+            if tied[i]:
+                less = sure * below[i] / (_ONE + below[i])
+                above[i] = max(math.sqrt((half + less) * (half + sure - less)), _FEW)
+    for i in range(32):
+        above[i] *= above[i + 32]
+    for i in range(16):
+        work[i] = np.float64(above[i] * above[i + 16])
+    for i in range(8):
+        work[i] *= work[i + 8]
+    for i in range(4):
+        work[i] *= work[i + 4]
+    for i in range(2):
+        work[i] *= work[i + 2]
+
+
+@compiled
+def rough_exp(u: Any) -> Any:
+    """exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to 15."""
+    v = u * _PART
+    e = _C6 + v * _C7
+    e = _C5 + v * e
+    e = _C4 + v * e
+    e = _C3 + v * e
+    e = _C2 + v * e
+    e = _ONE + v * e
+    e = _ONE + v * e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return e * e
