@@ -15,7 +15,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """The function as machine code, kept on disk between processes; itself where there is no numba. No option
     that lets sums be reordered: both ways give the same numbers to the last bit."""
-    return _made(function, nogil=False)
+    return _made(function)
+
+
+def loosely(function: F) -> F:
+    """``compiled``, with products and sums fused and reordered: for numbers whose rounding nothing hangs on."""
+    return _made(function, fastmath={"contract", "reassoc"})
 
 
 def unlocked(function: F) -> F:
@@ -23,7 +28,7 @@ def unlocked(function: F) -> F:
     return _made(function, nogil=True)
 
 
-def _made(function: F, nogil: bool) -> F:
+def _made(function: F, **options: Any) -> F:
     try:
         from numba import config as settings
         from numba import njit
@@ -35,9 +40,9 @@ def _made(function: F, nogil: bool) -> F:
     _FOLDERS.add(folder)  # what this function calls was imported, and is known here, before it
     config.CACHE_DIR = _cache_of(usual, folder, frozenset(_FOLDERS))
     try:
-        made: Any = njit(cache=True, error_model="numpy", nogil=nogil)(function)
+        made: Any = njit(cache=True, error_model="numpy", **options)(function)
     except RuntimeError:  # nowhere to keep it
-        made = njit(error_model="numpy", nogil=nogil)(function)
+        made = njit(error_model="numpy", **options)(function)
     finally:
         config.CACHE_DIR = usual
     _OURS.add(function)
@@ -55,7 +60,7 @@ def _cache_of(usual: str, folder: Path, called: frozenset[Path] = frozenset(_FOL
     sources = {path: path.read_bytes() for home in {folder} | called for path in home.glob("*.py")}
     digest = hashlib.blake2b(digest_size=8)
     for path in sorted(sources):
-        if b"@compiled" in sources[path] or b"@unlocked" in sources[path]:
+        if any(mark in sources[path] for mark in (b"@compiled", b"@loosely", b"@unlocked")):
             digest.update(sources[path])
     return str(Path(usual or folder / "__pycache__") / f"numba-{digest.hexdigest()}")
 

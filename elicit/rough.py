@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from elicit.density import BLOCK
-from elicit.jit import compiled
+from elicit.jit import compiled, loosely
 
 ROUNDING = 2.0**-24  # of a number in single precision
 TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
@@ -77,7 +77,7 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, least: float, small
     return gone + math.log(share)
 
 
-@compiled
+@loosely
 def rough_logits(theta: Any, rows: Any, start: int, out: Any) -> None:
     """row.theta into out (BLOCK,) for a block of rows (p, n) from ``start``."""
     p, stop = len(theta), start + BLOCK
@@ -96,7 +96,7 @@ def rough_logits(theta: Any, rows: Any, start: int, out: Any) -> None:
             out[i] += ra[i] * a
 
 
-@compiled
+@loosely
 def rough_terms(small: Any, tied: Any, lapse: float, work: Any) -> None:
     """The products of one block's terms (see ``density.log_terms``), half of them each, into the first two of work
     (BLOCK,); eta is in the first row of small (2, BLOCK)."""
@@ -125,7 +125,7 @@ def rough_terms(small: Any, tied: Any, lapse: float, work: Any) -> None:
         work[i] *= work[i + 2]
 
 
-@compiled
+@loosely
 def rough_exp(u: Any) -> Any:
     """exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to 15."""
     v = u * _PART
