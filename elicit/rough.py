@@ -17,6 +17,7 @@ from elicit.jit import compiled, loosely
 ROUNDING = 2.0**-24  # of a number in single precision
 TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
 LEAST_LAPSE = 1e-4  # below, a likelihood may come out too great: see ``_FEW``
+HALF = BLOCK // 2
 SMALL = 1e-150  # products below are put away as logarithms; from that lapse on half a block's is not below
 _NONE, _ONE, _FAR, _PART = np.float32(0.0), np.float32(1.0), np.float32(25.0), np.float32(-1.0 / 32.0)
 _FEW = np.float32(1e-9)  # no term is less: products of four are still numbers
@@ -29,6 +30,7 @@ class Rough(NamedTuple):
     rows: Any  # (p, n), single precision
     tied: Any  # (n,)
     sums: Any  # (p,) of the sizes in each column
+    ties: Any  # (n / BLOCK,) how many there are in each
     even: float  # what the zeros' terms multiply a likelihood by, upside down
 
 
@@ -37,13 +39,15 @@ def roughened(rows: Any, tied: Any, n: int) -> Rough:
     """The first n of rows (p, >= n) and of ``tied``."""
     p, whole = len(rows), (n + BLOCK - 1) // BLOCK * BLOCK
     out, ties, sums = np.zeros((p, whole), np.float32), np.zeros(whole, np.bool_), np.zeros(p)
+    counts = np.zeros(whole // BLOCK, np.int64)
     for j in range(p):
         for i in range(n):
             out[j, i] = rows[j, i]
             sums[j] += abs(rows[j, i])
     for i in range(n):
         ties[i] = tied[i]
-    return Rough(out, ties, sums, 2.0 ** (whole - n))
+        counts[i // BLOCK] += tied[i]
+    return Rough(out, ties, sums, counts, 2.0 ** (whole - n))
 
 
 @compiled
@@ -64,11 +68,13 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, least: float, small
     limit = math.exp(least) if least > -700.0 else 0.0
     for start in range(0, whole, BLOCK):
         rough_logits(theta, rough.rows, start, small[0])
-        rough_terms(small, rough.tied[start : start + BLOCK], lapse, work)
+        rough_terms(small, lapse)
+        if rough.ties[start // BLOCK] > 0:
+            rough_ties(small, rough.tied[start : start + BLOCK], lapse)
         if start + BLOCK == whole:
             share *= rough.even
-        for half in range(2):
-            share *= max(work[half], SMALL)
+        for half in (small[0, :HALF], small[0, HALF:]):
+            share *= max(product(half), SMALL)
             if share < SMALL:
                 gone += math.log(share)
                 share, limit = 1.0, math.exp(least - gone) if least - gone > -700.0 else 0.0
@@ -97,32 +103,34 @@ def rough_logits(theta: Any, rows: Any, start: int, out: Any) -> None:
 
 
 @loosely
-def rough_terms(small: Any, tied: Any, lapse: float, work: Any) -> None:
-    """The products of one block's terms (see ``density.log_terms``), half of them each, into the first two of work
-    (BLOCK,); eta is in the first row of small (2, BLOCK)."""
-    above, below, ties = small[0], small[1], 0
+def rough_terms(small: Any, lapse: float) -> None:
+    """One block's terms (see ``density.log_terms``) into the first row of small (2, BLOCK), where eta is."""
+    above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
-    for i in range(BLOCK):
-        ties += tied[i]
     for i in range(BLOCK):
         below[i] = rough_exp(min(abs(above[i]), _FAR))
     for i in range(BLOCK):
         above[i] = max(half + sure * (_ONE if above[i] >= _NONE else below[i]) / (_ONE + below[i]), _FEW)
-    if ties > 0:
-        for i in range(BLOCK):
-            if tied[i]:
-                less = sure * below[i] / (_ONE + below[i])
-                above[i] = max(math.sqrt((half + less) * (half + sure - less)), _FEW)
-    for i in range(32):
-        above[i] *= above[i + 32]
-    for i in range(16):
-        work[i] = np.float64(above[i] * above[i + 16])
-    for i in range(8):
-        work[i] *= work[i + 8]
-    for i in range(4):
-        work[i] *= work[i + 4]
-    for i in range(2):
-        work[i] *= work[i + 2]
+
+
+@loosely
+def rough_ties(small: Any, tied: Any, lapse: float) -> None:
+    """The same, where ``tied`` (BLOCK,)."""
+    above, below = small[0], small[1]
+    half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
+    for i in range(BLOCK):
+        if tied[i]:
+            less = sure * below[i] / (_ONE + below[i])
+            above[i] = max(math.sqrt((half + less) * (half + sure - less)), _FEW)
+
+
+@loosely
+def product(terms: Any) -> float:
+    """The product of terms (n,) in double precision."""
+    total = 1.0
+    for i in range(len(terms)):
+        total *= np.float64(terms[i])
+    return total
 
 
 @loosely
