@@ -14,8 +14,8 @@ import numpy as np
 from elicit.comparator import Tier
 from elicit.corner import BEST, EPS, ROW, SMALL, Known, doubt_at
 from elicit.density import BLOCK
-from elicit.jit import compiled
-from elicit.particles import LEVEL_ROUNDING
+from elicit.jit import compiled, loosely
+from elicit.particles import LEVEL_ROUNDING, scores_into, signed_weights
 from elicit.rule import BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
 from elicit.settle import (
     BETTER,
@@ -136,20 +136,9 @@ def judge_weighted(t: Any, shift: float, floor: Any, gaps: Any, weights: Any, le
     up, down, left = 0.0, 0.0, 1.0
     for start in range(0, m, BLOCK):
         end = min(m, start + BLOCK)
-        scores, first = at[start:end], gaps[0, start:end]
-        for q in range(end - start):
-            scores[q] = t[0] * first[q]
-        for j in range(1, p):
-            by, gap = t[j], gaps[j, start:end]
-            for q in range(end - start):
-                scores[q] += by * gap[q]
-        for q in range(start, end):
-            w = weights[q]
-            left -= w
-            if at[q] + shift > 0.0:
-                up += w
-            elif at[q] + shift < 0.0:
-                down += w
+        scores_into(t, shift, gaps, start, at[start:end])
+        above, below, both = signed_weights(at[start:end], weights[start:end])
+        up, down, left = up + above, down + below, left - both
         if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
             break
     side = 1 if up >= level - LEVEL_ROUNDING else -1 if down >= level - LEVEL_ROUNDING else 0
@@ -164,21 +153,19 @@ def judge_weighted(t: Any, shift: float, floor: Any, gaps: Any, weights: Any, le
     return side, BY_MODEL
 
 
-@compiled
+@loosely
 def reach(at: Any, side: int, weights: Any, level: float) -> float:
     """A distance by which all scores may sink, the weight of those that keep their sign still reaching the level."""
-    radius, mean = 0.0, 0.0
+    mean = 0.0
     for q in range(len(at)):
         mean += weights[q] * at[q]
     for share in (0.5, 0.2, 0.05):
-        limit = share * abs(mean)
-        weight = 0.0
+        limit, weight = share * abs(mean), 0.0
         for q in range(len(at)):
             weight += weights[q] if side * at[q] > limit else 0.0
         if weight >= level:
-            radius = limit - 1e-12  # what scores are computed to
-            break
-    return radius
+            return limit - 1e-12  # what scores are computed to
+    return 0.0
 
 
 @compiled

@@ -16,7 +16,7 @@ import numpy as np
 
 from elicit.density import BLOCK, Prior, likelihoods, scaled
 from elicit.hashed import mix
-from elicit.jit import compiled
+from elicit.jit import compiled, loosely
 from elicit.moves import move, unit
 from elicit.settle import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
 
@@ -171,22 +171,47 @@ def weigh(d: Any, gaps: Any, weights: Any, level: float, verdicts: Any) -> None:
         up, down, left = 0.0, 0.0, 1.0
         for start in range(0, m, BLOCK):
             size = min(BLOCK, m - start)
-            for q in range(size):
-                at[q] = 0.0
-            for j in range(p):
-                by, gap = t[j], gaps[j, start : start + size]
-                for q in range(size):
-                    at[q] += by * gap[q]
-            for q in range(size):
-                w = weights[start + q]
-                left -= w
-                if at[q] > 0.0:
-                    up += w
-                elif at[q] < 0.0:
-                    down += w
+            scores_into(t, 0.0, gaps, start, at[:size])
+            above, below, both = signed_weights(at[:size], weights[start : start + size])
+            up, down, left = up + above, down + below, left - both
             if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
                 break
         if up >= level - LEVEL_ROUNDING:
             verdicts[i] = BETTER
         elif down >= level - LEVEL_ROUNDING:
             verdicts[i] = WORSE
+
+
+@compiled
+def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
+    """t.g + shift into out (n,), for as many particles of gaps (p, m) from ``start``."""
+    p, n, stop = len(t), len(out), start + len(out)
+    first = gaps[0, start:stop]
+    for q in range(n):
+        out[q] = t[0] * first[q]
+    for j in range(1, p - 3, 4):  # four at a time, each sum in order
+        a, b, c, d = t[j], t[j + 1], t[j + 2], t[j + 3]
+        ga, gb = gaps[j, start:stop], gaps[j + 1, start:stop]
+        gc, gd = gaps[j + 2, start:stop], gaps[j + 3, start:stop]
+        for q in range(n):
+            out[q] = out[q] + a * ga[q] + b * gb[q] + c * gc[q] + d * gd[q]
+    for j in range(p - (p - 1) % 4, p):
+        by, gap = t[j], gaps[j, start:stop]
+        for q in range(n):
+            out[q] += by * gap[q]
+    if shift != 0.0:
+        for q in range(n):
+            out[q] += shift
+
+
+@loosely
+def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
+    """The weight (of weights (n,)) of positive scores (n,), of negative ones, and all of it. The order of a sum matters
+    less than ``LEVEL_ROUNDING``."""
+    up, down, both = 0.0, 0.0, 0.0
+    for q in range(len(at)):
+        w = weights[q]
+        both += w
+        up += w if at[q] > 0.0 else 0.0
+        down += w if at[q] < 0.0 else 0.0
+    return up, down, both
