@@ -5,7 +5,7 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation figures test test-slow lint bench notebooks clean
+.PHONY: ablation figures test test-slow lint bench bench-huge notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
@@ -32,6 +32,10 @@ bench: $(READY)  ## what learning, comparisons and fits cost, against other libr
 	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS-lp.md
 	$(BIN)/python -m benchmarks.exploration --out docs/exploration.md
 	$(BIN)/python -m benchmarks.bradley_terry --out benchmarks/RESULTS-bradley-terry.md
+
+bench-huge: $(READY)  ## value iteration with a million states beside other libraries: half an hour, one thread, 2 GiB
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
+	$(BIN)/python -m benchmarks.ivi --states 1000000 --repeats 1 --out benchmarks/RESULTS-ivi-huge.md
 
 notebooks: $(READY)  ## run the notebooks at their full setting, in place
 	$(BIN)/python notebooks/execute.py

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.batch import _memory
+from benchmarks.learning_tables import where
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.jit import compiled, unlocked
 from elicit.scale import Floats, gaps
@@ -245,7 +246,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.one:
         print(json.dumps(run(given.one, given.states[0], given.jobs, given.seed, given.loss)))
         return
-    lines = ["# Interactive value iteration beside value iteration that knows the values", ""]
+    lines = ["# Interactive value iteration beside value iteration that knows the values", "", *where(), ""]
     for states in given.states + [1_000_000] * given.huge:
         lines += report(states, given.jobs, given.repeats, given.seed, given.limit, not given.ours)
     text = "\n".join(lines)

@@ -75,8 +75,8 @@ def render(parts: list[Part], about: list[str]) -> list[str]:
 
 
 def where() -> list[str]:
-    """The machine and the versions."""
-    return [line.replace(", one thread;", f", {os.cpu_count()} cores, one thread used;") for line in machine()]
+    """The machine and the versions; how many threads are used, the text says."""
+    return [line.replace(", one thread;", f", {os.cpu_count()} cores;") for line in machine()]
 
 
 RATIOS = ("measured", "beside", "ours", "theirs", "ratio", "over the problems", "limit", "kept", "remark")

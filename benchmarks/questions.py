@@ -29,6 +29,7 @@ from qlearn.guarantee import loss_bound
 from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import Learner
 from qlearn.mdp import OrdinalMDP
+from qlearn.metrics import half_width
 from qlearn.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
 from qlearn.policy_iteration import InteractivePolicyIteration
 from qlearn.q_learning import InteractiveQLearning
@@ -222,8 +223,7 @@ def _line(method: str, comparator: str, rows: Sequence[Row]) -> str:
 
 def _interval(asked: Sequence[float]) -> str:
     mean, n = float(np.mean(asked)), len(asked)
-    half = 1.96 * float(np.std(asked, ddof=1)) / np.sqrt(n) if n > 1 else float("nan")
-    return f"{mean:.0f} ± {half:.0f}" if n > 1 else f"{mean:.0f}"
+    return f"{mean:.0f} ± {half_width(np.asarray(asked)):.0f}" if n > 1 else f"{mean:.0f}"
 
 
 def _closing(groups: dict[tuple[Any, ...], list[Row]]) -> list[str]:
