@@ -28,7 +28,7 @@ bench: $(READY)  ## what learning, comparisons and fits cost, against other libr
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(BIN)/python -m benchmarks.learning --out benchmarks/RESULTS.md
 	$(BIN)/python -m benchmarks.ivi --out benchmarks/RESULTS-ivi.md
-	cat benchmarks/RESULTS-ivi.md >> benchmarks/RESULTS.md
+	(echo; cat benchmarks/RESULTS-ivi.md) >> benchmarks/RESULTS.md
 	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS-lp.md
 	$(BIN)/python -m benchmarks.exploration --out docs/exploration.md
 	$(BIN)/python -m benchmarks.bradley_terry --out benchmarks/RESULTS-bradley-terry.md
