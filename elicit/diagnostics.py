@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.special import bdtr, betaincinv, expit
 
+from elicit.checks import is_number
 from elicit.log import AnswerLog, Entry
 from elicit.posterior import PRECISION, PosteriorComparator
 from elicit.prior import PriorLike
@@ -338,5 +339,5 @@ def _quantiles(x: Floats, weights: Floats, at: list[float]) -> list[float]:
 
 
 def check_level(level: float) -> None:
-    if not 0 < level < 1:
+    if not (is_number(level) and 0 < level < 1):
         raise ValueError(f"level must lie strictly between 0 and 1, not {level!r}")

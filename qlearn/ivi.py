@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.checks import is_number, is_whole
 from elicit.comparator import Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats
@@ -18,7 +19,7 @@ from qlearn.backup import model_of, q_of
 from qlearn.competition import Competition
 from qlearn.desk import Desk, Watch
 from qlearn.guarantee import advantages, guarantee, loss_bound
-from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, is_number, is_whole
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
 from qlearn.mdp import OrdinalMDP
 from qlearn.q_learning import check_levels_agree
 from qlearn.strategies import Candidates, Strategy, best, check_strategy, telling_violation
