@@ -219,6 +219,11 @@ class Desk:
         return self._max_queries is not None and self.asked >= self._max_queries
 
     @property
+    def unsure(self) -> bool:
+        """Whether pairs count as ties because the tutor could not tell them (an audit's stand as the answers say)."""
+        return bool(self._unclear)
+
+    @property
     def guesses(self) -> bool:
         """Whether pairs that would need the tutor go by the comparator's best scale."""
         return self.puts_off or self.spent

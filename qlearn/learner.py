@@ -31,9 +31,10 @@ class Status(Enum):
 
     WAITING = "not finished: it waits for the tutor; answer what ask() returns"
     DONE = "finished: all steps are done"
-    CONVERGED = (
-        "finished: the policy is within the tolerance, if the answers and verdicts were right; value iteration "
-        "also takes pairs that the tutor could not tell (cannot_tell) for ties, which loss_bound does not"
+    CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
+    UNSURE = (
+        "finished, but pairs that the tutor could not tell (cannot_tell) were taken for ties: the policy may lose more "
+        "than the tolerance; loss_bound says how much"
     )
     GUESSED = (
         "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
