@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -111,12 +112,13 @@ def plot_ablation(
     columns = min(len(handles), 2 * len(learners))  # as many as the width of the panels holds
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2)
     rates = ", ".join(f"{rate:.3g}" for rate in 100 * plain.error_rate.drop_duplicates())
-    figure.suptitle(
-        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one\n"
+    title = (
+        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one",
         f"numbers at the markers (neighbours' together): wrong answers of the tutor in percent ({rates}); lower left "
         "is better",
-        fontsize=11 if len(learners) > 1 else 7,  # or it is wider than the figure
     )
+    width = 120 if len(learners) > 1 else 72
+    figure.suptitle("\n".join(textwrap.fill(line, width) for line in title), fontsize=11 if len(learners) > 1 else 9.5)
     figure.draw_without_rendering()  # settles where everything is
     for i, problem in enumerate(problems):
         for j, learner in enumerate(learners):

@@ -73,6 +73,10 @@ def test_labels_of_the_ablation_do_not_lie_on_each_other() -> None:
         seen += len(boxes)
         overlapping += sum(a.overlaps(b) for a, b in combinations(boxes, 2))
     assert seen > 60
+    assert figure.bbox.width > figure._suptitle.get_window_extent().width
+    alone = plot_ablation(summary[(summary.learner == "ivi") & (summary.problem == "random")])
+    alone.draw_without_rendering()
+    assert alone.bbox.width > alone._suptitle.get_window_extent().width, "the title fits a figure of one panel too"
     assert overlapping <= seen // 50, "there may be no room for one, whatever the data"
 
 
