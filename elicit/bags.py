@@ -12,18 +12,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations
-from math import gcd, isfinite
-from numbers import Real
+from math import comb, gcd
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.checks import is_number, is_whole, require
 from elicit.comparator import check_levels
 from elicit.sample import Draws
 from elicit.scale import Floats, as_vectors, tail_sums
 
 _LEAST = 1e-3  # bits: what tells less is no question
+MOST_QUESTIONS = 200_000
+"""What each of so many would tell, under a thousand scales, already fills gigabytes."""
 
 
 class BagQuestions(NamedTuple):
@@ -44,30 +46,45 @@ class Bags:
     simplicity: float = 0.3
 
     def __post_init__(self) -> None:
-        if isinstance(self.days, bool) or not _is_number(self.days) or self.days < 2 or int(self.days) != self.days:
-            raise ValueError(
-                f"days, the number of days in a bag, must be a whole number of at least 2, not {self.days!r}"
-            )
-        if not (_is_number(self.simplicity) and 0 <= self.simplicity <= 1):
-            raise ValueError(f"simplicity must lie in 0..1, not {self.simplicity!r}")
+        wanted = "a whole number of at least 2"
+        require(is_whole(self.days, 2), "days, the number of days in a bag,", wanted, self.days)
+        require(is_number(self.simplicity, 0, 1), "simplicity", "a number in 0..1", self.simplicity)
 
     def questions(self, k: int) -> BagQuestions:
-        """All bag questions about k levels, those with the fewest and roundest numbers first."""
-        return _all_questions(check_levels(k), int(self.days))
+        """All bag questions about k levels, those with the fewest and roundest numbers first. Raises ValueError where
+        there are more than ``MOST_QUESTIONS``."""
+        k, days = check_levels(k), int(self.days)
+        count = comb(k, 3) * (days - 1)
+        if count > MOST_QUESTIONS:
+            fewer = MOST_QUESTIONS // comb(k, 3) + 1
+            advice = f"set days to {fewer} or fewer" if fewer > 1 else "take fewer levels"
+            raise ValueError(
+                f"bags of {days} days over k = {k} levels make {count:,} questions, more than the {MOST_QUESTIONS:,} "
+                f"that are looked through at a time: {advice}"
+            )
+        return _all_questions(k, days)
 
     def best(self, draws: Draws, about: Floats, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
         """Which of ``questions`` to ask, and what each tells, in bits, of the signs of differences ``about`` (c, k):
         the easiest of those that tell at least (1 - simplicity) of what the best does; -1 where none tells anything.
         ``draws`` say what is plausible, ``lapse`` how often a tutor answers at random; ``skip`` are rows not to ask.
-        Raises ValueError for differences that are no finite numbers of the draws' k levels."""
+        Raises ValueError for differences that are no finite numbers of the draws' k levels, for a lapse outside 0..1,
+        and for a row to skip that ``questions`` has not."""
         k = len(draws.gaps) + 1
         about, asked = as_vectors(about, k), self.questions(k)
+        require(is_number(lapse, 0, 1), "lapse", "a number in 0..1", lapse)
+        for row in skip:
+            if not (is_whole(row, 0) and row < len(asked.ease)):
+                raise ValueError(
+                    f"skip holds {row!r}, but must hold rows of questions({k}), whole numbers of at least 0 and below "
+                    f"{len(asked.ease)}"
+                )
         if not len(asked.ease):
             return -1, np.empty(0)
         d = (asked.left - asked.right) / self.days
         chance = says_left(tail_sums(d) @ draws.gaps, draws.precision, lapse)
         told = information(chance, tail_sums(about) @ draws.gaps > 0, draws.weights)
-        told[list(skip)] = 0.0
+        told[np.array([int(row) for row in skip], dtype=np.intp)] = 0.0
         if not told.max() > _LEAST:
             return -1, told
         fair = told >= max(_LEAST, (1.0 - self.simplicity) * float(told.max()))
@@ -129,10 +146,6 @@ def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> F
     if_false = np.clip((overall[:, None] - if_true * mass) / (1.0 - mass), 0.0, 1.0)
     told = entropy(overall)[:, None] - mass * entropy(if_true) - (1.0 - mass) * entropy(if_false)
     return np.asarray(np.maximum(told, 0.0).sum(axis=1) / len(events))
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Real) and isfinite(value)
 
 
 def _bag(days: Floats, labels: Sequence[str]) -> str:

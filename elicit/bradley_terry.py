@@ -21,6 +21,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit.checks import is_number, is_range, is_whole, require
 from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
 from elicit.query import Answers, Verdict
@@ -92,18 +93,16 @@ class BradleyTerryComparator:
         object.__setattr__(self, "k", check_levels(self.k))
         for name in ("precision", "prior_strength", "refit_growth"):
             value = getattr(self, name)
-            _require(math.isfinite(value) and value >= 0, name, "a finite number of at least 0", value)
+            require(is_number(value, 0), name, "a finite number of at least 0", value)
         for name in ("n_boot", "min_answers"):
             value = getattr(self, name)
-            whole = not isinstance(value, bool) and math.isfinite(value) and int(value) == value >= 1
-            _require(whole, name, "a whole number of at least 1", value)
+            require(is_whole(value, 1), name, "a whole number of at least 1", value)
             object.__setattr__(self, name, int(value))
-        _require(0 < self.level < 1, "level", "strictly between 0 and 1", self.level)
-        _require(self.region in get_args(Region), "region", '"box" or "ensemble"', self.region)
-        shape = tuple(self.prior_shape)
-        positive = len(shape) == 2 and 0 < shape[0] <= shape[1] < math.inf
-        _require(positive, "prior_shape", "two numbers, 0 < low <= high", self.prior_shape)
-        object.__setattr__(self, "prior_shape", shape)
+        require(is_number(self.level) and 0 < self.level < 1, "level", "strictly between 0 and 1", self.level)
+        require(self.region in get_args(Region), "region", '"box" or "ensemble"', self.region)
+        positive = is_range(self.prior_shape) and self.prior_shape[0] > 0
+        require(positive, "prior_shape", "two numbers, 0 < low <= high", self.prior_shape)
+        object.__setattr__(self, "prior_shape", tuple(self.prior_shape))
         key = key_of(self.seed)  # a Generator is drawn from once, here
         object.__setattr__(self, "seed", int(self.seed) if isinstance(self.seed, (int, np.integer)) else key)
         object.__setattr__(self, "answers", Answers.none(self.k))
@@ -299,11 +298,6 @@ def _in_range(d: Floats) -> tuple[Floats, NDArray[np.int64] | int]:
     scaled = d.copy()
     scaled[:, 1:] = np.ldexp(d[:, 1:], -power[:, None])  # level 1 never enters
     return scaled, power
-
-
-def _require(holds: bool, name: str, wanted: str, value: object) -> None:
-    if not holds:
-        raise ValueError(f"{name} must be {wanted}, not {value!r}")
 
 
 def refit_point(n: int, growth: float) -> int:

@@ -21,6 +21,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit.checks import is_whole
 from elicit.comparator import Comparator, Tier, decide
 from elicit.query import Answer, Answers, Query, Verdict, match
 from elicit.scale import Floats, as_vectors, dot, tail_sums
@@ -88,8 +89,8 @@ def choose(
         raise ValueError("there is nothing to choose from: vectors has no rows")
     if labels is not None and len(labels) != n:
         raise ValueError(f"labels must name each of the {n} vectors, but there are {len(labels)}")
-    if max_queries is not None and max_queries < 0:
-        raise ValueError(f"max_queries must be at least 0, or None for no limit, not {max_queries}")
+    if max_queries is not None and not is_whole(max_queries, 0):
+        raise ValueError(f"max_queries must be a whole number of at least 0, or None for no limit, not {max_queries!r}")
     if check_totals:
         _check_totals(rows)
     return Choosing(rows, comparator, order, [str(x) for x in (range(n) if labels is None else labels)], max_queries)

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.special import bdtr, betaincinv, expit
 
+from elicit.checks import is_number
+from elicit.comparator import check_levels
 from elicit.log import AnswerLog, Entry
 from elicit.posterior import PRECISION, PosteriorComparator
 from elicit.prior import PriorLike
@@ -226,11 +228,14 @@ class _Record(NamedTuple):
 
 
 def read_log(log: Told, k: int | None, include_unused: bool = True) -> _Record:
+    k = None if k is None else check_levels(k)
     if isinstance(log, Answers):
         if k not in (None, log.k):
             raise ValueError(f"these answers are about {log.k} levels, not k = {k}")
         return _Record(log, None)
     entries = []
+    if not isinstance(log, Iterable):
+        raise TypeError(f"a log is an AnswerLog, its entries, or Answers, not {log!r}")
     for item in log:
         if not isinstance(item, (Entry, Answer)):
             raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
@@ -239,7 +244,7 @@ def read_log(log: Told, k: int | None, include_unused: bool = True) -> _Record:
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
     levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)
     if levels is None:
-        raise ValueError("no answers, and so no number of levels: give k")
+        raise ValueError("the log is empty, so that nothing says how many levels there are: give k")
     return _Record(
         Answers.of(told, levels),
         np.array([answer.swapped for answer in told], dtype=np.bool_),
@@ -338,5 +343,5 @@ def _quantiles(x: Floats, weights: Floats, at: list[float]) -> list[float]:
 
 
 def check_level(level: float) -> None:
-    if not 0 < level < 1:
+    if not (is_number(level) and 0 < level < 1):
         raise ValueError(f"level must lie strictly between 0 and 1, not {level!r}")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit.centre import analytic_centre
+from elicit.checks import is_number
 from elicit.comparator import Decisions, Verdicts, check_answers, check_levels
 from elicit.conflict import Contradiction
 from elicit.lp import answer_rows, prior_rows
@@ -123,7 +124,7 @@ class PolytopeComparator:
 
 
 def _check_margin(margin: float, k: int) -> float:
-    if not (np.isfinite(margin) and 0 <= margin <= 1.0 / (k - 1)):
+    if not is_number(margin, 0, 1.0 / (k - 1)):
         raise ValueError(
             f"the margin eta must lie between 0 and 1/(k-1) = {1 / (k - 1):g}, or no {k} levels fit between 0 and 1; "
             f"it is {margin!r}"

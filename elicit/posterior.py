@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaln, ndtri
 
+from elicit.checks import is_number, is_range, is_whole, require
 from elicit.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.conflict import is_empty
 from elicit.density import Prior
@@ -80,25 +81,15 @@ class PosteriorComparator:
         seed: Seed = 0,
     ) -> None:
         self.k = check_levels(k)
-        _require(
-            precision is None or 0 <= precision < math.inf, "precision", "None or a number of at least 0", precision
-        )
-        _require(0 <= lapse < 1, "lapse", "at least 0 and below 1", lapse)
-        _require(0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
-        _require(
-            20 <= particles < math.inf and int(particles) == particles,
-            "particles",
-            "a whole number of at least 20",
-            particles,
-        )
+        known = precision is None or is_number(precision, 0)
+        require(known, "precision", "None or a finite number of at least 0", precision)
+        require(is_number(lapse, 0) and lapse < 1, "lapse", "a number of at least 0 and below 1", lapse)
+        require(is_number(level) and 0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
+        require(is_whole(particles, 20), "particles", "a whole number of at least 20", particles)
         if shape is None:
             shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
-        _require(
-            len(shape) == 2 and _SHAPES[0] <= shape[0] <= shape[1] <= _SHAPES[1],
-            "shape",
-            f"two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}",
-            shape,
-        )
+        wanted = f"None or two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}"
+        require(is_range(shape, *_SHAPES), "shape", wanted, shape)
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
         self.lapse, self.level, self.particles, self.shape = float(lapse), float(level), int(particles), tuple(shape)
@@ -306,8 +297,3 @@ def _scores(t: Floats, gaps: Floats) -> Iterator[Floats]:
     """t.g (m,) for each row of t (n, p), summed in order: a row does not depend on its neighbours."""
     for row in t:
         yield np.add.accumulate(row[:, None] * gaps, axis=0)[-1]
-
-
-def _require(holds: bool, name: str, wanted: str, value: object) -> None:
-    if not holds:
-        raise ValueError(f"{name} must be {wanted}, not {value!r}")

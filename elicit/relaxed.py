@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lstsq, null_space
 
+from elicit.checks import is_number
 from elicit.comparator import Decisions, Verdicts, check_answers
 from elicit.hinges import Hinges, best_fit, solve
 from elicit.plausible import PlausibleSet
@@ -60,7 +61,7 @@ class RelaxedPolytopeComparator:
     """
 
     def __init__(self, k: int, slack: float = 0.0, margin: float = 1e-6, prior: PriorLike = None) -> None:
-        if not (np.isfinite(slack) and slack >= 0):
+        if not is_number(slack, 0):
             raise ValueError(f"the slack must be a finite number of at least 0 (in units of e_k - e_1), not {slack!r}")
         self._blank = blank = PolytopeComparator(k, margin, prior)
         self.slack, self.k, self.margin, self.prior = float(slack), blank.k, blank.margin, blank.prior

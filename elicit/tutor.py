@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.special import expit
 
+from elicit.checks import is_number, require
 from elicit.log import Entry
 from elicit.query import Answer, Query, Verdict
 from elicit.respond import (
@@ -200,8 +201,7 @@ class FlippingTutor(_Erring):
 
     def __init__(self, values: ArrayLike, error_rate: float, seed: Seed = 0) -> None:
         super().__init__(values, seed)
-        if not 0 <= error_rate <= 1:
-            raise ValueError(f"error_rate must be between 0 and 1, not {error_rate}")
+        require(is_number(error_rate, 0, 1), "error_rate", "a number between 0 and 1", error_rate)
         self.error_rate = float(error_rate)
 
     @classmethod
@@ -234,8 +234,7 @@ class BradleyTerryTutor(_Erring):
 
     def __init__(self, values: ArrayLike, precision: float, seed: Seed = 0) -> None:
         super().__init__(values, seed)
-        if not 0 <= precision < np.inf:
-            raise ValueError(f"precision must be a finite number of at least 0, not {precision}")
+        require(is_number(precision, 0), "precision", "a finite number of at least 0", precision)
         self.precision = float(precision)
 
     @classmethod
@@ -343,8 +342,8 @@ def _exact_signs(t: Floats, g: Floats) -> tuple[Signs, Floats]:
 
 def _reference_sizes(values: ArrayLike, rate: float, reference: ArrayLike) -> Floats:
     """|d.e| (n,) of the reference, once it is clear that a tutor can err at this rate over it."""
-    if not 0 < rate < 0.5:
-        raise ValueError(f"an error rate must lie strictly between 0 and 1/2, not {rate}")
+    if not (is_number(rate) and 0 < rate < 0.5):
+        raise ValueError(f"an error rate must lie strictly between 0 and 1/2, not {rate!r}")
     g = gaps(values)
     _, size = _exact_signs(tail_sums(as_vectors(reference, len(g) + 1, name="reference")), g)
     share = float(np.mean(size > 0)) if len(size) else 0.0

@@ -13,12 +13,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.checks import is_number, is_whole
 from elicit.comparator import BY_ANSWERS, Comparator, Decisions, Tier, decide
 from elicit.hashed import pair_code
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
-from qlearn.learner import Audit, Guarantor, OnConflict, Result, Status, is_number, is_whole
+from qlearn.learner import Audit, Guarantor, OnConflict, Result, Status
 from qlearn.standing import Standing
 
 Watch = Callable[[Floats, Decisions], None]
@@ -216,6 +217,11 @@ class Desk:
     def spent(self) -> bool:
         """Whether the question budget is used up."""
         return self._max_queries is not None and self.asked >= self._max_queries
+
+    @property
+    def unsure(self) -> bool:
+        """Whether pairs count as ties because the tutor could not tell them (an audit's stand as the answers say)."""
+        return bool(self._unclear)
 
     @property
     def guesses(self) -> bool:

@@ -10,8 +10,8 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.checks import is_number
 from elicit.scale import Floats
-from qlearn.learner import is_number
 
 __all__ = ["EXPLORATIONS", "Decay", "Epsilon", "Exploration", "Start", "epsilons"]
 

@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.markers import CARETDOWN
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlearn.plot import NAMES, STYLES
@@ -32,18 +34,23 @@ _LOSSES = {
 
 def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
     """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators, on a log scale, with
-    95% t-intervals over the runs. The unequal pairs, the fourth denominator, are all but a few of all comparisons."""
+    95% t-intervals over the runs; an arrow at the axis' lower end where one reaches further down. The unequal pairs,
+    the fourth denominator, are all but a few of all comparisons."""
     rows = summary[(summary.series == series) & (summary.comparator != "always")]
     figure, panels = _panels(rows, len(_ASKED), sharey=True)
-    for axes, (measure, title) in zip(panels, _ASKED.items(), strict=True):
-        _lines(axes, rows, measure)
+    means = rows[list(_ASKED)].to_numpy(dtype=float)
+    least = float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0  # a log axis has no 0: it ends here
+    cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, _ASKED, strict=True)]
+    for axes, title in zip(panels, _ASKED.values(), strict=True):
         axes.set_title(title, fontsize=10)
         axes.set_xlabel(_X[series])
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
-    panels[0].set_ylabel("questions to the tutor (%, log scale)")
+        axes.set_ylim(bottom=least)
+    arrows = "\narrows: further down, or 0" if any(cut) else ""
+    panels[0].set_ylabel(f"questions to the tutor (%, log scale){arrows}")
     number = {"levels": 2, "states": 3}[series]
     _title(figure, f"Figure {number}: how often the tutor is asked, by {_X[series]}", rows)
     return figure
@@ -58,10 +65,10 @@ def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
         for bound in (1,) if measure == "paper_abs_percent" else (-1, 1):
             axes.axhline(bound, color="0.35", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0)
         axes.annotate(
-            "1%", (0.995, 1), xycoords=("axes fraction", "data"), xytext=(0, 2), textcoords="offset points",
-            fontsize=8, color="0.35", horizontalalignment="right",
+            "1%", (0.995, 1), xycoords=("axes fraction", "data"), xytext=(0, -2), textcoords="offset points",
+            fontsize=8, color="0.35", horizontalalignment="right", verticalalignment="top",
         )  # fmt: skip
-        _lines(axes, rows, measure)
+        _lines(axes, rows, measure, 0.0 if measure == "paper_abs_percent" else -math.inf)
         axes.set_title(title, fontsize=10)
         axes.set_yscale("symlog", linthresh=1, linscale=0.8)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -91,17 +98,33 @@ def _panels(rows: pd.DataFrame, n: int, sharey: bool) -> tuple[Figure, Sequence[
     return figure, panels
 
 
-def _lines(axes: Axes, rows: pd.DataFrame, measure: str) -> None:
-    """A line a comparator and tutor; hollow markers: a truthful tutor."""
+def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False) -> bool:
+    """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below ``least``; ``arrows``
+    show what was cut off there. Returns whether anything was."""
+    cut = False
     arms = list(rows.groupby(["comparator", "error_rate"], sort=False))
     span = (rows.x.max() - rows.x.min()) or 1
     for i, ((comparator, rate), arm) in enumerate(arms):
         style: dict[str, Any] = STYLES[str(comparator)]
         aside = 0.012 * span * (i - (len(arms) - 1) / 2)  # intervals beside each other, not on each other
+        half, mean = arm[f"{measure}_half"].fillna(0), arm[measure].clip(lower=least)
+        below = arm[measure] - half < least
+        cut = cut or bool(below.any())
+        if arrows and below.any():
+            axes.plot(
+                arm.x[below] + aside,
+                np.full(int(below.sum()), least),
+                color=style["color"],
+                marker=CARETDOWN,
+                markersize=8,
+                linestyle="none",
+                clip_on=False,
+                zorder=3,
+            )
         axes.errorbar(
             arm.x + aside,
-            arm[measure],
-            yerr=arm[f"{measure}_half"].fillna(0),
+            mean,
+            yerr=[half.clip(upper=mean - least), half],
             color=style["color"],
             marker=style["marker"],
             linestyle=style["linestyle"],
@@ -112,6 +135,7 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str) -> None:
             capsize=3,
             label=f"{NAMES[str(comparator)]}, {_tutor(rate)}",
         )
+    return cut
 
 
 def _tutor(rate: Any) -> str:

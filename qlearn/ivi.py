@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.checks import is_number, is_whole
 from elicit.comparator import Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats
@@ -18,7 +19,7 @@ from qlearn.backup import model_of, q_of
 from qlearn.competition import Competition
 from qlearn.desk import Desk, Watch
 from qlearn.guarantee import advantages, guarantee, loss_bound
-from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, is_number, is_whole
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
 from qlearn.mdp import OrdinalMDP
 from qlearn.q_learning import check_levels_agree
 from qlearn.strategies import Candidates, Strategy, best, check_strategy, telling_violation
@@ -30,7 +31,8 @@ class InteractiveValueIteration:
 
     ``tolerance``: with right answers and verdicts the policy loses at most this share of the value range.
     ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose bounds lie within it
-    counts as equal. Stops when V changes by less than tolerance (1 - discount) / (4 discount) under every
+    counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
+    UNSURE in place of CONVERGED. Stops when V changes by less than tolerance (1 - discount) / (4 discount) under every
     ordered scale, or after ``max_sweeps`` (default: twice what value iteration with known values can need;
     a tutor who errs anew each time can keep V moving for ever). Other keywords as for
     InteractiveQLearning; ``rng`` only picks the audits. Questions come in order of states, each asked as
@@ -128,6 +130,8 @@ class InteractiveValueIteration:
         self._states.lent = True
         if status is Status.CONVERGED and self._desk.counts[Tier.GUESS] and not self._late:
             status = Status.GUESSED
+        elif status is Status.CONVERGED and self._desk.unsure:
+            status = Status.UNSURE
         return self._desk.result(
             policy=self._states.best.copy(),
             q=cast(Floats, partial(_q, self._states.v, self._mdp)),  # computed when first read

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from math import inf, isfinite, nan
-from numbers import Real
-from typing import Any, Literal, Protocol, TypeAlias
+from math import nan
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.checks import is_number
 from elicit.comparator import AlwaysAsk, Comparator
 from elicit.log import AnswerLog
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict
@@ -31,9 +31,10 @@ class Status(Enum):
 
     WAITING = "not finished: it waits for the tutor; answer what ask() returns"
     DONE = "finished: all steps are done"
-    CONVERGED = (
-        "finished: the policy is within the tolerance, if the answers and verdicts were right; value iteration "
-        "also takes pairs that the tutor could not tell (cannot_tell) for ties, which loss_bound does not"
+    CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
+    UNSURE = (
+        "finished, but pairs that the tutor could not tell (cannot_tell) were taken for ties: the policy may lose more "
+        "than the tolerance; loss_bound says how much"
     )
     GUESSED = (
         "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
@@ -59,16 +60,6 @@ class Audit:
     def contradicts(self) -> bool:
         """Whether the tutor said the opposite of what the answers imply."""
         return self.answer is not None and self.expected * self.answer == -1
-
-
-def is_number(value: Any, least: float = -inf) -> bool:
-    """Whether a setting is a finite number of at least ``least``; a text or None is none, and raises nothing."""
-    return isinstance(value, Real) and isfinite(value) and float(value) >= least
-
-
-def is_whole(value: Any, least: int) -> bool:
-    """Whether a setting is a whole number of at least ``least``."""
-    return is_number(value, least) and bool(int(value) == value)
 
 
 def check_asking(asking: Asking) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from elicit.checks import is_number, require
 from elicit.scale import Floats, normalise
 from qlearn import rows
 from qlearn.rows import Flags, Indices
@@ -65,9 +66,9 @@ class OrdinalMDP:
         targets = rows.numbers("successors", self.successors, (n, m, b), whole=True)
         levels = rows.integers("levels", rows.numbers("levels", self.levels, (n, m), whole=True))
         labels = rows.names(self.labels)
+        holds = is_number(self.discount, 0) and float(self.discount) < 1
+        require(holds, "discount", "a number in [0, 1)", self.discount)
         discount = float(self.discount)
-        if not 0 <= discount < 1:
-            raise ValueError(f"discount must be in [0, 1), not {discount}")
         terminal = rows.flags("terminal", self.terminal, (n,), default=False)
         admissible = rows.flags("admissible", self.admissible, (n, m), default=True)
         if terminal.all():

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import StrMethodFormatter
+
+from qlearn.labels import Marked, place_labels
 
 NAMES = {
     "random": "random MDP",
@@ -80,7 +83,8 @@ def plot_ablation(
     summary: pd.DataFrame, *, max_queries: int | None = None, names: Mapping[str, str] | None = None
 ) -> Figure:
     """One panel a problem and learner: questions asked against excess policy loss, a path over the error rates
-    for each comparator, with 95% t-intervals. Hollow markers: the budget was spent in at least one run.
+    for each comparator, with 95% t-intervals. Hollow markers: the budget was spent in at least one run. Where markers
+    lie on each other the smaller is on top, and neighbours on a path share a label.
 
     ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget.
     """
@@ -99,7 +103,7 @@ def plot_ablation(
                 axes.set_ylabel("excess policy loss\n(% of the value range; log scale beyond ±0.1)")
             if i == len(problems) - 1:
                 axes.set_xlabel("questions asked (log scale)")
-    grid[0][0].set_xlim(0, 2 * max(10, plain.asked.max()))
+    grid[0][0].set_xlim(-1, 2 * max(10, plain.asked.max()))
     drawn = [name for name in STYLES if name in set(plain.comparator)]
     handles = [Line2D([], [], label=shown[name], markersize=7, **STYLES[name]) for name in drawn]
     if (plain.budget_spent > 0).any():
@@ -108,24 +112,39 @@ def plot_ablation(
     columns = min(len(handles), 2 * len(learners))  # as many as the width of the panels holds
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2)
     rates = ", ".join(f"{rate:.3g}" for rate in 100 * plain.error_rate.drop_duplicates())
-    figure.suptitle(
-        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one\n"
-        f"numbers at the markers: wrong answers of the tutor in percent ({rates}); lower left is better",
-        fontsize=11,
+    title = (
+        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one",
+        f"numbers at the markers (neighbours' together): wrong answers of the tutor in percent ({rates}); lower left "
+        "is better",
     )
+    width = 120 if len(learners) > 1 else 72
+    figure.suptitle("\n".join(textwrap.fill(line, width) for line in title), fontsize=11 if len(learners) > 1 else 9.5)
+    figure.draw_without_rendering()  # settles where everything is
+    for i, problem in enumerate(problems):
+        for j, learner in enumerate(learners):
+            place_labels(grid[i][j], _marked(plain[(plain.problem == problem) & (plain.learner == learner)]))
     return figure
+
+
+def _marked(part: pd.DataFrame) -> list[Marked]:
+    """The markers of one panel, called by what they stand for."""
+    return [
+        Marked(
+            np.stack([path.asked, 100 * path.excess_loss], axis=1),
+            [f"{100 * rate:.3g}" for rate in path.error_rate],
+            STYLES[str(name)]["color"],
+        )
+        for name, path in part.groupby("comparator", sort=False)
+    ]
 
 
 def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
     axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
-    for name, path in part.groupby("comparator", sort=False):
+    for rank, (name, path) in enumerate(part.groupby("comparator", sort=False)):
         style = STYLES[str(name)]
         x, y = path.asked, 100 * path.excess_loss
         axes.plot(x, y, color=style["color"], linestyle=style["linestyle"], linewidth=1.1, alpha=0.7, zorder=1)
-        # labels below, above and beside their markers, which may lie on top of each other
-        aside = 13 if x.iloc[-1] >= x.iloc[0] else -13
-        around = ((0, -10), (0, 10), (aside, 3), (-aside, -3))
-        for i, row in enumerate(path.itertuples()):
+        for row in path.itertuples():
             point: Any = row
             at = (point.asked, 100 * point.excess_loss)
             axes.errorbar(
@@ -134,24 +153,14 @@ def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
                 yerr=_known(100 * point.excess_loss_half),
                 color=style["color"],
                 marker=style["marker"],
-                markersize=7,
+                markersize=max(5.5, 9.5 - 0.8 * rank),  # the later ones smaller, and seen on those below them
                 markerfacecolor="white" if point.budget_spent else style["color"],
+                markeredgecolor=style["color"] if point.budget_spent else "white",
+                markeredgewidth=1.2 if point.budget_spent else 0.5,
                 ecolor=(style["color"], 0.45),
                 elinewidth=0.9,
                 capsize=2,
-                zorder=2,
-            )
-            axes.annotate(
-                f"{100 * point.error_rate:.3g}",
-                at,
-                xytext=around[i % len(around)],
-                textcoords="offset points",
-                fontsize=8,
-                color=style["color"],
-                horizontalalignment="center",
-                verticalalignment="center",
-                path_effects=[withStroke(linewidth=2, foreground="white")],
-                zorder=3,
+                zorder=2 + 0.1 * rank,
             )
     axes.set_xscale("symlog", linthresh=10, linscale=0.5)
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.bags import Bags
+from elicit.checks import is_number
 from elicit.comparator import Comparator, Decisions, Tier, decide, simultaneous_bounds
 from elicit.query import Answer, Query, Verdict
 from elicit.scale import Floats, tail_sums
 from elicit.seeds import Seed
 from qlearn.desk import AUDIT, Desk, Watch, place
 from qlearn.guarantee import Advantages, Guarantee, advantages, drawn_set, guarantee
-from qlearn.learner import OnConflict, Result, Status, is_number
+from qlearn.learner import OnConflict, Result, Status
 from qlearn.mdp import OrdinalMDP
 from qlearn.planning import optimal_policy
 from qlearn.q_learning import check_levels_agree

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.checks import is_whole
 from elicit.comparator import AlwaysAsk, Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.respond import NOBODY, nobody
@@ -20,7 +21,7 @@ from qlearn.desk import Desk, Watch, place
 from qlearn.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
 from qlearn.guarantee import advantages, guarantee, loss_bound
 from qlearn.late import Checkpoints
-from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, is_whole
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
 from qlearn.mdp import OrdinalMDP
 from qlearn.strategies import Strategy, check_strategy, telling_violation
 

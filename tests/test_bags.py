@@ -94,6 +94,30 @@ def test_settings_that_make_no_sense_are_refused(bad, worse):
             Bags(**{name: value})
 
 
+@pytest.mark.parametrize("skip", [[999], [-1], ["a"], [0.5], [None]])
+def test_rows_to_skip_that_there_are_not_are_refused(skip):
+    draws, about = PolytopeComparator(3).draws, np.array([[0.5, -1.0, 0.5]])
+    with pytest.raises(ValueError, match=r"skip holds .* rows of questions\(3\), whole numbers .* below 9"):
+        Bags().best(draws, about, skip=skip)
+    row, _ = Bags().best(draws, about, skip=np.arange(8))
+    assert row == 8
+
+
+def test_a_lapse_that_is_none_is_refused():
+    with pytest.raises(ValueError, match=r"lapse must be a number in 0\.\.1, not 'a'"):
+        Bags().best(PolytopeComparator(3).draws, np.array([[0.5, -1.0, 0.5]]), lapse="a")
+
+
+def test_more_questions_than_can_be_looked_through_are_refused():
+    with pytest.raises(ValueError, match=r"1000 days over k = 20 levels make 1,138,860 .* days to 176 or fewer"):
+        Bags(days=1000).questions(20)
+    with pytest.raises(ValueError, match=r"177 days over k = 20"):
+        Bags(days=177).questions(20)
+    with pytest.raises(ValueError, match=r"k = 200 levels .* take fewer levels"):
+        Bags(days=2).questions(200)
+    assert len(Bags(days=1000).questions(5).ease) == 9990  # fewer levels leave room for more days
+
+
 @pytest.mark.parametrize("about", [np.zeros((2, 5)), np.array([[np.nan, 0.0, 0.0]]), "all"])
 def test_differences_that_are_none_are_refused(about):
     with pytest.raises(ValueError, match="d must"):

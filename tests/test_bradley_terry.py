@@ -392,6 +392,12 @@ def test_two_levels_need_no_model() -> None:
         ({"prior_shape": (0.0, 1.0)}, "prior_shape .* not "),
         ({"prior_shape": (2.0, 1.0)}, "prior_shape .* not "),
         ({"refit_growth": -1}, "refit_growth .* not -1"),
+        ({"precision": "a"}, "precision .* not 'a'"),
+        ({"n_boot": "a"}, "n_boot .* not 'a'"),
+        ({"min_answers": None}, "min_answers .* not None"),
+        ({"level": None}, "level .* not None"),
+        ({"prior_shape": "ab"}, "prior_shape .* not 'ab'"),
+        ({"prior_shape": 1.0}, "prior_shape .* not 1.0"),
     ],
 )
 def test_bad_settings_are_named(bad: dict[str, Any], message: str) -> None:

@@ -429,6 +429,7 @@ def test_the_result_names_tiers_and_labels():
         ([[0, 0, 0, 0, np.inf]], {}, "finite"),
         (np.ones((2, 5)), {"labels": ["a"]}, "labels"),
         (np.ones((2, 5)), {"max_queries": -1}, "max_queries"),
+        (np.ones((2, 5)), {"max_queries": "a"}, "max_queries .* not 'a'"),
         ([[1, 0, 0, 0, 0], [0, 0, 0, 0, 0]], {}, "equal totals"),
         ([[1, 0, 0, 0, 0], [0, 0, 0, 0, 1 + 1e-8]], {}, "check_totals"),
     ],

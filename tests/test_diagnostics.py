@@ -280,7 +280,10 @@ def test_a_report_is_a_function_of_its_arguments():
 @pytest.mark.parametrize(
     ("call", "complaint"),
     [
-        (lambda: tutor_report([]), "give k"),
+        (lambda: tutor_report([]), "the log is empty.*give k"),
+        (lambda: tutor_report([], k=0), "must be a whole number of at least 2, not 0"),
+        (lambda: tutor_report(Answers.none(3), k="a"), "must be a whole number of at least 2, not 'a'"),
+        (lambda: tutor_report([], k=3, level="a"), "level must lie .* not 'a'"),
         (lambda: tutor_report(a_log(), k=5), "4 levels, not k = 5"),
         (lambda: tutor_report(a_log(), level=1.0), "level.*1.0"),
         (lambda: tutor_report(sided_log(0.0, n=2), k=3), "4 levels, but the answers are about 3"),

@@ -13,7 +13,7 @@ from test_reference import messy_mdp
 from elicit.bradley_terry import BradleyTerryComparator
 from elicit.comparator import AlwaysAsk, Comparator, Decisions, Dominance, Tier
 from elicit.polytope import PolytopeComparator
-from elicit.query import Answers, Verdict
+from elicit.query import Answer, Answers, Query, Verdict
 from elicit.scale import Floats, tail_sums
 from elicit.tutor import FlippingTutor, TruthfulTutor, Tutor
 from qlearn.environments import random_mdp
@@ -40,6 +40,41 @@ def twin_mdp(seed: int) -> tuple[OrdinalMDP, Floats]:
         mdp.labels,
     )
     return twice, values
+
+
+def test_converged_is_said_only_where_no_pair_was_left_untold() -> None:
+    mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=2)
+    truthful = TruthfulTutor(values)
+    sure = solve(mdp, PolytopeComparator(5), truthful)
+    assert (sure.status, sure.cannot_tell) == (Status.CONVERGED, 0)
+
+    silent = solve(mdp, PolytopeComparator(5), lambda query: Answer(query, None))
+    assert silent.status is Status.UNSURE
+    assert silent.cannot_tell == silent.asked > 0
+    assert policy_loss(mdp, silent.policy, values).max() > 0.01, "what CONVERGED would have promised is not so"
+    assert policy_loss(mdp, silent.policy, values).max() <= silent.loss_bound
+
+    once = iter([True])
+    some = solve(
+        mdp, PolytopeComparator(5), lambda query: Answer(query, None) if next(once, False) else truthful(query)
+    )
+    assert (some.status, some.cannot_tell) == (Status.UNSURE, 1)
+
+    spent = solve(mdp, PolytopeComparator(5), lambda query: Answer(query, None), max_queries=1)
+    assert spent.status is Status.GUESSED, "the worse of the two is said"
+
+
+def test_an_audit_that_the_tutor_cannot_tell_leaves_it_converged() -> None:
+    mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
+    truthful, learner = TruthfulTutor(values), InteractiveValueIteration(mdp, PolytopeComparator(5), audit=0.5)
+
+    def tutor(query: Query) -> Answer:
+        settled = learner.comparator.compare(query.d)[0] != Verdict.UNKNOWN
+        return Answer(query, None) if settled else truthful(query)
+
+    result = drive(learner, tutor)
+    assert result.cannot_tell == result.audited > 0
+    assert result.status is Status.CONVERGED
 
 
 @pytest.mark.parametrize("indifference", [0.0, None])

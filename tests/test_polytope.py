@@ -514,7 +514,9 @@ def test_too_few_levels(k: Any) -> None:
         PolytopeComparator(k)
 
 
-@pytest.mark.parametrize(("k", "margin"), [(3, 0.51), (3, 0.5000000000000001), (11, 0.2), (4, -1e-9), (4, np.nan)])
+@pytest.mark.parametrize(
+    ("k", "margin"), [(3, 0.51), (3, 0.5000000000000001), (11, 0.2), (4, -1e-9), (4, np.nan), (4, "a")]
+)
 def test_a_margin_that_does_not_fit(k: int, margin: float) -> None:
     with pytest.raises(ValueError, match=r"margin eta must lie between 0 and 1/\(k-1\)") as caught:
         PolytopeComparator(k, margin=margin)

@@ -469,7 +469,7 @@ def test_extreme_answers_turned_round() -> None:
 
 
 def test_errors() -> None:
-    for slack in (-0.1, np.nan, np.inf):
+    for slack in (-0.1, np.nan, np.inf, "a", None):
         with pytest.raises(ValueError, match=f"slack must be a finite number of at least 0.*not {slack!r}"):
             RelaxedPolytopeComparator(4, slack)
     with pytest.raises(ValueError, match="margin eta must lie between 0 and"):

@@ -334,7 +334,7 @@ def test_ties_in_the_reference_are_no_errors():
             make.from_error_rate(values, 0.2, reference[:0])
 
 
-@pytest.mark.parametrize("rate", [0, 0.5, -0.1, 1, np.nan])
+@pytest.mark.parametrize("rate", [0, 0.5, -0.1, 1, np.nan, "a", None])
 def test_bad_error_rates(rate):
     reference = shares(np.random.default_rng(8), 30, 5)
     for make in (FlippingTutor, BradleyTerryTutor):
@@ -345,7 +345,9 @@ def test_bad_error_rates(rate):
 def test_bad_settings():
     with pytest.raises(ValueError, match=r"1\.5"):
         FlippingTutor(HIDDEN, 1.5, 0)
-    for precision in (-1, np.nan, np.inf):
+    with pytest.raises(ValueError, match=r"error_rate must be .* not 'a'"):
+        FlippingTutor(HIDDEN, "a", 0)
+    for precision in (-1, np.nan, np.inf, "a", None):
         with pytest.raises(ValueError, match="precision"):
             BradleyTerryTutor(HIDDEN, precision, 0)
     with pytest.raises(ValueError, match="reference"):

@@ -1,0 +1,37 @@
+"""Checks of settings, which raise nothing raw whatever they are given: a text, None, nan, or a number without end."""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+from numbers import Real
+from typing import Any
+
+
+def is_number(value: Any, least: float = -inf, most: float = inf) -> bool:
+    """Whether a setting is a finite number in ``least`` .. ``most``; a text, None, True or False is none."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return False
+    try:
+        return isfinite(value) and least <= float(value) <= most
+    except OverflowError:  # an int or a fraction that no float can hold
+        return False
+
+
+def is_whole(value: Any, least: int) -> bool:
+    """Whether a setting is a whole number of at least ``least``."""
+    return is_number(value, least) and bool(int(value) == value)
+
+
+def is_range(value: Any, least: float = -inf, most: float = inf) -> bool:
+    """Whether a setting is two finite numbers, ``least`` <= low <= high <= ``most``."""
+    try:
+        low, high = value
+    except (TypeError, ValueError):
+        return False
+    return is_number(low, least, most) and is_number(high, low, most)
+
+
+def require(holds: bool, name: str, wanted: str, value: object) -> None:
+    """Raise ValueError unless the setting of that name is what is ``wanted``."""
+    if not holds:
+        raise ValueError(f"{name} must be {wanted}, not {value!r}")
