@@ -93,7 +93,9 @@ def choose(
         raise ValueError(f"max_queries must be a whole number of at least 0, or None for no limit, not {max_queries!r}")
     if check_totals:
         _check_totals(rows)
-    return Choosing(rows, comparator, order, [str(x) for x in (range(n) if labels is None else labels)], max_queries)
+    return Choosing(
+        rows, comparator, bool(order), [str(x) for x in (range(n) if labels is None else labels)], max_queries
+    )
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from importlib.util import find_spec
 from math import ceil, log
 from pathlib import Path
@@ -103,9 +104,7 @@ def icu_sepsis(bands: tuple[float, float, float] | None = None, discount: float 
     _expect((transitions[_DIED:, :, _ABSORBING] == 1).all(), "death and survival lead to state 715")
     _expect(not transitions[:_DIED, :, _ABSORBING].any(), "no live state leads to state 715")
     _expect(not start[_DIED:].any(), "nobody starts dead, recovered or in state 715")
-    lines = np.quantile(sofa[:_DIED], (0.25, 0.5, 0.75)) if bands is None else np.asarray(bands, dtype=np.float64)
-    if lines.shape != (3,) or not (np.diff(lines) > 0).all():
-        raise ValueError(f"bands must be three increasing SOFA scores, not {bands}")
+    lines = np.quantile(sofa[:_DIED], (0.25, 0.5, 0.75)) if bands is None else _bands(bands)
     level = np.empty(_ABSORBING, dtype=np.int32)
     level[:_DIED] = 4 - np.searchsorted(lines, sofa[:_DIED])
     level[_DIED], level[_RECOVERED] = 0, 5
@@ -179,6 +178,15 @@ def _check(name: str, value: int, least: int, most: int) -> None:
     whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not whole or not least <= value <= most:
         raise ValueError(f"{name} must be a whole number from {least} to {most}, not {value!r}")
+
+
+def _bands(bands: tuple[float, float, float]) -> Floats:
+    lines: Floats = np.empty(0)
+    with suppress(TypeError, ValueError):  # no numbers, or lists of unequal length: said below
+        lines = np.asarray(bands, dtype=np.float64)
+    if lines.shape != (3,) or not (np.diff(lines) > 0).all():
+        raise ValueError(f"bands must be three increasing SOFA scores, not {bands!r}")
+    return lines
 
 
 def _values(k: int, generator: np.random.Generator) -> Floats:

@@ -15,6 +15,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import breadth_first_order
 from scipy.sparse.linalg import bicgstab, splu
 
+from elicit.checks import is_number
 from elicit.scale import Floats
 from qlearn.mdp import OrdinalMDP
 from qlearn.rows import Flags
@@ -39,8 +40,8 @@ def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
     a ``tolerance`` that floats cannot certify.
     """
     e = mdp.normalise(values)
-    if not 0 < tolerance < np.inf:
-        raise ValueError(f"tolerance must be a positive number (a share of the value range), not {tolerance}")
+    if not (is_number(tolerance) and tolerance > 0):
+        raise ValueError(f"tolerance must be a positive number (a share of the value range), not {tolerance!r}")
     v = policy_iteration(mdp, *_rewarded(mdp, e))[0]
     while True:
         previous, q = v, _action_values(mdp, e, v)

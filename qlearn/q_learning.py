@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.checks import is_whole
+from elicit.checks import is_number, is_whole
 from elicit.comparator import AlwaysAsk, Comparator, Decisions, Tier
 from elicit.query import Answer, Query, Verdict
 from elicit.respond import NOBODY, nobody
@@ -258,6 +258,11 @@ def check_levels_agree(mdp: OrdinalMDP, comparator: Comparator) -> None:
 
 
 def _rates(learning_rate: LearningRate, steps: int) -> Floats:
+    if not (callable(learning_rate) or is_number(learning_rate)):
+        raise ValueError(
+            "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,), not "
+            f"{learning_rate!r}"
+        )
     visits = np.arange(max(1, steps))
     rates = np.asarray(learning_rate(visits) if callable(learning_rate) else np.full(len(visits), learning_rate))
     if rates.shape != visits.shape or not ((rates > 0) & (rates <= 1)).all():

@@ -190,7 +190,7 @@ def test_icu_bands_can_be_chosen(icu: OrdinalMDP) -> None:
     near = icu_sepsis(bands=(4.7, 6.5, 8.55))  # the quartiles, rounded
     assert 0 < np.count_nonzero((near.levels != icu.levels)[:, 0]) < 10
     assert np.count_nonzero(icu_sepsis(bands=(2, 6, 15)).levels[:713, 0] == 1) < 20
-    for bands in ((6, 5, 9), (1, 2), (1, 1, 2), (1, np.nan, 2)):
+    for bands in ((6, 5, 9), (1, 2), (1, 1, 2), (1, np.nan, 2), "a", {}, ((1,), (2, 3))):
         with pytest.raises(ValueError, match="three increasing SOFA scores"):
             icu_sepsis(bands=bands)  # type: ignore[arg-type]
 

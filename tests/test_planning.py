@@ -217,7 +217,7 @@ def test_the_same_input_gives_the_same_bits() -> None:
     np.testing.assert_array_equal(policy, other)
 
 
-@pytest.mark.parametrize("tolerance", [0, -1e-3, np.nan, np.inf])
+@pytest.mark.parametrize("tolerance", [0, -1e-3, np.nan, np.inf, "a", None])
 def test_bad_tolerance(tolerance: float) -> None:
     mdp, values = random_mdp(5, 2, 3, rng=0)
     with pytest.raises(ValueError, match="tolerance must be a positive number"):

@@ -299,6 +299,8 @@ def test_greedy_run_never_explores() -> None:
         ({"learning_rate": 0.0}, "0.0"),
         ({"learning_rate": 1.5}, "1.5"),
         ({"learning_rate": float("nan")}, "nan"),
+        ({"learning_rate": "a"}, "not 'a'"),
+        ({"learning_rate": [0.5]}, r"not \[0.5\]"),
         ({"learning_rate": lambda visits: 1.0 / visits[1:]}, r"\(9,\)"),
         ({"learning_rate": lambda visits: -1.0 - visits}, "-1.0"),
         ({"episode_length": 0}, "0"),
