@@ -20,7 +20,8 @@ from qlearn.ablation import ablate
 
 COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "box")
 ERROR_RATES = (0.0, 0.05, 0.15, 0.3)
-AUDIT = 0.002  # share of the decided pairs that audited runs put to the tutor all the same: as many as the posterior asks
+AUDIT = 0.002  # share of the decided pairs that audited runs put to the tutor all the same: about as many as a
+# posterior asks
 LEVELS = (5, 10, 20)  # of the random MDPs
 TASKS = ("frozen-lake", "deep-sea-treasure", "icu")
 
