@@ -104,6 +104,7 @@ def loss_over_draws(
     doubt = over.doubt / (1 - mdp.discount)
     first = np.minimum(gain.max(axis=0, initial=0.0) / (1 - mdp.discount), 1.0)
     game, order, upper = _Game.of(mdp, over), np.argsort(-first, kind="stable"), first.copy()
+    lower = np.zeros_like(first)
     spare, target = 1.0 - level + LEVEL_ROUNDING, -1.0 if enough is None else enough - doubt
     beyond = 0.0  # weight of the draws that are certain to lose more than the target
     for start in range(0, len(order), BLOCK):
@@ -112,8 +113,9 @@ def loss_over_draws(
         block = order[start : start + BLOCK]
         weights = draws.weights[block]
         room = np.inf if enough is None else spare - beyond
-        low, upper[block] = game.losses(np.ascontiguousarray(gain[:, block]), target, weights, room)
-        beyond += float(weights[low > target].sum())
+        small = _quantile(lower, draws.weights, spare)  # losses up to it do not matter to the quantile
+        lower[block], upper[block] = game.losses(np.ascontiguousarray(gain[:, block]), target, weights, room, small)
+        beyond += float(weights[lower[block] > target].sum())
         if enough is not None and beyond > spare:
             return np.inf
     return min(1.0, _quantile(upper, draws.weights, spare) + doubt)
@@ -150,10 +152,12 @@ class _Game(NamedTuple):
             discount=mdp.discount,
         )
 
-    def losses(self, gain: Floats, target: float, weights: Floats, room: float) -> tuple[Floats, Floats]:
+    def losses(
+        self, gain: Floats, target: float, weights: Floats, room: float, small: float
+    ) -> tuple[Floats, Floats]:
         """Lower and upper bounds (b,) on the greatest total, from whatever state, of gains (n, b), until all are on
-        one side of the target or within a hundredth of each other, or more weight than there is room for is certain
-        to exceed the target: sweeps from zero, with MacQueen's (1966) bounds."""
+        one side of the target, or ``small``, or within a hundredth of each other, or more weight than there is room for
+        is certain to exceed the target: sweeps from zero, with MacQueen's (1966) bounds."""
         b = gain.shape[1]
         total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)
         low, high = np.zeros(b), np.full(b, np.inf)
@@ -168,7 +172,8 @@ class _Game(NamedTuple):
             high = np.minimum(high, low + ratio * change + _ROUNDING)
             if target >= 0 and weights[low > target].sum() > room:
                 break
-            if ((low > target) & (target >= 0) | (high <= target) | (high - low <= 0.01 * high + 1e-9)).all():
+            close = high - low <= 0.01 * high + 1e-9
+            if ((low > target) & (target >= 0) | (high <= max(target, small)) | close).all():
                 break
         return low, high
 
