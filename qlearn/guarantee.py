@@ -152,9 +152,7 @@ class _Game(NamedTuple):
             discount=mdp.discount,
         )
 
-    def losses(
-        self, gain: Floats, target: float, weights: Floats, room: float, small: float
-    ) -> tuple[Floats, Floats]:
+    def losses(self, gain: Floats, target: float, weights: Floats, room: float, small: float) -> tuple[Floats, Floats]:
         """Lower and upper bounds (b,) on the greatest total, from whatever state, of gains (n, b), until all are on
         one side of the target, or ``small``, or within a hundredth of each other, or more weight than there is room for
         is certain to exceed the target: sweeps from zero, with MacQueen's (1966) bounds."""
