@@ -16,11 +16,12 @@ from elicit.jit import compiled, loosely
 
 ROUNDING = 2.0**-24  # of a number in single precision
 TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
-LEAST_LAPSE = 1e-4  # below, a likelihood may come out too great: see ``_FEW``
+LEAST_LAPSE = 1e-4  # below, a likelihood may come out too great, for a term is never less than exp(-``_NEAR``)
+GREATEST = 1e30  # theta: single precision ends not far above
 HALF = BLOCK // 2
 SMALL = 1e-150  # products below are put away as logarithms; from that lapse on half a block's is not below
-_NONE, _ONE, _FAR, _PART = np.float32(0.0), np.float32(1.0), np.float32(25.0), np.float32(-1.0 / 32.0)
-_FEW = np.float32(1e-9)  # no term is less: products of four are still numbers
+_NONE, _ONE, _PART = np.float32(0.0), np.float32(1.0), np.float32(-1.0 / 32.0)
+_NEAR, _FAR = np.float32(15.0), np.float32(25.0)  # logits beyond are taken for these: the first without lapses
 _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in range(2, 8))
 
 
@@ -56,6 +57,8 @@ def error(theta: Any, rough: Rough) -> float:
     sizes = 0.0
     for j in range(len(theta)):
         sizes += rough.sums[j] * theta[j]
+        if not theta[j] <= GREATEST:
+            return math.inf
     return TERM * len(rough.tied) + (len(theta) + 6) * ROUNDING * sizes
 
 
@@ -107,10 +110,11 @@ def rough_terms(small: Any, lapse: float) -> None:
     """One block's terms (see ``density.log_terms``) into the first row of small (2, BLOCK), where eta is."""
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
+    far = _NEAR if lapse < LEAST_LAPSE else _FAR
     for i in range(BLOCK):
-        below[i] = rough_exp(min(abs(above[i]), _FAR))
+        below[i] = rough_exp(min(abs(above[i]), far))
     for i in range(BLOCK):
-        above[i] = max(half + sure * (_ONE if above[i] >= _NONE else below[i]) / (_ONE + below[i]), _FEW)
+        above[i] = half + sure * (_ONE if above[i] >= _NONE else below[i]) / (_ONE + below[i])
 
 
 @loosely
@@ -121,7 +125,7 @@ def rough_ties(small: Any, tied: Any, lapse: float) -> None:
     for i in range(BLOCK):
         if tied[i]:
             less = sure * below[i] / (_ONE + below[i])
-            above[i] = max(math.sqrt((half + less) * (half + sure - less)), _FEW)
+            above[i] = math.sqrt((half + less) * (half + sure - less))
 
 
 @loosely

@@ -288,6 +288,22 @@ def test_single_precision_changes_no_decision(lapse: float, n: int, last: float,
     assert (one != start).any()
 
 
+@pytest.mark.parametrize(
+    ("lapse", "c", "far"), [(0.0, 20.0, 20.65), (1e-10, 20.0, 18.0), (0.0, 1e39, 5.0), (0.1, 1e39, 5.0)]
+)
+def test_single_precision_changes_no_decision_where_it_ends(lapse: float, c: float, far: float) -> None:
+    p, n, rng = 3, 640, np.random.default_rng(1)
+    prior = PosteriorComparator(p + 1, lapse=lapse, precision=c)._prior
+    rows = rng.normal(size=(p, n)) * min(far, 6.0) / c
+    rows[:, ::2] = -far / c if far > 6.0 else rows[:, ::2]
+    start = prior_draws(rng, p, 40)
+    one, other = start.copy(), start.copy()
+    with np.errstate(all="ignore"):
+        accepted = M.move(one, rows, np.zeros(n, bool), n, 1.0, prior, np.uint64(5), 30)
+        assert in_double(other, rows, np.zeros(n, bool), 1.0, prior, np.uint64(5), 30) == accepted > 0
+    assert (one == other).all()
+
+
 @given(st.integers(0, 10**6))
 def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
     rng = np.random.default_rng(seed)
