@@ -31,6 +31,7 @@ class Checkpoints:
         self.next = min(steps, int(FIRST * self._live.sum()))
         self._before: Floats | None = None  # Q (S, A, k) at the last checkpoint
         self._asked = 0  # at this one
+        self.refused = False  # whether a question was worth asking, but the budget was spent
 
     def best_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
         """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where they are as good."""
@@ -44,7 +45,7 @@ class Checkpoints:
     ) -> tuple[Floats, Floats, int, int, int] | None:
         """The next pair to ask about: left and right (k,), the state, and their actions. None where nothing at this
         checkpoint is worth a question."""
-        if self._asked >= self._most or desk.spent:
+        if self._asked >= self._most:
             return None
         wanted = self._live & (visits > 0)
         wanted[np.arange(len(policy)), policy] = False
@@ -54,7 +55,8 @@ class Checkpoints:
         unsettled = desk.indifference + self._moved(q, desk.comparator.values, states, actions, own)
         rows = np.flatnonzero(simultaneous_bounds(desk.comparator, d)[0] > unsettled)
         rows = rows[desk.may_ask(d[rows], lambda i: place(states[rows[i]], actions[rows[i]], own[rows[i]]))]
-        if not len(rows):
+        self.refused |= bool(len(rows)) and desk.spent
+        if not len(rows) or desk.spent:
             return None
         pool = Candidates(d[rows], states[rows], actions[rows], desk.indifference, desk.comparator)
         row = rows[best(self._strategy, pool)[0]]

@@ -46,11 +46,11 @@ class InteractiveQLearning:
     """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
 
     ``exploration``: how it comes to see enough, one of ``EXPLORATIONS`` by name, or an ``Exploration``; by default
-    "optimistic", chosen by measurement (docs/exploration.md), and "uniform" where it asks late. By hand: ``epsilon``,
-    ``start`` and ``episode_length`` replace what the named one says or, where none is named, what "constant" does: the
-    chance of a uniformly drawn action (a constant, a ``Decay``, or a function from steps to chances); where all vectors
-    begin ("worst" or "best": all mass on that level, so that totals stay 1 and every question is well-posed; "zero":
-    the paper's line 4); after how many steps to restart from the initial distribution (terminal states always do).
+    "optimistic", chosen by measurement (docs/exploration.md). By hand: ``epsilon``, ``start`` and ``episode_length``
+    replace what the named one says or, where none is named, what "constant" does: the chance of a uniformly drawn
+    action (a constant, a ``Decay``, or a function from steps to chances); where all vectors begin ("worst" or "best":
+    all mass on that level, so that totals stay 1 and every question is well-posed; "zero": the paper's line 4); after
+    how many steps to restart from the initial distribution (terminal states always do).
     ``learning_rate``: a constant in (0, 1], or a function from the number of earlier visits of (s, a) to rates; by
     default ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie within
     it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
@@ -60,7 +60,7 @@ class InteractiveQLearning:
     ``asking="late"``: undecided pairs go by the comparator's central scale, and questions wait for checkpoints at
     doubling numbers of steps; there a pair is asked about only if it can change the greedy policy by more than the
     ``indifference`` and by more than its estimates still move, the best by ``strategy`` first (``qlearn.late``). What
-    it guesses must not decide what it sees, or it would end elsewhere: hence the uniform exploration.
+    it guesses decides what it sees: explore well, as by default, or it ends elsewhere than where it asks at once.
     ``max_loss``: stop at a checkpoint where no plausible scale lets the greedy policy lose more. Only for that, and
     for ``Result.loss_bound``, are the MDP's transition probabilities read: learning itself samples them.
     """
@@ -90,7 +90,7 @@ class InteractiveQLearning:
             raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
         if exploration is None:
             by_hand = any(setting is not None for setting in (epsilon, start, episode_length))
-            exploration = "constant" if by_hand else "uniform" if check_asking(asking) else "optimistic"
+            exploration = "constant" if by_hand else "optimistic"
         chosen = exploration_of(exploration)
         start = chosen.start if start is None else start
         check_start(start)
@@ -206,7 +206,7 @@ class InteractiveQLearning:
         """The greedy policy and the counts so far."""
         done = self._state.cursor[kernel.STEP] >= self._model.steps and not self._desk.pending
         tiers = self._desk.counts + self._state.decided
-        finished = Status.GUESSED if (self._desk.spent if self._late else tiers[Tier.GUESS]) else Status.DONE
+        finished = Status.GUESSED if (self._stops.refused if self._late else tiers[Tier.GUESS]) else Status.DONE
         if self._enough:
             done, finished = True, Status.CERTIFIED
         elif self._late:

@@ -190,33 +190,33 @@ def test_q_learning_that_asks_late_asks_few_and_loses_no_more():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("exploration", ["optimistic", "uniform"])
 @pytest.mark.parametrize("k", [10, 20])
-def test_asking_late_halves_the_questions_on_the_papers_problems(k):
+def test_asking_late_halves_the_questions_on_the_papers_problems(k, exploration):
     few, many, lost = 0, 0, []
     for seed in range(6):
         mdp, values = random_mdp(100, 5, k, rng=seed)
-        tutor, learner = FlippingTutor(values, 0.1, seed=seed), partial(InteractiveQLearning, mdp, rng=seed)
+        learner = partial(InteractiveQLearning, mdp, rng=seed, exploration=exploration)
+        tutor = FlippingTutor(values, 0.1, seed=seed)
         late = drive(learner(PosteriorComparator(k, lapse=0.2, seed=seed), asking="late"), tutor)
-        usual = drive(learner(PosteriorComparator(k, lapse=0.2, seed=seed), exploration="uniform"), tutor)
-        oracle = drive(learner(AlwaysAsk(k), exploration="uniform"), TruthfulTutor(values))
+        usual = drive(learner(PosteriorComparator(k, lapse=0.2, seed=seed)), tutor)
+        oracle = drive(learner(AlwaysAsk(k)), TruthfulTutor(values))
         few, many = few + late.asked, many + usual.asked
         lost.append(policy_loss(mdp, late.policy, values).mean() - policy_loss(mdp, oracle.policy, values).mean())
     assert few <= many / 2
     assert abs(np.mean(lost)) <= 0.001
 
 
-def test_asking_late_explores_uniformly_unless_told_otherwise():
+def test_a_budget_that_nothing_was_refused_for_is_no_guess():
     mdp, values = random_mdp(20, 3, 4, rng=0)
-    one, other, usual = (
-        drive(InteractiveQLearning(mdp, PolytopeComparator(4), steps=2000, **given), TruthfulTutor(values))
-        for given in (
-            {"asking": "late"},
-            {"asking": "late", "exploration": "uniform"},
-            {"asking": "late", "epsilon": 0.1},
-        )
-    )
-    assert (one.q == other.q).all()
-    assert (one.q != usual.q).any()
+
+    def late(budget):
+        learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=4000, asking="late", max_queries=budget)
+        return drive(learner, TruthfulTutor(values))
+
+    free = late(None)
+    assert free.status is late(free.asked).status is Status.DONE
+    assert late(free.asked - 1).status is Status.GUESSED
 
 
 def test_an_oracle_is_asked_at_once_all_the_same():
