@@ -123,8 +123,14 @@ def says_left(scores: Floats, precision: Floats, lapse: float) -> Floats:
     """The chance (n, m) that a tutor says "left is better", for d.e (n, m) under m scales and precisions (m,): eq. (6),
     and a coin in a share ``lapse`` of the answers. An infinite precision never errs, but tosses a coin at d.e = 0."""
     with np.errstate(over="ignore", invalid="ignore"):
-        logits = np.nan_to_num(precision * scores, nan=0.0)
-        return np.asarray(0.5 * lapse + (1.0 - lapse) / (1.0 + np.exp(-logits)))
+        chance = np.asarray(-(precision * scores))
+        if not np.isfinite(precision).all():
+            chance = np.nan_to_num(chance, nan=0.0)
+        np.exp(chance, out=chance)
+        chance += 1.0
+        np.divide(1.0 - lapse, chance, out=chance)
+        chance += 0.5 * lapse
+    return chance
 
 
 def entropy(chance: Floats) -> Floats:

@@ -238,8 +238,10 @@ class Desk:
         not tell."""
         if not self._said:
             return np.ones(len(d), dtype=np.bool_)
-        new = [_name(t)[0] not in self._said for t in tail_sums(d)]
-        return np.array([fresh and places(i) not in self._unclear for i, fresh in enumerate(new)], dtype=np.bool_)
+        new: NDArray[np.bool_] = ~np.isin(unordered_pairs(self._key, tail_sums(d))[1], self._said_codes)
+        if self._unclear:
+            new &= [places(i) not in self._unclear for i in range(len(d))]
+        return new
 
     def next_batch(self, d: Floats) -> list[int]:
         """Which of the differences d (n, k), judged UNKNOWN, to ask about now: the first ones, as many as batch
