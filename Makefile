@@ -1,4 +1,4 @@
-# Two commands do everything on a fresh machine: `make ablation` and `make test`.
+# On a fresh machine each of these does all that it needs: `make ablation`, `make figures`, `make test`.
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
@@ -24,7 +24,7 @@ lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md
+bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md, docs/exploration.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(BIN)/python -m benchmarks.learning --out benchmarks/RESULTS.md
 	$(BIN)/python -m benchmarks.ivi --out benchmarks/RESULTS-ivi.md

@@ -20,8 +20,7 @@ from qlearn.ablation import ablate
 
 COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "box")
 ERROR_RATES = (0.0, 0.05, 0.15, 0.3)
-AUDIT = 0.002  # share of the decided pairs that audited runs put to the tutor all the same: about as many as a
-# posterior asks
+AUDIT = 0.002  # share of the decided pairs that audited runs put to the tutor all the same: one or two hundred
 RELAXED_RATES = (0.0, 0.05)  # of the relaxed polytope on the tasks: its time grows with the cube of answers that
 # contradict each other, and at 15% a run on deep-sea-treasure takes minutes to an hour
 LEVELS = (5, 10, 20)  # of the random MDPs

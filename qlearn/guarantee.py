@@ -95,7 +95,8 @@ def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
 def loss_over_draws(
     mdp: OrdinalMDP, over: Advantages, draws: Draws, level: float, enough: float | None = None
 ) -> float:
-    """The ``level`` quantile, over the draws, of an upper bound on the policy's loss (to about a hundredth of itself).
+    """The ``level`` quantile, over the draws, of an upper bound on the policy's loss: to about a
+    hundredth of itself, unless ``MOST_SWEEPS`` end it before.
 
     Draws are taken in the order of a first bound, their greatest advantage over 1 - discount, so that most need no
     closer look. With ``enough`` it stops where the quantile is certain to exceed it, and returns inf.
