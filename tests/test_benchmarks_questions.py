@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from benchmarks import questions
+from benchmarks import certified, questions
 
 
 @pytest.fixture
@@ -64,3 +64,15 @@ def test_the_report_says_how_many_questions():
     assert "| k = 5 | 10% | posterior | no | 11 | 12 | 100% |" in text
     assert "1.00<br>≤ 2.00" in text
     assert "11 ± 13" in text  # t = 12.7 of two seeds
+
+
+def test_a_line_on_certificates_counts_questions_and_kept_bounds():
+    def line(who, truthful):
+        return certified.line("k = 5", who, certified.paper(5), certified.ENOUGH, truthful, 2)
+
+    cells = line("policy iteration", truthful=True).strip("| ").split(" | ")
+    assert cells[:5] == ["k = 5", "policy iteration", "never", "1%", "2"]
+    assert cells[7] == "100.0%"
+    fewer, more = (float(line(who, True).split(" | ")[5].split()[0]) for who in ("policy iteration", "value iteration"))
+    assert fewer < more
+    assert "| 10% | 1% |" in line("policy iteration", truthful=False)
