@@ -1,6 +1,6 @@
 """The rows behind notebook 04: comparators x learners x tutor errors, for several k and on real and known tasks.
 
-    python -m benchmarks.ablation_table --out notebooks/data/ablation.csv      about half an hour on two cores
+    python -m benchmarks.ablation_table --out notebooks/data/ablation.csv      half an hour on two cores
     python -m benchmarks.ablation_table --out notebooks/data/ablation.csv --steps 20000 --seeds 2     rough
 
 Each part is ``qlearn.ablation.ablate`` with its defaults but for what is said here; the journal beside the file lets
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
     parser = argparse.ArgumentParser("python -m benchmarks.ablation_table", description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--out", type=Path, required=True, help="the CSV to write")
-    parser.add_argument("--seeds", type=int, default=4, help="number of seeds (default: 4)")
+    parser.add_argument("--seeds", type=int, default=8, help="number of seeds (default: 8)")
     parser.add_argument("--steps", type=int, default=100_000, help="steps of Q-learning (default: 1e5)")
     parser.add_argument("--max-queries", type=int, default=2000, help="question budget (default: 2000)")
     parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
