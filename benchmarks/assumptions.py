@@ -20,7 +20,7 @@ from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
 from qlearn.exploration import Start
 from qlearn.metrics import counts, estimated_values, half_width, paper_loss, reference_differences
 from qlearn.q_learning import LearningRate, polynomial_rate
-from qlearn.sweep import one_thread
+from qlearn.threads import one_thread
 
 MEASURES = ("asked_percent_all", "asked_percent_open", "paper_loss", "excess_loss", "oracle_loss")
 HEAD = """\

@@ -21,7 +21,7 @@ from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_
 from qlearn.exploration import EXPLORATIONS, Decay, Exploration
 from qlearn.metrics import half_width
 from qlearn.runs import instance
-from qlearn.sweep import one_thread
+from qlearn.threads import one_thread
 
 Problem: TypeAlias = Callable[[int], tuple[OrdinalMDP, Floats]]
 

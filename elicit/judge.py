@@ -13,9 +13,8 @@ import numpy as np
 
 from elicit.comparator import Tier
 from elicit.corner import BEST, EPS, ROW, SMALL, Known, doubt_at
-from elicit.density import BLOCK
 from elicit.jit import compiled, loosely
-from elicit.particles import LEVEL_ROUNDING, scores_into, signed_weights
+from elicit.particles import shared_sign
 from elicit.rule import BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
 from elicit.settle import (
     BETTER,
@@ -130,24 +129,15 @@ def lower_by_corner(t: Any, side: int, q: int, active: Any, limits: Any, work: A
 
 @compiled
 def judge_weighted(t: Any, shift: float, floor: Any, gaps: Any, weights: Any, level: float) -> tuple[int, int]:
-    """By the weight of either sign, as ``particles.weigh`` adds it up."""
-    p, m = gaps.shape
-    at = np.empty(m)
-    up, down, left = 0.0, 0.0, 1.0
-    for start in range(0, m, BLOCK):
-        end = min(m, start + BLOCK)
-        scores_into(t, shift, gaps, start, at[start:end])
-        above, below, both = signed_weights(at[start:end], weights[start:end])
-        up, down, left = up + above, down + below, left - both
-        if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
-            break
-    side = 1 if up >= level - LEVEL_ROUNDING else -1 if down >= level - LEVEL_ROUNDING else 0
+    """By the weight of either sign."""
+    at = np.empty(gaps.shape[1])
+    side = shared_sign(t, shift, gaps, weights, level, at)
     if side == 0:
         return UNKNOWN, BY_MODEL
     if len(floor) > 0 and shift == 0.0:
         radius = reach(at, side, weights, level)
         if radius > 0.0:
-            for j in range(p):
+            for j in range(len(t)):
                 floor[j] = side * t[j] - radius
             return side, FLOORED + BY_MODEL
     return side, BY_MODEL

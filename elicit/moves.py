@@ -37,8 +37,8 @@ def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: A
     counted that led nowhere."""
     m, p = x.shape
     proposal, theta, work, small = np.empty(p), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
-    rough, logs, errors, accepted = roughened(rows, tied, n), np.empty(m), np.zeros(m), 0
-    precise = last < 1.0 or prior.lapse < LEAST_LAPSE
+    rough, logs, errors = roughened(rows, tied, n if last == 1.0 else 0), np.empty(m), np.zeros(m)
+    precise, accepted = last < 1.0 or prior.lapse < LEAST_LAPSE, 0
     for i in range(m):
         if i > 0 and (x[i] == x[i - 1]).all():
             logs[i], errors[i] = logs[i - 1], errors[i - 1]

@@ -159,27 +159,30 @@ def tempered(logs: Any, found: Any, most: float) -> float:
 
 @compiled
 def weigh(d: Any, gaps: Any, weights: Any, level: float, verdicts: Any) -> None:
-    """Verdicts (n,) on differences d (n, k): dominance, else the sign that particles of gaps (p, m) and total
-    weight ``level`` share."""
+    """Verdicts (n,) on differences d (n, k): dominance, else by ``shared_sign``."""
     p, m = gaps.shape
-    t, at = np.empty(p), np.empty(BLOCK)
+    t, at = np.empty(p), np.empty(m)
     for i in range(len(d)):
         tail_sums_into(d, i, t)
         verdicts[i] = by_dominance(t)
-        if verdicts[i] != UNKNOWN:
-            continue
-        up, down, left = 0.0, 0.0, 1.0
-        for start in range(0, m, BLOCK):
-            size = min(BLOCK, m - start)
-            scores_into(t, 0.0, gaps, start, at[:size])
-            above, below, both = signed_weights(at[:size], weights[start : start + size])
-            up, down, left = up + above, down + below, left - both
-            if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
-                break
-        if up >= level - LEVEL_ROUNDING:
-            verdicts[i] = BETTER
-        elif down >= level - LEVEL_ROUNDING:
-            verdicts[i] = WORSE
+        if verdicts[i] == UNKNOWN:
+            side = shared_sign(t, 0.0, gaps, weights, level, at)
+            verdicts[i] = UNKNOWN if side == 0 else BETTER if side > 0 else WORSE
+
+
+@compiled
+def shared_sign(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
+    """The sign of t.g + shift that particles of gaps (p, m) and total weight ``level`` share, with the scores in at
+    (m,); 0 where none has so much."""
+    m, up, down, left = len(at), 0.0, 0.0, 1.0
+    for start in range(0, m, BLOCK):
+        end = min(m, start + BLOCK)
+        scores_into(t, shift, gaps, start, at[start:end])
+        above, below, both = signed_weights(at[start:end], weights[start:end])
+        up, down, left = up + above, down + below, left - both
+        if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
+            return 0
+    return 1 if up >= level - LEVEL_ROUNDING else -1 if down >= level - LEVEL_ROUNDING else 0
 
 
 @compiled

@@ -68,6 +68,15 @@ def all_asked_before(codes: Any, pairs: Any, times: Any, tally: Any, before: Any
 
 
 @compiled
+def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
+    """Enter a table (c,) in another with more room."""
+    for i in range(len(pairs)):
+        if pairs[i] != np.uint64(0):
+            place = place_of(pairs[i], into)
+            into[place], count[place] = pairs[i], times[i]
+
+
+@compiled
 def chance(size: float, precision: float) -> float:
     """Of a logistic error: 1 / (1 + exp(precision |d.e|))."""
     return 1.0 / (1.0 + math.exp(min(precision * size, 700.0)))

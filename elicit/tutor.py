@@ -31,7 +31,7 @@ from elicit.respond import (
     all_asked_before,
     chance,
     nobody,
-    place_of,
+    rehash,
     respond,
 )
 from elicit.scale import Floats, as_vectors, dot, gaps, normalise, tail_sums
@@ -175,9 +175,7 @@ class _Erring(_Simulated):
         """Double the table until it can take so many more pairs and stay half empty."""
         while 2 * (int(self._tally[PAIRS]) + more) > len(self._pairs):
             pairs, times = np.zeros(2 * len(self._pairs), np.uint64), np.zeros(2 * len(self._pairs), np.int64)
-            for i in np.flatnonzero(self._pairs):
-                place = place_of(self._pairs[i], pairs)
-                pairs[place], times[place] = self._pairs[i], self._times[i]
+            rehash(self._pairs, self._times, pairs, times)
             self._pairs, self._times = pairs, times
 
     _tosses_ties = False

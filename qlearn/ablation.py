@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from qlearn import ahead
 from qlearn.metrics import CELL, paper_loss, summarise
 from qlearn.runs import Cell, Interrupted, Run, Size, instance, run, run_named, sources
 from qlearn.sweep import Unfinished, sweep
@@ -82,7 +83,15 @@ def ablate(
     shared = {"size": size, "built": sources(), "settings": given}
     try:
         rows = sweep(
-            run_named, plan, shared=shared, journal=journal, fresh=fresh, jobs=jobs, cost=_cost, progress=progress
+            run_named,
+            plan,
+            shared=shared,
+            journal=journal,
+            fresh=fresh,
+            jobs=jobs,
+            cost=_cost,
+            ahead=(ahead.learners, ahead.comparators),
+            progress=progress,
         )
     except Unfinished as stopped:
         raise Interrupted(_paired(stopped.rows, size)) from None

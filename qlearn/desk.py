@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from elicit.checks import is_number, is_whole
 from elicit.comparator import BY_ANSWERS, Comparator, Decisions, Tier, decide
-from elicit.hashed import pair_code
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.scale import Floats, dot, tail_sums
 from elicit.seeds import Seed, key_of, uniform, unordered_pairs
 from qlearn.learner import Audit, Guarantor, OnConflict, Result, Status
 from qlearn.standing import Standing
+from qlearn.told import Told, first_of_each_pair
 
 Watch = Callable[[Floats, Decisions], None]
 
@@ -78,9 +78,7 @@ class Desk:
         self._audit = float(audit)
         self._key = np.uint64(key_of(seed))
         self._number = 0
-        self._said: dict[bytes, int] = {}  # verdicts told, in the pair's canonical direction
-        self._binding: set[bytes] = set()  # pairs whose answer no model may overrule
-        self._said_codes = self._binding_codes = np.empty(0, np.uint64)  # the same pairs' hashes, sorted
+        self._told = Told(self._key)
         self._unclear: set[Place] = set()  # where the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
 
@@ -90,8 +88,8 @@ class Desk:
         ``places`` gives the place of a row: where the tutor could not tell, its estimates keep changing a
         little, and a person must not be asked about each new version of the same pair."""
         verdicts, tiers = decide(self.comparator, d)
-        if self._binding:
-            self._recall(d, verdicts, tiers, np.flatnonzero(tiers > Tier.DOMINANCE), binding=True)
+        if len(self._told.binding):
+            self._told.settle(d, verdicts, tiers, np.flatnonzero(tiers > Tier.DOMINANCE), binding=True)
         if self._audit > 0:
             self._pick_audits(d, verdicts, tiers)
         rows = np.flatnonzero((verdicts == Verdict.UNKNOWN) & (tiers < AUDIT))
@@ -101,8 +99,8 @@ class Desk:
         if self.signs is not None:
             verdicts[rows] = self.signs(d[rows])
             return Decisions(verdicts, tiers)
-        if self._said:
-            rows = self._recall(d, verdicts, tiers, rows, binding=False)
+        if len(self._told.codes):
+            rows = self._told.settle(d, verdicts, tiers, rows)
         if self._unclear and places is not None:
             unclear = np.array([places(int(row)) in self._unclear for row in rows], dtype=bool)
             verdicts[rows[unclear]], tiers[rows[unclear]] = Verdict.EQUAL, Tier.KNOWN
@@ -124,9 +122,9 @@ class Desk:
             indifference=self.indifference if asks else 0.0,
             audit=self._audit,
             key=self._key,
-            binding=self._binding_codes,
-            said=self._said_codes,
-            plain=self._audit == 0 and not len(self._binding_codes),
+            binding=self._told.binding,
+            said=self._told.codes,
+            plain=self._audit == 0 and not len(self._told.binding),
             unclear=bool(self._unclear),
             guess=self._gaps() if guesses else np.empty(0),
         )
@@ -193,16 +191,8 @@ class Desk:
                     self._unclear.add(where)
             else:
                 self.audits.append(Audit(query, expected, answer.verdict))
-            t = tail_sums(query.d)
-            name, sign = _name(t)
             said = verdict if answer.verdict is None else answer.verdict
-            self._said[name] = sign * said
-            with np.errstate(over="ignore"):  # the hash wraps around
-                code = pair_code(self._key, t, np.empty(len(t)))
-            self._said_codes = _with(self._said_codes, code)
-            if said == Verdict.EQUAL or unused:
-                self._binding.add(name)
-                self._binding_codes = _with(self._binding_codes, code)
+            self._told.add(query.d, said, binding=unused or said == Verdict.EQUAL)
             if expected is not None and verdict != expected:
                 tier = int(Tier.KNOWN)  # by the audit's answer, not by what the answers before it implied
             self.counts[tier] += 1
@@ -236,9 +226,7 @@ class Desk:
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
         """Which of the differences d (n, k) were not answered before, nor compared at a place where the tutor could
         not tell."""
-        if not self._said:
-            return np.ones(len(d), dtype=np.bool_)
-        new: NDArray[np.bool_] = ~np.isin(unordered_pairs(self._key, tail_sums(d))[1], self._said_codes)
+        new: NDArray[np.bool_] = ~self._told.has(d)
         if self._unclear:
             new &= [places(i) not in self._unclear for i in range(len(d))]
         return new
@@ -247,12 +235,7 @@ class Desk:
         """Which of the differences d (n, k), judged UNKNOWN, to ask about now: the first ones, as many as batch
         and budget allow, and of several rows about one pair only the first."""
         room = self.batch if self._max_queries is None else max(1, min(self.batch, self._max_queries - self.asked))
-        chosen: dict[bytes, int] = {}
-        for row, t in enumerate(tail_sums(d)):
-            if len(chosen) == room:
-                break
-            chosen.setdefault(_name(t)[0], row)
-        return list(chosen.values())
+        return first_of_each_pair(d, room)
 
     def result(
         self,
@@ -301,28 +284,15 @@ class Desk:
                 dropped.append(answer)
         return comparator, used, tuple(dropped)
 
-    def _recall(
-        self, d: Floats, verdicts: NDArray[np.int8], tiers: NDArray[np.int8], rows: NDArray[np.intp], binding: bool
-    ) -> NDArray[np.intp]:
-        """Settle rows whose very pair was answered before; returns the others."""
-        left = []
-        for row, t in zip(rows, tail_sums(d[rows]), strict=True):
-            name, sign = _name(t)
-            if name in (self._binding if binding else self._said):
-                verdicts[row], tiers[row] = sign * self._said[name], Tier.KNOWN
-            else:
-                left.append(row)
-        return np.array(left, dtype=np.intp)
-
     def _pick_audits(self, d: Floats, verdicts: NDArray[np.int8], tiers: NDArray[np.int8]) -> None:
         """Turn a share of the pairs that answers decided into questions: a function of the key and the pair."""
         rows = np.flatnonzero(np.isin(tiers, BY_ANSWERS) & (np.abs(verdicts) == 1))
         if not len(rows):
             return
         _, codes = unordered_pairs(self._key, tail_sums(d[rows]))
-        for row in rows[uniform(codes) < self._audit]:
-            if _name(tail_sums(d[row]))[0] not in self._said:
-                verdicts[row], tiers[row] = Verdict.UNKNOWN, tiers[row] + AUDIT
+        rows = rows[uniform(codes) < self._audit]
+        rows = rows[~self._told.has(d[rows])]
+        verdicts[rows], tiers[rows] = Verdict.UNKNOWN, tiers[rows] + AUDIT
 
     def _gaps(self) -> Floats:
         if self._guess is None or self._guess[0] is not self.comparator:
@@ -342,19 +312,6 @@ def _settle(answer: Answer, asked: Pending, unused: bool, comparator: Comparator
         return answer.verdict
     now = Verdict(int(decide(comparator, asked.query.d).verdicts[0]))
     return answer.verdict if now is Verdict.UNKNOWN else now
-
-
-def _name(t: Floats) -> tuple[bytes, int]:
-    """A pair's bytes in its canonical direction (first non-zero tail sum positive), and whether it was turned."""
-    lead = t[np.flatnonzero(t)[0]] if t.any() else 1.0
-    sign = 1 if lead > 0 else -1
-    return (sign * t + 0.0).tobytes(), sign
-
-
-def _with(codes: NDArray[np.uint64], code: np.uint64) -> NDArray[np.uint64]:
-    """Sorted codes, with one more."""
-    at = int(np.searchsorted(codes, code))
-    return np.concatenate([codes[:at], np.array([code], np.uint64), codes[at:]])
 
 
 def place(state: int, a: int, b: int) -> Place:

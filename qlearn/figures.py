@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from qlearn import ahead
 from qlearn.metrics import paper_loss
 from qlearn.runs import Cell, Interrupted, Run, Size, instance, run, run_named, sources
 from qlearn.sweep import Unfinished, sweep
@@ -79,7 +80,15 @@ def figures(
     shared = {"actions": actions, "discount": discount, "built": sources(), "settings": given}
     try:
         rows = sweep(
-            run_one, plan, shared=shared, journal=journal, fresh=fresh, jobs=jobs, cost=_cost, progress=progress
+            run_one,
+            plan,
+            shared=shared,
+            journal=journal,
+            fresh=fresh,
+            jobs=jobs,
+            cost=_cost,
+            ahead=(ahead.learners, ahead.comparators),
+            progress=progress,
         )
     except Unfinished as stopped:
         raise Interrupted(_paired(stopped.rows, actions, discount)) from None

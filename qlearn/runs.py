@@ -28,7 +28,7 @@ from qlearn.mdp import OrdinalMDP
 from qlearn.metrics import Watch, audits, counts, estimated_values, reference_differences
 from qlearn.planning import policy_loss, value_iteration
 from qlearn.q_learning import InteractiveQLearning
-from qlearn.sweep import one_thread
+from qlearn.threads import one_thread
 
 __all__ = ["Cell", "Run", "Size", "instance", "run", "run_named", "sources"]
 
@@ -41,6 +41,7 @@ REAL: Mapping[str, Callable[[], OrdinalMDP]] = MappingProxyType(
 )
 _NO_RUNS = (
     "ablation.py",
+    "ahead.py",
     "arguments.py",
     "cli.py",
     "figure_plots.py",

@@ -15,14 +15,15 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from qlearn.journal import Journal
+from qlearn.threads import one_thread
 
-__all__ = ["Cell", "Unfinished", "one_thread", "sweep"]
+__all__ = ["Cell", "Unfinished", "sweep"]
 
 Cell: TypeAlias = Mapping[str, Any]
 Function: TypeAlias = Callable[..., Any]
@@ -48,6 +49,7 @@ def sweep(
     fresh: bool = False,
     jobs: int | None = None,
     cost: Callable[[Any], float] | None = None,
+    ahead: Sequence[Callable[[], None]] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Any]:
     """``function(cell, **shared)`` for every cell: the rows, in the order of ``cells``.
@@ -63,6 +65,8 @@ def sweep(
               backend is the outer one (Dask, say, which has its own idea of the number of workers), else loky.
               A cell runs on one thread wherever it runs
     cost      cells of the greatest cost begin first, so that no core is left alone with a long one at the end
+    ahead     called before the cells, side by side, where a row is missing: what compiles, say, which every process
+              would else do for itself. Importable by workers
     progress  called with (rows finished, rows in all) at the start and after every row
 
     Where a worker process of this machine dies (killed, or out of memory) the rest goes on with a RuntimeWarning, and
@@ -82,6 +86,10 @@ def sweep(
         try:
             if progress is not None:
                 progress(len(rows), total)
+            for _ in _finished(
+                _do, [(str(i), {"part": part}) for i, part in enumerate(ahead if missing else ())], {}, jobs
+            ):
+                pass
             finished = stack.enter_context(closing(_finished(function, _ordered(missing, cost), shared, jobs)))
             for key, row in finished:
                 text = _json(row)
@@ -93,6 +101,10 @@ def sweep(
         except KeyboardInterrupt:
             raise Unfinished([rows.get(key) for key in keys]) from None
     return [rows[key] for key in keys]
+
+
+def _do(cell: Cell) -> None:
+    cell["part"]()
 
 
 def _key(function: Function, shared: Mapping[str, Any], cell: Cell, stamp: str) -> str:
@@ -198,28 +210,3 @@ def _end_with(parent: int) -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-_guard = threading.Lock()
-_users = 0
-_limit: Any = None
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Linear algebra on one thread: how a sum is split among threads shows in its last digits. The limit holds for the
-    process, so where several threads of one are in here, the last to leave lifts it."""
-    from threadpoolctl import threadpool_limits
-
-    global _users, _limit
-    with _guard:
-        if not _users:
-            _limit = threadpool_limits(1)
-        _users += 1
-    try:
-        yield
-    finally:
-        with _guard:
-            _users -= 1
-            if not _users:
-                _limit.restore_original_limits()

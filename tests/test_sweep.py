@@ -7,11 +7,10 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from struct import pack
@@ -23,11 +22,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweep_cases import CELLS, deadly, row, where
-from threadpoolctl import threadpool_info
 
+from qlearn import ahead
 from qlearn.ablation import ablate
 from qlearn.journal import Journal
-from qlearn.sweep import Unfinished, one_thread, sweep
+from qlearn.sweep import Unfinished, sweep
 
 
 def computed(log: Path) -> Counter[str]:
@@ -89,6 +88,27 @@ def test_an_outer_backend_is_used_and_a_cell_has_one_thread_on_each(cluster: Any
     assert all({*found["threads"]} <= {1} for found in on_dask + on_loky + here)
     assert here[0]["threads"]
     assert {found["numba"] for found in on_loky} == {"1"}
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_goes_ahead_is_done_once_and_only_where_a_row_is_missing(jobs: int, tmp_path: Path) -> None:
+    journal, log = tmp_path / "journal.jsonl", tmp_path / "log"
+
+    def part() -> None:
+        with log.open("a") as file:
+            print("ahead", file=file)
+
+    shared = {"log": str(log)}
+    sweep(row, CELLS[:2], shared=shared, journal=journal, jobs=jobs, ahead=(part, part))
+    assert log.read_text().split()[:2] == ["ahead", "ahead"]
+    assert computed(log)["ahead"] == 2
+    sweep(row, CELLS[:2], shared=shared, journal=journal, jobs=jobs, ahead=(part, part))
+    assert computed(log)["ahead"] == 2
+
+
+@pytest.mark.parametrize("part", [ahead.learners, ahead.comparators])
+def test_the_parts_that_go_ahead_of_an_ablation_run(part: Callable[[], None]) -> None:
+    part()
 
 
 def test_an_outer_number_of_jobs_is_respected_and_an_explicit_one_wins() -> None:
@@ -307,22 +327,40 @@ def test_a_row_that_always_kills_its_worker_is_an_error_after_all_others(tmp_pat
 
 
 def test_the_limit_on_threads_ends_with_the_last_who_needs_it() -> None:
-    usual = [pool["num_threads"] for pool in threadpool_info()]
-    entered, leave = threading.Event(), threading.Event()
+    script = """
+import threading
+import scipy.linalg
+from threadpoolctl import threadpool_info, threadpool_limits
+from qlearn.threads import one_thread
 
-    def other() -> None:
-        with one_thread():
-            entered.set()
-            leave.wait()
+def now():
+    print(*{pool["num_threads"] for pool in threadpool_info()})
 
+entered, leave = threading.Event(), threading.Event()
+
+def other():
+    with one_thread():
+        entered.set()
+        leave.wait()
+
+now()
+for _ in range(3):
     thread = threading.Thread(target=other)
     with one_thread():
         thread.start()
         entered.wait()
-    assert {pool["num_threads"] for pool in threadpool_info()} == {1}
+    now()
     leave.set()
     thread.join()
-    assert [pool["num_threads"] for pool in threadpool_info()] == usual
+    entered.clear()
+    leave.clear()
+now()
+with threadpool_limits(1):
+    now()
+"""
+    two = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", script], env=two, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["2", "1", "1", "1", "2", "1"]
 
 
 def test_an_ablation_on_dask_is_that_of_one_process_byte_for_byte(cluster: Any, tmp_path: Path) -> None:
