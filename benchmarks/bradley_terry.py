@@ -26,26 +26,21 @@ from benchmarks.bradley_terry_accuracy import References, completed, distances, 
 from benchmarks.bradley_terry_data import Data, draw
 from benchmarks.bradley_terry_methods import ENTRIES, Entry, Problem
 from benchmarks.bradley_terry_tables import Line, about, notes, table
-from benchmarks.lp import machine
+from benchmarks.reporting import machine, publish
 from elicit import Verdict
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the benchmark; print its tables and, with --out, write them to a file."""
     options = _options(arguments)
-    lines: list[str] = []
-    for part in report(options.levels, options.answers, options.sets, options.resamples, options.seed):
-        print("\n".join(part), end="\n\n", flush=True)
-        lines += [*part, ""]
-    if options.out is not None:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text("\n".join(lines), encoding="utf-8")
+    publish(report(options.levels, options.answers, options.sets, options.resamples, options.seed), options.out)
 
 
 def report(levels: list[int], answers: list[int], sets: int, m: int, seed: int) -> Iterator[list[str]]:
     """The parts of the report, as lines of Markdown."""
     also = ", ".join(f"{name} {version(name)}" for name in ("scikit-learn", "statsmodels"))
-    yield ["# The cost of an answer of an unreliable tutor", "", *machine(), f"Also {also}.", "", *notes(sets, m)]
+    head = [machine("one thread"), f"Also {also}.", "", *notes(sets, m)]
+    yield ["# The cost of an answer of an unreliable tutor", "", *head]
     small = draw(3, 8, 2, seed)
     costs([small], [references(small)])  # loads and compiles what is to be loaded and compiled
     for k in levels:

@@ -10,6 +10,7 @@ from benchmarks.bradley_terry_accuracy import References, disagreement, doubt
 from benchmarks.bradley_terry_data import FRESH, SPREAD, Data
 from benchmarks.bradley_terry_methods import LEVEL, ORDERED, PARTICLES, POSTERIOR, RIDGED
 from benchmarks.bradley_terry_tools import RIDGE
+from benchmarks.reporting import markdown
 
 
 class Line(NamedTuple):
@@ -42,17 +43,13 @@ def about(cell: list[Data], tight: list[References]) -> str:
 def table(found: list[Line]) -> list[str]:
     """A Markdown table; ratios are to the posterior without lapses."""
     least = next(line.milliseconds for line in found if line.name == POSTERIOR.name)
-    lines = [
-        "| method | solves | ms an answer | ratio | error | decided | wrong | remark |",
-        "|---|---|---:|---:|---:|---:|---:|---|",
-    ]
+    lines = []
     for name, solves, milliseconds, error, decided, wrong, remark in found:
-        off = "" if error is None else f"{error:.0e}"
-        lines.append(
-            f"| {name} | {solves} | {milliseconds:,.2f} | {milliseconds / least:,.1f} | {off} "
-            f"| {decided:.1%} | {f'{wrong:.2%}' if decided else ''} | {remark} |"
-        )
-    return lines
+        cells = [f"{milliseconds:,.2f}", f"{milliseconds / least:,.1f}", "" if error is None else f"{error:.0e}"]
+        cells += [f"{decided:.1%}", f"{wrong:.2%}" if decided else ""]
+        lines.append([name, solves, *cells, remark])
+    head = ("method", "solves", "ms an answer", "ratio", "error", "decided", "wrong", "remark")
+    return markdown(head, lines, 2)
 
 
 def notes(sets: int, m: int) -> list[str]:
