@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from benchmarks.reporting import save
 from elicit import AlwaysAsk, BradleyTerryComparator, BradleyTerryTutor, TruthfulTutor
 from elicit.scale import Floats
 from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
@@ -136,9 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with one_thread():
         print("\n".join(head))
         lines = [*head, "", *report(*size, say=lambda line: print(line, flush=True)), ""]
-    if chosen.out is not None:
-        chosen.out.parent.mkdir(parents=True, exist_ok=True)
-        chosen.out.write_text("\n".join(lines), encoding="utf-8")
+    save("\n".join(lines), chosen.out)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from benchmarks.reporting import markdown
 from benchmarks.streams import Stream
 from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit.scale import Floats
@@ -25,6 +26,8 @@ def report(stream: Stream, n: int, n_answers: int, margin: float, seed: int) -> 
     """Lines on a batch of n differences after so many of the stream's answers."""
     answers = just(n_answers, stream, margin, seed)
     found = measure(answers, differences(stream, n, seed), margin)
+    cells = ["PolytopeComparator, one fresh batch", f"{found['seconds']:.3f}", f"{1e6 * found['seconds'] / n:.2f}"]
+    cells += [f"{found['bytes'] / 1e6:.0f}"]
     drawn = n_answers - min(n_answers, len(stream.answers))
     return [
         f"## A batch of {n:,} differences, k = {stream.k}, after {n_answers} answers",
@@ -33,10 +36,7 @@ def report(stream: Stream, n: int, n_answers: int, margin: float, seed: int) -> 
         + (f"{drawn} of the answers are to random undecided pairs, as the run had fewer. " if drawn else "")
         + f"{found['unknown']:.1%} UNKNOWN.",
         "",
-        "| method | seconds | us a comparison | peak extra memory, MB |",
-        "|---|---:|---:|---:|",
-        f"| PolytopeComparator, one fresh batch | {found['seconds']:.3f} | {1e6 * found['seconds'] / n:.2f} "
-        f"| {found['bytes'] / 1e6:.0f} |",
+        *markdown(("method", "seconds", "us a comparison", "peak extra memory, MB"), [cells], 1),
     ]
 
 

@@ -27,6 +27,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from benchmarks.calibration_tables import Row, report, summary
+from benchmarks.reporting import save
 from elicit.bradley_terry import BradleyTerryComparator
 from elicit.comparator import Comparator, Tier
 from elicit.posterior import CONCENTRATION, PosteriorComparator
@@ -117,9 +118,7 @@ def main(arguments: list[str] | None = None) -> None:
     cells = summary(measure(size, options.seed, options.jobs))
     text = "\n".join(report(cells))
     print(text)
-    if options.out is not None:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(text + "\n", encoding="utf-8")
+    save(text + "\n", options.out)
     if options.csv is not None:
         options.csv.parent.mkdir(parents=True, exist_ok=True)
         with options.csv.open("w", newline="", encoding="utf-8") as file:

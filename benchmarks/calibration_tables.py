@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.lp import machine
+from benchmarks.reporting import machine
 
 Ints: TypeAlias = NDArray[np.int64]
 PROMISE = 0.05
@@ -119,7 +119,7 @@ def cell(rows: list[Row]) -> Cell:
 
 def report(cells: list[Cell]) -> Iterator[str]:
     """The report, as lines of Markdown."""
-    yield from ("# Wrong among decided", "", *machine(), "", *NOTES, "")
+    yield from ("# Wrong among decided", "", machine("one thread"), "", *NOTES, "")
     for (pairs, setting), group in groupby(cells, key=lambda c: (c.pairs, c.setting)):
         here = list(group)
         names = list(dict.fromkeys(c.rule for c in here))

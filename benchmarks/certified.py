@@ -18,7 +18,7 @@ from time import perf_counter
 
 import numpy as np
 
-from benchmarks.learning_tables import where
+from benchmarks.reporting import machine, save
 from elicit import Comparator, FlippingTutor, PolytopeComparator, PosteriorComparator, TruthfulTutor, Tutor
 from elicit.scale import Floats
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, OrdinalMDP, policy_loss, random_mdp
@@ -77,7 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     text = [
         "# Questions until the certificate stands",
         "",
-        *where(),
+        machine(),
         "",
         "Stops once no plausible scale lets the policy lose more than the tolerance, in percent of the value range, at "
         "any state: proven with the polytope, at 95% with the posterior. Mean with its 95% t-interval, and the most. "
@@ -96,8 +96,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             count = min(5, given.problems) if few else given.problems if truthful else given.erring
             text.append(line(name, who, problem, tolerance if truthful else ENOUGH, truthful, count))
             print(text[-1], flush=True)
-    if given.out:
-        given.out.write_text("\n".join([*text, ""]))
+    save("\n".join([*text, ""]), given.out)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from benchmarks.reporting import save
 from elicit import AlwaysAsk, PolytopeComparator, TruthfulTutor
 from elicit.scale import Floats
 from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
@@ -129,10 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             part = section(title, problem, steps, seeds, ask)
             print("\n".join(part), flush=True)
             lines += part
-    text = "\n".join(lines)
-    if chosen.out is not None:
-        chosen.out.parent.mkdir(parents=True, exist_ok=True)
-        chosen.out.write_text(text, encoding="utf-8")
+    save("\n".join(lines), chosen.out)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -25,8 +26,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.apart import ONE_THREAD, ROOT
 from benchmarks.batch import _memory
-from benchmarks.learning_tables import where
+from benchmarks.reporting import machine, markdown, save
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.jit import compiled, unlocked
 from elicit.scale import Floats, gaps
@@ -35,6 +37,7 @@ from qlearn.backup import Model, back_up_from, model_of
 from qlearn.competition import BLOCK
 
 TOLERANCE, ACTIONS, LEVELS = 0.001, 5, 10
+HEAD = ("method", "seconds", "ratio", "CPU seconds", "sweeps", "ms a sweep", "questions", "loss", "peak memory, GiB")
 Run = dict[str, Any]
 NOTE = (
     "Seconds: of the two on share vectors all but the making of the MDP; of the other packages, which solve the scalar "
@@ -189,7 +192,7 @@ def apart(method: str, states: int, jobs: int, seed: int, with_loss: bool, limit
     command += ["--jobs", str(jobs), "--seed", str(seed)] + (["--loss"] if with_loss else [])
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=limit, cwd=Path(__file__).resolve().parent.parent
+            command, capture_output=True, text=True, timeout=limit, cwd=ROOT, env=os.environ | ONE_THREAD
         )
     except subprocess.TimeoutExpired:
         return f"not done after {limit:g} s"
@@ -208,17 +211,15 @@ def report(states: int, jobs: int, repeats: int, seed: int, limit: float, others
             if method in ours or (i == 0 and others):
                 runs[method].append(apart(method, states, jobs, seed, i == 0, limit))
     base = [found["seconds"] for found in runs["values known"] if isinstance(found, dict)]
-    lines = [
+    title = (
         f"## {states:,} states, {ACTIONS} actions, {LEVELS} levels, discount 0.95, tolerance {TOLERANCE}, "
-        f"{jobs} thread{'s' * (jobs > 1)}",
-        "",
-        "| method | seconds | ratio | CPU seconds | sweeps | ms a sweep | questions | loss | peak memory, GiB |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
-    ]
+        f"{jobs} thread{'s' * (jobs > 1)}"
+    )
+    rows: list[list[str]] = []
     for method, each in runs.items():
         good = [found for found in each if isinstance(found, dict)]
         if not good:
-            lines += [f"| {method} | {each[0]} | | | | | | | |"] if each else []
+            rows += [[method, str(each[0]), *[""] * (len(HEAD) - 2)]] if each else []
             continue
         seconds, first = median(found["seconds"] for found in good), good[0]
         ratio = f"{seconds / median(base):.2f}" if base else ""
@@ -226,7 +227,8 @@ def report(states: int, jobs: int, repeats: int, seed: int, limit: float, others
         cells = [method, f"{seconds:.2f}", ratio, f"{median(found['cpu'] for found in good):.2f}", first["sweeps"]]
         cells += [f"{1e3 * seconds / first['sweeps']:.2f}", first.get("asked", ""), loss]
         cells += [f"{max(found['peak'] for found in good):.2f}"]
-        lines.append(f"| {' | '.join(map(str, cells))} |")
+        rows.append([str(cell) for cell in cells])
+    lines = [title, "", *markdown(HEAD, rows, 1)]
     for found in runs["interactive"][:1]:
         if isinstance(found, dict):
             lines += ["", f"The MDP was built in {found['built']:.1f} s; the last answer came after "]
@@ -251,14 +253,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if given.one:
         print(json.dumps(run(given.one, given.states[0], given.jobs, given.seed, given.loss)))
         return
-    lines = ["# Interactive value iteration beside value iteration that knows the values", "", *where(), "", NOTE, ""]
+    lines = ["# Interactive value iteration beside value iteration that knows the values", "", machine(), "", NOTE, ""]
     for states in given.states + [1_000_000] * given.huge:
         lines += report(states, given.jobs, given.repeats, given.seed, given.limit, not given.ours)
     text = "\n".join(lines)
     print(text)
-    if given.out:
-        given.out.parent.mkdir(parents=True, exist_ok=True)
-        given.out.write_text(text)
+    save(text, given.out)
 
 
 if __name__ == "__main__":

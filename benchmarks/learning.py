@@ -20,7 +20,8 @@ from benchmarks import learning_growth as growth
 from benchmarks import learning_runs as runs
 from benchmarks.apart import Failed, apart
 from benchmarks.learning_runs import Found, Setting
-from benchmarks.learning_tables import Kind, Limit, Part, Row, Text, about, number, render, table, took
+from benchmarks.learning_tables import Kind, Limit, Part, Row, Text, about, number, render, took
+from benchmarks.reporting import markdown, save
 
 MOST = {("polytope", 5): 6, ("polytope", 10): 20, ("polytope", 20): 90, ("posterior", 10): 80, ("posterior", 20): 200}
 KNOWING = "the same loop, values known"
@@ -172,7 +173,7 @@ def grow(plan: Plan) -> Iterator[Part]:
     note = (
         f"Polytope, truthful tutor, {at.steps:,} steps, one problem each. Memory: of a process that makes and runs it."
     )
-    yield Text(["## Growth: states and levels", "", note, "", *table(head, lines, 0)])
+    yield Text(["## Growth: states and levels", "", note, "", *markdown(head, lines, 0)])
     lines = []
     for k in plan.levels:
         lines.append(by_answers(replace(at, k=k)))
@@ -180,7 +181,7 @@ def grow(plan: Plan) -> Iterator[Part]:
         lines += [by_answers(replace(one, particles=m, seeds=1, repeats=at.repeats)) for m in plan.particles]
     note = "Taking in one answer of a run and judging the difference asked next, mean over each fifth of the answers."
     fifths = ("comparator", "run", "answers", *(f"fifth {i}" for i in range(1, 6)))
-    yield Text(["## Growth: answers and particles", "", note, "", *table(fifths, lines, 1)])
+    yield Text(["## Growth: answers and particles", "", note, "", *markdown(fifths, lines, 1)])
 
 
 def by_answers(at: Setting) -> list[str]:
@@ -195,7 +196,7 @@ def start(plan: Plan) -> Iterator[Part]:
     """New processes."""
     found = apart(growth.start_up, replace(plan.at, repeats=5))
     lines = [[name, took(seconds)] for name, seconds in found.items()]
-    yield Text(["## Start-up", "", "Wall time, median of 5 warm starts.", "", *table(("command", "time"), lines, 1)])
+    yield Text(["## Start-up", "", "Wall time, median of 5 warm starts.", "", *markdown(("command", "time"), lines, 1)])
 
 
 SECTIONS: dict[str, Callable[[Plan], Iterator[Part]]] = {
@@ -233,9 +234,7 @@ def main(arguments: list[str] | None = None) -> None:
             parts.append(Row(name, "", "", "", None, remark=f"not measured: {failure}"))
     text = "\n".join([*render(parts, about(at.steps, at.states, at.actions, at.seeds, at.repeats)), ""])
     print(text, end="")
-    if given.out is not None:
-        given.out.parent.mkdir(parents=True, exist_ok=True)
-        given.out.write_text(text, encoding="utf-8")
+    save(text, given.out)
 
 
 if __name__ == "__main__":

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from typing import NamedTuple
 
-from benchmarks.lp import machine
+from benchmarks.reporting import machine, markdown
 
 
 class Limit(NamedTuple):
@@ -63,20 +62,15 @@ def render(parts: list[Part], about: list[str]) -> list[str]:
     """The whole report as lines of Markdown."""
     rows = [part for part in parts if isinstance(part, Row)]
     kinds = [part for part in parts if isinstance(part, Kind)]
-    lines = ["# The cost of interactive Q-learning", "", *where(), "", *about]
+    lines = ["# The cost of interactive Q-learning", "", machine(), "", *about]
     if rows:
-        lines += ["", "## Ratios", "", *table(RATIOS, [cells(row) for row in rows], 2)]
+        lines += ["", "## Ratios", "", *markdown(RATIOS, [cells(row) for row in rows], 2)]
     if kinds:
-        lines += ["", "## What the runs were like", "", *table(KINDS, [described(kind) for kind in kinds], 1)]
+        lines += ["", "## What the runs were like", "", *markdown(KINDS, [described(kind) for kind in kinds], 1)]
     for part in parts:
         if isinstance(part, Text):
             lines += ["", *part.lines]
     return lines
-
-
-def where() -> list[str]:
-    """The machine and the versions; how many threads are used, the text says."""
-    return [line.replace(", one thread;", f", {os.cpu_count()} cores;") for line in machine()]
 
 
 RATIOS = ("measured", "beside", "ours", "theirs", "ratio", "over the problems", "limit", "kept", "remark")
@@ -106,12 +100,6 @@ def described(kind: Kind) -> list[str]:
     """A row of the table of runs."""
     counts = [f"{n:,.0f}" for n in (kind.asked, kind.compared, kind.opened, kind.guessed)]
     return [kind.what, kind.made, *counts, f"{kind.loss:.5f}", f"{kind.loss_knowing:.5f}", kind.same]
-
-
-def table(head: tuple[str, ...], rows: list[list[str]], words: int) -> list[str]:
-    """A Markdown table; the first ``words`` columns and the remarks are set left, the others right."""
-    rules = ["---" if i < words or name == "remark" else "---:" for i, name in enumerate(head)]
-    return [f"| {' | '.join(line)} |" for line in (list(head), rules, *rows)]
 
 
 def number(x: float) -> str:

@@ -17,9 +17,7 @@ os.environ |= {f"{pool}_NUM_THREADS": "1" for pool in ("OPENBLAS", "OMP", "MKL",
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import argparse
-import platform
 from collections.abc import Callable, Iterator
-from importlib.metadata import PackageNotFoundError, version
 from statistics import median
 from time import perf_counter
 from typing import NamedTuple
@@ -28,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import batch, methods
+from benchmarks.reporting import machine, markdown, publish
 from benchmarks.streams import KINDS, Kind, Stream, needed_rows, record
 from elicit import PolytopeComparator
 from elicit.comparator import Verdicts
@@ -79,18 +78,12 @@ class Cost(NamedTuple):
 def main(arguments: list[str] | None = None) -> None:
     """Run the benchmark; print its tables and, with --out, write them to a file."""
     options = _options(arguments)
-    lines: list[str] = []
-    for part in report(options.levels, options.streams, options.seed, options.quick):
-        print("\n".join(part), end="\n\n", flush=True)
-        lines += [*part, ""]
-    if options.out is not None:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text("\n".join(lines), encoding="utf-8")
+    publish(report(options.levels, options.streams, options.seed, options.quick), options.out)
 
 
 def report(levels: list[int], kinds: list[Kind], seed: int, quick: bool) -> Iterator[list[str]]:
     """The parts of the report, as lines of Markdown."""
-    yield ["# The cost of one comparison over K_t", "", *machine(), "", *NOTES]
+    yield ["# The cost of one comparison over K_t", "", machine("one thread"), "", *NOTES]
     steps, tolerance = (2000, 0.02) if quick else (100_000, 0.0005)
     big = (10 if 10 in levels else levels[0], kinds[0])
     for k in levels:
@@ -177,36 +170,12 @@ def about(stream: Stream) -> list[str]:
 def table(found: list[Cost]) -> list[str]:
     """A Markdown table of costs; ratios are to our comparator on whole segments."""
     ours = next(cost.whole for cost in found if cost.name == OURS.name)
+    head = ("method", "comparisons timed", "passes", "us a comparison", "with learning", "ratio", "disagreements")
     lines = [
-        "| method | comparisons timed | passes | us a comparison | with learning | ratio | disagreements |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        [name, f"{rows:,}", f"{passes}", f"{alone:,.2f}", f"{whole:,.2f}", f"{whole / ours:,.1f}", f"{wrong:,}"]
+        for name, rows, passes, alone, whole, wrong in found
     ]
-    for name, rows, passes, alone, whole, wrong in found:
-        lines.append(
-            f"| {name} | {rows:,} | {passes} | {alone:,.2f} | {whole:,.2f} | {whole / ours:,.1f} | {wrong:,} |"
-        )
-    return lines
-
-
-def machine() -> list[str]:
-    """The processor, Python, and the versions of the libraries."""
-    packages = ("numpy", "scipy", "cvxpy", "clarabel", "highspy", "numba")
-    versions = ", ".join(f"{name} {_version(name)}" for name in packages)
-    return [f"{_processor()}, one thread; Python {platform.python_version()}, {versions}."]
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
+    return markdown(head, lines, 1)
 
 
 def _options(arguments: list[str] | None) -> argparse.Namespace:

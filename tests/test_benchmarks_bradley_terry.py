@@ -15,7 +15,12 @@ pytest.importorskip("statsmodels")
 
 import elicit.bradley_terry
 from benchmarks import bradley_terry as bench
-from benchmarks.bradley_terry import ENTRIES, FREE, FRESH, ORDERED, RIDGED, Data, Entry, Failed, Problem
+from benchmarks import bradley_terry_accuracy as accuracy
+from benchmarks import bradley_terry_methods as methods
+from benchmarks.bradley_terry_accuracy import References
+from benchmarks.bradley_terry_data import FRESH, Data, draw, open_pairs
+from benchmarks.bradley_terry_methods import ENTRIES, FREE, ORDERED, RIDGED, Entry, Problem
+from benchmarks.bradley_terry_tools import NoFit
 from elicit import Answers, TruthfulTutor, Verdict
 from elicit.scale import dominance, tail_sums, values_of
 
@@ -29,18 +34,18 @@ def allowed(name: str) -> float:
 
 @pytest.fixture(scope="module")
 def data() -> Data:
-    return bench.draw(5, 80, 39, seed=3)
+    return draw(5, 80, 39, seed=3)
 
 
 @pytest.fixture(scope="module")
-def tight(data) -> bench.References:
-    return bench.references(data)
+def tight(data) -> References:
+    return accuracy.references(data)
 
 
 @pytest.fixture(scope="module")
 def separable() -> Data:
     """A truthful tutor's: without a ridge all fits lie at infinity."""
-    d = bench.open_pairs(4, 12 + FRESH, np.random.default_rng(0))
+    d = open_pairs(4, 12 + FRESH, np.random.default_rng(0))
     signs = TruthfulTutor([0.0, 0.2, 0.5, 1.0]).signs(d)
     answers, counts = Answers(d[:12], signs[:12]), np.ones((5, 12))
     return Data(answers, tail_sums(answers.d), counts, d[12:], signs[12:], 10.0, 0.0)
@@ -58,7 +63,7 @@ def test_the_quick_run_has_every_method_and_small_errors(tmp_path):
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
     assert [row[0] for row in rows] == [entry.name for entry in ENTRIES]
     assert all(float(row[2].replace(",", "")) > 0 for row in rows)
-    assert [row[3] for row in rows if row[0] == bench.POSTERIOR.name] == ["1.0"]
+    assert [row[3] for row in rows if row[0] == methods.POSTERIOR.name] == ["1.0"]
     for name, solves, _, _, error, decided, _, remark in rows:
         assert (error == "") == ("Comparator" in name)
         assert float(error or 0) < allowed(name)
@@ -69,11 +74,11 @@ def test_the_quick_run_has_every_method_and_small_errors(tmp_path):
 
 @pytest.mark.parametrize("k", [4, 10])
 def test_every_tool_solves_the_problem_that_the_table_says(k):
-    data = bench.draw(k, 60, 4, seed=1)
-    tight = bench.references(data)
+    data = draw(k, 60, 4, seed=1)
+    tight = accuracy.references(data)
     for entry in ENTRIES:
         if isinstance(entry.solves, Problem):
-            off = bench.distances(entry.run(data, 5).gamma, tight[entry.solves], data.top)
+            off = accuracy.distances(entry.run(data, 5).gamma, tight[entry.solves], data.top)
             both = off[np.isfinite(off)]
             assert (both < allowed(entry.name)).all(), entry.name
             assert len(both) == 5 or entry.solves == FREE, entry.name
@@ -84,29 +89,29 @@ def test_every_tool_solves_the_problem_that_the_table_says(k):
 @pytest.mark.parametrize("problem", [RIDGED, ORDERED], ids=str)
 def test_the_references_are_the_optima(data, tight, problem):
     gamma = tight[problem]
-    assert bench.doubt(problem, data, gamma) < 1e-12
-    assert bench.disagreement(problem, data, gamma[:3]) < 1e-5
+    assert accuracy.doubt(problem, data, gamma) < 1e-12
+    assert accuracy.disagreement(problem, data, gamma[:3]) < 1e-5
     if problem.ordered:
         assert (gamma >= 0).all()
         assert (gamma == 0).any()
     rng = np.random.default_rng(0)
     for size in (1e-9, 1e-3, 1.0, 10.0):  # what is off is doubted by at least as much
         moved = np.maximum(gamma[:1] + size * rng.normal(size=gamma[:1].shape), 0.0 if problem.ordered else -np.inf)
-        assert bench.doubt(problem, data, moved) >= bench.distances(moved, gamma, data.top)[0] > 0
+        assert accuracy.doubt(problem, data, moved) >= accuracy.distances(moved, gamma, data.top)[0] > 0
 
 
 def test_fits_that_fail_or_should_are_told_apart():
     exact = np.array([[1.0, 2.0], [1.0, 2.0], [np.nan, np.nan], [np.nan, np.nan], [0.0, 0.0]])
     gamma = np.array([[1.5, 1.0], [np.nan, np.nan], [1.0, 1.0], [np.nan, np.nan]])
-    off = bench.distances(gamma, exact, 2.0)
+    off = accuracy.distances(gamma, exact, 2.0)
     assert off[0] == 0.25  # theta is off by .5 and by -.5
     assert np.isnan(off[[1, 3]]).all()
     assert off[2] == np.inf
-    assert np.array_equal(bench.completed(gamma, exact), [*gamma, exact[4]], equal_nan=True)
+    assert np.array_equal(accuracy.completed(gamma, exact), [*gamma, exact[4]], equal_nan=True)
 
 
 def test_without_a_ridge_a_truthful_tutor_leaves_no_fit_and_no_verdict(separable):
-    tight = bench.references(separable)
+    tight = accuracy.references(separable)
     assert np.isnan(tight[FREE]).all()
     assert np.isfinite(tight[RIDGED]).all()
     logit = next(entry for entry in ENTRIES if entry.solves == FREE)
@@ -120,12 +125,12 @@ def test_what_a_tool_gets_wrong_shows(data, tight):
     def make(t, y):
         def refit(counts, start):
             if counts[0] > 1:
-                raise Failed
+                raise NoFit
             return np.full(t.shape[1], 1e6)
 
         return refit
 
-    entry = Entry("none", FREE, lambda data, fits: bench.in_a_loop(make, data, fits), 20)
+    entry = Entry("none", FREE, lambda data, fits: methods.in_a_loop(make, data, fits), 20)
     lost = int((data.counts[:20, 0] > 1).sum())
     assert lost > 0
     line = bench.cost(entry, [data, data], [{FREE: np.full_like(tight[FREE], np.nan)}] * 2)
@@ -136,7 +141,7 @@ def test_what_a_tool_gets_wrong_shows(data, tight):
 
 def test_the_slow_tools_time_is_that_of_setting_up_one_point_and_all_resamples(data, monkeypatch):
     clock = [0.0]
-    monkeypatch.setattr(bench, "process_time", lambda: clock[0])
+    monkeypatch.setattr(methods, "process_time", lambda: clock[0])
     starts = []
 
     def make(t, y):
@@ -149,20 +154,20 @@ def test_the_slow_tools_time_is_that_of_setting_up_one_point_and_all_resamples(d
 
         return refit
 
-    assert bench.in_a_loop(make, data, 4).seconds == pytest.approx(5 + 3 + 2 * 39)
+    assert methods.in_a_loop(make, data, 4).seconds == pytest.approx(5 + 3 + 2 * 39)
     assert [set(start) for start in starts] == [{0.0}, {7.0}, {7.0}, {7.0}]
 
 
 def test_the_rule_is_that_of_the_ensemble(data, tight):
     gamma = tight[ORDERED]
-    verdicts = bench.rule(gamma, data.fresh)
+    verdicts = accuracy.rule(gamma, data.fresh)
     gaps = np.vstack([gamma[1:], gamma[:1]]).T.copy()
     low, high = elicit.bradley_terry._Ensemble(gaps, 0).extremes(data.fresh)
     assert np.array_equal(verdicts, np.where(low > 0, 1, np.where(high < 0, -1, 0)))
     assert {-1, 0, 1} == set(verdicts.tolist())
     more = np.concatenate([gamma[:1], gamma[1:], gamma[1:], gamma[1:]])  # 117: two at either end do not count
     low, high = elicit.bradley_terry._Ensemble(np.vstack([more[1:], more[:1]]).T.copy(), 2).extremes(data.fresh)
-    assert np.array_equal(bench.rule(more, data.fresh), np.where(low > 0, 1, np.where(high < 0, -1, 0)))
+    assert np.array_equal(accuracy.rule(more, data.fresh), np.where(low > 0, 1, np.where(high < 0, -1, 0)))
 
 
 def test_a_missing_fit_counts_at_either_end():
@@ -174,15 +179,15 @@ def test_a_missing_fit_counts_at_either_end():
         some = fits.copy()
         some[1 : 1 + lost] = np.nan
         some[81 - deviant :] = deviant_fit
-        assert bench.rule(some, d).tolist() == [verdict, -verdict]
-    assert bench.rule(-fits, d).tolist() == [0, 0]  # theta_k < 0 says nothing
+        assert accuracy.rule(some, d).tolist() == [verdict, -verdict]
+    assert accuracy.rule(-fits, d).tolist() == [0, 0]  # theta_k < 0 says nothing
     fits[0] = np.nan
-    assert bench.rule(fits, d).tolist() == [0, 0]
+    assert accuracy.rule(fits, d).tolist() == [0, 0]
 
 
 @pytest.mark.parametrize("k", [3, 12])
 def test_data_are_drawn_as_stated(k):
-    data = bench.draw(k, 400, 7, seed=5)
+    data = draw(k, 400, 7, seed=5)
     gaps = np.random.default_rng([5, k, 400]).dirichlet(np.ones(k - 1))
     d = np.concatenate([data.answers.d, data.fresh])
     assert (dominance(tail_sums(d)) == Verdict.UNKNOWN).all()
@@ -197,7 +202,7 @@ def test_data_are_drawn_as_stated(k):
     assert data.counts.shape == (8, 400)
     assert (data.counts[0] == 1).all()
     assert (data.counts.sum(axis=1) == 400).all()
-    assert not np.array_equal(data.answers.d, bench.draw(k, 400, 7, seed=6).answers.d)
+    assert not np.array_equal(data.answers.d, draw(k, 400, 7, seed=6).answers.d)
 
 
 def test_answers_one_by_one_end_where_all_at_once_do_and_refits_are_counted(data, monkeypatch):
@@ -205,7 +210,7 @@ def test_answers_one_by_one_end_where_all_at_once_do_and_refits_are_counted(data
 
     def counted(*args, **kwargs):
         fits[0] += 1
-        return bench.fit(*args, **kwargs)
+        return methods.fit(*args, **kwargs)
 
     monkeypatch.setattr(elicit.bradley_terry, "fit", counted)
     for entry in ENTRIES:
@@ -216,12 +221,12 @@ def test_answers_one_by_one_end_where_all_at_once_do_and_refits_are_counted(data
             assert [int(n) for n in refits] == [fits[0] / 2] * (entry.name == "BradleyTerryComparator")
             comparator = entry.run.args[0](data).update(data.answers)
             assert np.array_equal(run.verdicts, comparator.compare(data.fresh))
-            assert comparator.level == bench.LEVEL
+            assert comparator.level == methods.LEVEL
 
 
 def test_a_single_answer_is_enough_to_run():
-    data = bench.draw(3, 1, 2, seed=0)
-    lines = bench.costs([data], [bench.references(data)])
+    data = draw(3, 1, 2, seed=0)
+    lines = bench.costs([data], [accuracy.references(data)])
     remarks = {line.name: line.remark for line in lines}
     assert all(remarks[name] == "3 of 3 failed" for name in remarks if "scikit-learn" in name)
     assert not any("failed" in remarks[name] for name in remarks if "SciPy" in name or "elicit" in name)

@@ -1,0 +1,54 @@
+"""What all reports share: the line on the machine, tables in Markdown, and printing and writing them."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "highspy", "numba")
+
+
+def machine(threads: str | None = None) -> str:
+    """The processor, its cores or how many threads were used, Python, and the versions of the libraries."""
+    versions = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
+    used = threads or f"{os.cpu_count()} cores"
+    return f"{_processor()}, {used}; Python {platform.python_version()}, {versions}."
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]], words: int) -> list[str]:
+    """A Markdown table; the first ``words`` columns and the remarks are set left, the others right."""
+    rules = ["---" if i < words or name == "remark" else "---:" for i, name in enumerate(head)]
+    return [f"| {' | '.join(head)} |", f"|{'|'.join(rules)}|", *(f"| {' | '.join(row)} |" for row in rows)]
+
+
+def publish(parts: Iterable[list[str]], out: Path | None) -> None:
+    """Print the parts of a report as they come, an empty line after each; at the end write them to the file."""
+    lines: list[str] = []
+    for part in parts:
+        print("\n".join(part), end="\n\n", flush=True)
+        lines += [*part, ""]
+    save("\n".join(lines), out)
+
+
+def save(text: str, out: Path | None) -> None:
+    """Write a report to the file that ``--out`` names, if any, and make its folder."""
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(text, encoding="utf-8")
