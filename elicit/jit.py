@@ -14,7 +14,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """The function as machine code, kept on disk between processes; itself where there is no numba. No option
-    that lets sums be reordered: both ways give the same numbers to the last bit."""
+    that lets sums be reordered: both ways give the same numbers to the last bit.
+
+    Arrays are better assigned element by element: for a whole one, numba compiles what its error message takes, which
+    are seconds in every process that compiles at all."""
     return _made(function)
 
 

@@ -87,9 +87,10 @@ def learn(
             for i in range(m):
                 target[i] = math.exp(logs[i] - most)
             resample(target, unit(mix(mix(key, stage), 0)), copied)
-            x[:] = x[copied]
-            run = 0.0
+            chosen, run = x[copied], 0.0
             for i in range(m):
+                for j in range(x.shape[1]):
+                    x[i, j] = chosen[i, j]
                 logs[i] = 0.0
                 run = run + 1.0 if i > 0 and copied[i] == copied[i - 1] else 1.0
                 noise[0] += (2.0 * run - 2.0) / m / m  # sums to squared numbers of copies, less one for each particle

@@ -90,7 +90,7 @@ def ablate(
             fresh=fresh,
             jobs=jobs,
             cost=_cost,
-            ahead=(ahead.learners, ahead.comparators),
+            ahead=(ahead.proofs, ahead.learners),
             progress=progress,
         )
     except Unfinished as stopped:

@@ -1,5 +1,6 @@
 """Small examples of what runs are made of, for the machine code that they leave behind: nothing but a moment where it
-is there already, else half a minute and more. Side by side, neither part waits for what the other compiles."""
+is there already, else half a minute and more. Side by side, the second finds compiled what it has in common with the
+first."""
 
 from __future__ import annotations
 
@@ -15,22 +16,24 @@ from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import drive
 from qlearn.q_learning import InteractiveQLearning
 
-__all__ = ["comparators", "learners"]
+__all__ = ["learners", "proofs"]
+
+
+def proofs() -> None:
+    """What a polytope makes of answers."""
+    _choose(PolytopeComparator(5))
 
 
 def learners() -> None:
-    """The loops of both learners, which hold all rules to judge by."""
+    """The posterior's moves; then the loops of both learners, which hold all rules to judge by."""
+    _choose(PosteriorComparator(5, particles=50, seed=0))
     mdp, values = random_mdp(6, 3, 5, rng=0)
-    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, rng=0), TruthfulTutor(values))
-    drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1, rng=0), FlippingTutor(values, 0.1))
+    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, rng=0), FlippingTutor(values, 0.0))
+    drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1, rng=0), TruthfulTutor(values))
 
 
-def comparators() -> None:
-    """What comparators make of answers: the posterior's moves above all."""
+def _choose(comparator: Comparator) -> None:
     rows = np.random.default_rng(0).dirichlet(np.ones(5), size=20)
-    tutor = TruthfulTutor(np.arange(5))
-    models: tuple[Comparator, ...] = (PosteriorComparator(5, particles=50, seed=0), PolytopeComparator(5))
-    for comparator in models:
-        choice = choose(rows, comparator)
-        while queries := choice.ask():
-            choice.tell([tutor(query) for query in queries])
+    choice, tutor = choose(rows, comparator), TruthfulTutor(np.arange(5))
+    while queries := choice.ask():
+        choice.tell([tutor(query) for query in queries])

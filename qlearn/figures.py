@@ -87,7 +87,7 @@ def figures(
             fresh=fresh,
             jobs=jobs,
             cost=_cost,
-            ahead=(ahead.learners, ahead.comparators),
+            ahead=(ahead.proofs, ahead.learners),
             progress=progress,
         )
     except Unfinished as stopped:

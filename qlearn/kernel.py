@@ -153,7 +153,8 @@ def advance(
                                 tier -= FLOORED
                                 sides[s, challenger] = verdict * (BY_SCREEN if tier == BY_SIMPLEX else tier)
                         if len(kept.tiers) > 0:
-                            kept.d[cursor[KEPT]] = d
+                            for j in range(k):
+                                kept.d[cursor[KEPT], j] = d[j]
                             kept.verdicts[cursor[KEPT]] = verdict
                             kept.tiers[cursor[KEPT]] = tier
                             cursor[KEPT] += 1

@@ -40,7 +40,8 @@ def among(code: Any, codes: Any) -> bool:
 def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, floor: Any) -> tuple[int, int]:
     """Verdict and tier of a pair on which dominance is silent, as ``Desk.judge`` has them; UNSETTLED where only
     the desk can tell, UNKNOWN where only the tutor can."""
-    work[0, :] = t
+    for j in range(len(t)):
+        work[0, j] = t[j]
     if len(standing.binding) > 0 and among(pair_code(standing.key, t, work[1]), standing.binding):
         return UNSETTLED, BY_EQUAL
     verdict, tier = judge(d, t, 0.0, floor, rule)
@@ -50,7 +51,8 @@ def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, floor: Any
         ):
             return UNSETTLED, BY_EQUAL
         if standing.indifference > 0.0:
-            work[1, :] = work[0]
+            for j in range(len(t)):
+                work[1, j] = work[0, j]
             verdict, tier = within(d, work[1], standing.indifference, rule), INDIFFERENT
         if verdict == UNKNOWN and len(standing.guess) > 0:
             at = 0.0

@@ -106,7 +106,7 @@ def test_what_goes_ahead_is_done_once_and_only_where_a_row_is_missing(jobs: int,
     assert computed(log)["ahead"] == 2
 
 
-@pytest.mark.parametrize("part", [ahead.learners, ahead.comparators])
+@pytest.mark.parametrize("part", [ahead.proofs, ahead.learners])
 def test_the_parts_that_go_ahead_of_an_ablation_run(part: Callable[[], None]) -> None:
     part()
 
