@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.checks import is_whole
-from elicit.comparator import Comparator, Tier, decide
+from elicit.comparator import Comparator, Tier, check_comparator_made, decide
 from elicit.query import Answer, Answers, Query, Verdict, match
 from elicit.scale import Floats, as_vectors, dot, tail_sums
 
@@ -81,8 +81,9 @@ def choose(
     guess at the scale settles the rest. The vectors must have equal totals, as shares do: otherwise
     the choice depends on what the worst level is worth, and an order of levels does not say that;
     ``check_totals=False`` takes the worst level as worth nothing. Raises ValueError on vectors that
-    are not finite, not (n, k), or of unequal totals.
+    are not finite, not (n, k), or of unequal totals; TypeError for anything but a comparator.
     """
+    check_comparator_made(comparator)
     rows = as_vectors(vectors, comparator.k, name="vectors").copy()
     n = len(rows)
     if n == 0:

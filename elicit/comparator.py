@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit.checks import is_whole
 from elicit.query import Answers, Verdict
 from elicit.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
 
@@ -112,9 +113,15 @@ def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -
 
 def check_levels(k: int) -> int:
     """k as an int, at least 2; raises ValueError."""
-    if isinstance(k, bool) or not isinstance(k, (int, float, np.integer)) or not 2 <= k < np.inf or int(k) != k:
+    if not is_whole(k, 2):
         raise ValueError(f"k, the number of levels, must be a whole number of at least 2, not {k!r}")
     return int(k)
+
+
+def check_comparator_made(comparator: Comparator) -> None:
+    """Raise TypeError for anything but a comparator, such as the class of one."""
+    if isinstance(comparator, type) or not callable(getattr(comparator, "compare", None)):
+        raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}")
 
 
 def check_answers(answers: Answers, k: int) -> Answers:

@@ -52,6 +52,9 @@ class PolytopeComparator:
                 f"inequalities together, {_listed(self.prior)}: relax or drop some of them"
             ) from None
 
+    def __repr__(self) -> str:
+        return f"PolytopeComparator(k={self.k}, margin={self.margin:g}, {len(self.answers)} answers)"
+
     @cached_property
     def region(self) -> Region:
         """K_t in gap space, with every constraint: the prior's, and those of all answers, also the redundant."""

@@ -99,6 +99,9 @@ class PosteriorComparator:
         self._prior = self._log_prior()
         self._forget()
 
+    def __repr__(self) -> str:
+        return f"PosteriorComparator(k={self.k}, level={self.level:g}, {len(self.answers)} answers)"
+
     def _forget(self) -> None:
         """Back to the prior."""
         self.answers = Answers.none(self.k)

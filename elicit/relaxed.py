@@ -68,6 +68,9 @@ class RelaxedPolytopeComparator:
         self._order = PlausibleSet(blank.region)
         self._learn(blank.answers, blank, None)
 
+    def __repr__(self) -> str:
+        return f"RelaxedPolytopeComparator(k={self.k}, slack={self.slack:g}, {len(self.answers)} answers)"
+
     def update(self, answers: Answers) -> RelaxedPolytopeComparator:
         """What is plausible given these answers too, consistent or not."""
         new = object.__new__(RelaxedPolytopeComparator)

@@ -19,9 +19,8 @@ from qlearn.backup import model_of, q_of
 from qlearn.competition import Competition
 from qlearn.desk import Desk, Watch
 from qlearn.guarantee import advantages, guarantee, loss_bound
-from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, check_problem
 from qlearn.mdp import OrdinalMDP
-from qlearn.q_learning import check_levels_agree
 from qlearn.strategies import Candidates, Strategy, best, check_strategy, telling_violation
 
 
@@ -68,7 +67,7 @@ class InteractiveValueIteration:
         strategy: Strategy = telling_violation,
         max_loss: float | None = None,
     ) -> None:
-        check_levels_agree(mdp, comparator)
+        check_problem(mdp, comparator)
         if not (is_number(tolerance) and tolerance > 0):
             raise ValueError(f"tolerance must be a positive share of the value range, not {tolerance!r}")
         if max_sweeps is not None and not is_whole(max_sweeps, 1):

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.checks import is_number
-from elicit.comparator import AlwaysAsk, Comparator
+from elicit.comparator import AlwaysAsk, Comparator, check_comparator_made
 from elicit.log import AnswerLog
 from elicit.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.scale import Floats
 from elicit.tutor import Tutor
+from qlearn.mdp import OrdinalMDP
 
 Asking: TypeAlias = Literal["at once", "late"]
 """When a learner asks: as soon as it meets a pair that it cannot decide, or not before that can matter."""
@@ -60,6 +61,15 @@ class Audit:
     def contradicts(self) -> bool:
         """Whether the tutor said the opposite of what the answers imply."""
         return self.answer is not None and self.expected * self.answer == -1
+
+
+def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
+    """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels differ in number."""
+    if not isinstance(mdp, OrdinalMDP):
+        raise TypeError(f"an OrdinalMDP is wanted, not {mdp!r}")
+    check_comparator_made(comparator)
+    if mdp.k != comparator.k:
+        raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
 
 
 def check_asking(asking: Asking) -> bool:
@@ -183,6 +193,8 @@ def drive(
     """
     if on_conflict not in ("raise", "drop"):
         raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
+    if not callable(tutor):
+        raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
     signs = getattr(tutor, "signs", None)
     if isinstance(learner.comparator, AlwaysAsk) and signs is not None:
         learner.consult(signs)

@@ -16,10 +16,9 @@ from elicit.scale import Floats, tail_sums
 from elicit.seeds import Seed
 from qlearn.desk import AUDIT, Desk, Watch, place
 from qlearn.guarantee import Advantages, Guarantee, advantages, drawn_set, guarantee
-from qlearn.learner import OnConflict, Result, Status
+from qlearn.learner import OnConflict, Result, Status, check_problem
 from qlearn.mdp import OrdinalMDP
 from qlearn.planning import optimal_policy
-from qlearn.q_learning import check_levels_agree
 from qlearn.strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
 
 _TIE = 1e-13
@@ -62,7 +61,7 @@ class InteractivePolicyIteration:
         audit: float = 0.0,
         batch: int = 1,
     ) -> None:
-        check_levels_agree(mdp, comparator)
+        check_problem(mdp, comparator)
         for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
             if not (is_number(value) and value > 0):
                 raise ValueError(f"{name} must be a positive share of the value range, not {value!r}")

@@ -21,7 +21,7 @@ from qlearn.desk import Desk, Watch, place
 from qlearn.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
 from qlearn.guarantee import advantages, guarantee, loss_bound
 from qlearn.late import Checkpoints
-from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss
+from qlearn.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, check_problem
 from qlearn.mdp import OrdinalMDP
 from qlearn.strategies import Strategy, check_strategy, telling_violation
 
@@ -85,7 +85,7 @@ class InteractiveQLearning:
         strategy: Strategy = telling_violation,
         max_loss: float | None = None,
     ) -> None:
-        check_levels_agree(mdp, comparator)
+        check_problem(mdp, comparator)
         if not is_whole(steps, 0):
             raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
         if exploration is None:
@@ -250,12 +250,6 @@ class InteractiveQLearning:
         challenger, incumbent = self._model.actions[s, position], self._state.best[s]
         q = self._state.q[s]
         return q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent)
-
-
-def check_levels_agree(mdp: OrdinalMDP, comparator: Comparator) -> None:
-    """Raise ValueError where the MDP and the comparator differ in the number of levels."""
-    if mdp.k != comparator.k:
-        raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
 
 
 def _rates(learning_rate: LearningRate, steps: int) -> Floats:
