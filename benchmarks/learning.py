@@ -142,6 +142,7 @@ def a_question(at: Setting, found: Found, limit: Limit | None) -> Iterator[Row]:
         f"{len(sizes)} with {sizes[0]} to {sizes[-1]} of our answers; {found['opened']:,} open comparisons, "
         f"{took(found['deciding'])} each; {at.steps:,} steps, {took(found['a step'])} each"
     )
+    here = took(found["ours then"])
     yield Row(what, rival, here, took(found["whole"] / asked), found["ratio"], None, limit, remark)
 
 

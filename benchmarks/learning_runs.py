@@ -169,16 +169,27 @@ def beside_plain(at: Setting) -> Found:
     found["same questions"] = bool(np.array_equal(asked, result.answers.d[: len(asked)]))
     found["same policy"] = bool((run.best == result.policy).all()) if run.steps == at.steps else None
     if at.rival in ("box", "ensemble") and result.asked:
-        found |= fits(at, result)
         found["a step"] = (run.seconds - run.judging) / run.steps
-        whole = found["a step"] * at.steps + found["deciding"] * opened(result) + found["refit"] * result.asked
-        found |= {"whole": whole, "ratio": whole / found["seconds"]}
+        found |= whole_bootstrap(at, mdp, values, found["a step"])
     return found
 
 
-def fits(at: Setting, result: Result) -> Found:
-    """What the bootstrap's fits after an answer take, and then a decision, at numbers of answers spread evenly over
-    our run's."""
+def whole_bootstrap(at: Setting, mdp: OrdinalMDP, values: Floats, step: float) -> Found:
+    """Pairs of our whole run and what the bootstrap would take for one with our questions, at ``step`` seconds a step
+    beside its fits and decisions."""
+    pairs = []
+    for _ in range(at.repeats):
+        _, seconds, result = ours(at, mdp, values, 0)
+        refit, deciding, sizes = fits(at, result)
+        whole = step * at.steps + deciding * opened(result) + refit * result.asked
+        pairs.append((seconds / result.asked, whole, whole / seconds, refit, deciding))
+    names = ("ours then", "whole", "ratio", "refit", "deciding")
+    return dict(zip(names, map(median, zip(*pairs, strict=True)), strict=True)) | {"sizes": sizes}
+
+
+def fits(at: Setting, result: Result) -> tuple[float, float, list[int]]:
+    """Seconds of the bootstrap's fits after an answer, and of a decision then, and the numbers of answers at which,
+    spread evenly over our run's."""
     from benchmarks import plain
     from benchmarks.streams import unit
 
@@ -197,4 +208,4 @@ def fits(at: Setting, result: Result) -> Found:
             for t in some:
                 judge.settle(t)
             refitting, deciding = refitting + between - start, deciding + process_time() - between
-    return {"refit": refitting / len(sizes), "deciding": deciding / len(sizes) / len(some), "sizes": sizes}
+    return refitting / len(sizes), deciding / len(sizes) / len(some), sizes
