@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 import elicit
+from benchmarks.reporting import save
 from elicit.scale import Floats
 from qlearn import strategies
 from qlearn.environments import draw_values, icu_sepsis, random_mdp
@@ -270,8 +271,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     text = report(list(zip(todo, rows, strict=True)))
     if chosen.out is None:
         print(text)
-    else:
-        chosen.out.write_text(text)
+    save(text, chosen.out)
 
 
 def _progress(done: int, total: int) -> None:

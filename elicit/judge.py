@@ -130,7 +130,7 @@ def lower_by_corner(t: Any, side: int, q: int, active: Any, limits: Any, work: A
 @compiled
 def judge_weighted(t: Any, shift: float, floor: Any, gaps: Any, weights: Any, level: float) -> tuple[int, int]:
     """By the weight of either sign."""
-    at = np.empty(gaps.shape[1])
+    at = np.empty(len(weights))
     side = shared_sign(t, shift, gaps, weights, level, at)
     if side == 0:
         return UNKNOWN, BY_MODEL

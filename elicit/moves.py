@@ -37,6 +37,7 @@ def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: A
     counted that led nowhere."""
     m, p = x.shape
     proposal, theta, work, small = np.empty(p), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
+    # where the last answer is tempered, nothing is decided roughly
     rough, logs, errors = roughened(rows, tied, n if last == 1.0 else 0), np.empty(m), np.zeros(m)
     precise, accepted = last < 1.0 or prior.lapse < LEAST_LAPSE, 0
     for i in range(m):

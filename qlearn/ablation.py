@@ -90,7 +90,7 @@ def ablate(
             fresh=fresh,
             jobs=jobs,
             cost=_cost,
-            ahead=(ahead.proofs, ahead.learners),
+            ahead=ahead.parts,
             progress=progress,
         )
     except Unfinished as stopped:

@@ -1,8 +1,11 @@
 """Small examples of what runs are made of, for the machine code that they leave behind: nothing but a moment where it
-is there already, else half a minute and more. Side by side, the second finds compiled what it has in common with the
-first."""
+is there already, else a quarter or half a minute each. Beside each other they are done sooner than one run after
+another would be, for processes that begin together compile the same functions."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -10,13 +13,25 @@ from elicit.choose import choose
 from elicit.comparator import Comparator
 from elicit.polytope import PolytopeComparator
 from elicit.posterior import PosteriorComparator
+from elicit.scale import Floats
 from elicit.tutor import FlippingTutor, TruthfulTutor
 from qlearn.environments import random_mdp
-from qlearn.ivi import InteractiveValueIteration
 from qlearn.learner import drive
 from qlearn.q_learning import InteractiveQLearning
 
-__all__ = ["learners", "proofs"]
+__all__ = ["parts"]
+
+
+def parts(cells: Iterable[Mapping[str, Any]]) -> tuple[Callable[[], None], ...]:
+    """What the runs of these cells will need: with two processes, the loops take up what the proofs have compiled."""
+    cells = tuple(cells)
+    comparators = {cell["comparator"] for cell in cells}
+    needed = {
+        proofs: bool(comparators & {"polytope", "relaxed"}),
+        moves: any(name.startswith("posterior") for name in comparators),
+        loops: any(cell["learner"] == "q-learning" for cell in cells),
+    }
+    return tuple(part for part, wanted in needed.items() if wanted)
 
 
 def proofs() -> None:
@@ -24,16 +39,23 @@ def proofs() -> None:
     _choose(PolytopeComparator(5))
 
 
-def learners() -> None:
-    """The posterior's moves; then the loops of both learners, which hold all rules to judge by."""
+def moves() -> None:
+    """What the posterior makes of answers."""
     _choose(PosteriorComparator(5, particles=50, seed=0))
+
+
+def loops() -> None:
+    """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was asked."""
     mdp, values = random_mdp(6, 3, 5, rng=0)
-    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, rng=0), FlippingTutor(values, 0.0))
-    drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1, rng=0), TruthfulTutor(values))
+    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, rng=0), TruthfulTutor(values))
+    FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
 
 
 def _choose(comparator: Comparator) -> None:
-    rows = np.random.default_rng(0).dirichlet(np.ones(5), size=20)
-    choice, tutor = choose(rows, comparator), TruthfulTutor(np.arange(5))
+    choice, tutor = choose(_rows(20), comparator), TruthfulTutor(np.arange(5))
     while queries := choice.ask():
         choice.tell([tutor(query) for query in queries])
+
+
+def _rows(n: int) -> Floats:
+    return np.random.default_rng(0).dirichlet(np.ones(5), size=n)

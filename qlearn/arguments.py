@@ -6,6 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping
+from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -104,6 +105,11 @@ def frame_of(name: str, runs: Callable[..., Any], out: Path) -> tuple[Any, int]:
     # a problem's package is missing; options that do not go together; a journal that is in use, or not to be written
     except (ImportError, ValueError, OSError) as error:
         return None, fail(str(error))
+    except BrokenExecutor:
+        return None, fail(
+            "a process that computed a run died, and again when it was tried once more (out of memory?); all other runs "
+            "are kept: start again to try the rest, or with --jobs 1"
+        )
 
 
 def progress_bar(name: str) -> tuple[Any, Callable[[int, int], None]]:

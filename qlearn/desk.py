@@ -228,7 +228,7 @@ class Desk:
         not tell."""
         new: NDArray[np.bool_] = ~self._told.has(d)
         if self._unclear:
-            new &= [places(i) not in self._unclear for i in range(len(d))]
+            new &= np.array([places(i) not in self._unclear for i in range(len(d))], dtype=np.bool_)
         return new
 
     def next_batch(self, d: Floats) -> list[int]:

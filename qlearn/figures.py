@@ -87,7 +87,7 @@ def figures(
             fresh=fresh,
             jobs=jobs,
             cost=_cost,
-            ahead=(ahead.proofs, ahead.learners),
+            ahead=ahead.parts,
             progress=progress,
         )
     except Unfinished as stopped:

@@ -13,9 +13,9 @@ import os
 import threading
 import time
 import warnings
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -49,7 +49,7 @@ def sweep(
     fresh: bool = False,
     jobs: int | None = None,
     cost: Callable[[Any], float] | None = None,
-    ahead: Sequence[Callable[[], None]] = (),
+    ahead: Callable[[Iterable[Cell]], Sequence[Callable[[], None]]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Any]:
     """``function(cell, **shared)`` for every cell: the rows, in the order of ``cells``.
@@ -65,14 +65,14 @@ def sweep(
               backend is the outer one (Dask, say, which has its own idea of the number of workers), else loky.
               A cell runs on one thread wherever it runs
     cost      cells of the greatest cost begin first, so that no core is left alone with a long one at the end
-    ahead     called before the cells, side by side, where a row is missing: what compiles, say, which every process
-              would else do for itself. Importable by workers
+    ahead     from the cells whose rows are missing to functions, importable by workers, that are called first, side by
+              side, where there are several processes: for what each would else do for itself, such as to compile
     progress  called with (rows finished, rows in all) at the start and after every row
 
     Where a worker process of this machine dies (killed, or out of memory) the rest goes on with a RuntimeWarning, and
     what was in flight is tried once more, alone. Raises BrokenExecutor for a row that kills its worker again, after all
-    others; Unfinished on Ctrl-C; what ``function`` raises; and what ``Journal`` raises. In all these cases
-    the journal keeps the rows that have finished.
+    others; Unfinished on Ctrl-C; what ``function`` raises, or what goes ahead; and what ``Journal`` raises. In all these
+    cases the journal keeps the rows that have finished.
     """
     shared = dict(shared or {})
     keys = [_key(function, shared, cell, stamp) for cell in cells]
@@ -86,10 +86,8 @@ def sweep(
         try:
             if progress is not None:
                 progress(len(rows), total)
-            for _ in _finished(
-                _do, [(str(i), {"part": part}) for i, part in enumerate(ahead if missing else ())], {}, jobs
-            ):
-                pass
+            if ahead is not None and not _alone(jobs):
+                _do_first(ahead(missing.values()), jobs)
             finished = stack.enter_context(closing(_finished(function, _ordered(missing, cost), shared, jobs)))
             for key, row in finished:
                 text = _json(row)
@@ -103,8 +101,15 @@ def sweep(
     return [rows[key] for key in keys]
 
 
-def _do(cell: Cell) -> None:
-    cell["part"]()
+def _do_first(parts: Sequence[Callable[[], None]], jobs: int | None) -> None:
+    tasks = [(str(i), {"part": part}) for i, part in enumerate(parts)]
+    with suppress(BrokenExecutor):  # then each process does for itself what it needs
+        for _ in _as_they_come(_do, iter(tasks), {}, jobs):
+            pass
+
+
+def _do(task: Cell) -> None:
+    task["part"]()
 
 
 def _key(function: Function, shared: Mapping[str, Any], cell: Cell, stamp: str) -> str:
@@ -166,14 +171,12 @@ def _as_they_come(
     function: Function, tasks: Iterator[tuple[str, Cell]], shared: Mapping[str, Any], jobs: int | None
 ) -> Generator[tuple[str, Any], None, None]:
     import joblib
-    from joblib.parallel import LokyBackend, SequentialBackend, get_active_backend
+    from joblib.parallel import LokyBackend
 
-    backend, configured = get_active_backend()
-    jobs = next((n for n in (jobs, configured) if n is not None), -1)
-    here = isinstance(backend, (LokyBackend, SequentialBackend))
-    if jobs == 1 or (here and backend.effective_n_jobs(jobs) == 1):
+    if _alone(jobs):
         yield from (_call(function, key, cell, shared) for key, cell in tasks)
         return
+    backend, jobs = _backend(jobs)
     parent = os.getpid() if isinstance(backend, LokyBackend) else None
     calls = (joblib.delayed(_call)(function, key, cell, shared, parent) for key, cell in tasks)
     with ExitStack() as stack:
@@ -189,6 +192,22 @@ def _as_they_come(
             with warnings.catch_warnings():  # that not all was used: the caller knows
                 warnings.filterwarnings("ignore", ".*(successfully executed|still being processed)", UserWarning)
                 results.close()
+
+
+def _backend(jobs: int | None) -> tuple[Any, int]:
+    """The backend that joblib would use, and how many processes are asked of it."""
+    from joblib.parallel import get_active_backend
+
+    backend, configured = get_active_backend()
+    return backend, next((n for n in (jobs, configured) if n is not None), -1)
+
+
+def _alone(jobs: int | None) -> bool:
+    """Whether all is done in this process."""
+    from joblib.parallel import LokyBackend, SequentialBackend
+
+    backend, jobs = _backend(jobs)
+    return jobs == 1 or (isinstance(backend, (LokyBackend, SequentialBackend)) and backend.effective_n_jobs(jobs) == 1)
 
 
 def _call(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 
 __all__ = ["one_thread"]
@@ -16,7 +17,8 @@ _limit = ExitStack()
 @contextmanager
 def one_thread() -> Iterator[None]:
     """Linear algebra on one thread: how a sum is split among threads shows in its last digits. Where several threads of
-    a process are in here, the limit holds until the last has left."""
+    a process are in here, the limit holds until the last has left; but a limit on OpenBLAS that another thread has set
+    with threadpoolctl 3.8 or later, and not lifted, stays as it is."""
     from threadpoolctl import threadpool_limits
 
     global _users
@@ -39,16 +41,10 @@ def _limited() -> Iterator[None]:
     """Limit the process. Only the thread that set a limit on OpenBLAS can lift it: here one that outlasts the rest."""
     from threadpoolctl import threadpool_limits
 
-    begun, left = threading.Event(), threading.Event()
-
-    def keep() -> None:
-        with threadpool_limits(1):
-            begun.set()
-            left.wait()
-
-    keeper = threading.Thread(target=keep, daemon=True)
-    keeper.start()
-    begun.wait()
-    yield
-    left.set()
-    keeper.join()
+    held = ExitStack()
+    with ThreadPoolExecutor(1) as keeper:
+        try:
+            keeper.submit(lambda: held.enter_context(threadpool_limits(1))).result()
+            yield
+        finally:
+            keeper.submit(held.close).result()  # even where Ctrl-C came while the limit was being set

@@ -15,14 +15,15 @@ Codes = NDArray[np.uint64]
 
 
 class Told:
-    """Answers by pair. Hashes find them, for compiled loops too; the pair itself confirms what was found."""
+    """Answers by pair. Hashes find them, for compiled loops too; where one is to be given again, the pair itself
+    confirms it."""
 
     def __init__(self, key: np.uint64) -> None:
         self.codes: Codes = np.empty(0, np.uint64)  # sorted: all pairs that were answered
         self.binding: Codes = np.empty(0, np.uint64)  # sorted: those whose answer no model may overrule
         self._key = key
         self._said: dict[bytes, int] = {}  # in the pair's canonical direction
-        self._bound: set[bytes] = set()
+        self._bound: set[bytes] = set()  # of these pairs, the binding ones
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
         """Keep what was said of a difference d (k,)."""

@@ -149,6 +149,19 @@ def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
     assert learner.result().cannot_tell == learner.result().asked > 0
 
 
+@pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=100)])
+def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
+    for seed in range(3):
+        mdp, values = random_mdp(6, 3, 4, rng=seed)
+        learner = InteractiveQLearning(mdp, comparator, steps=3000, rng=seed, asking="late")
+        tutor, asked = TruthfulTutor(values), 0
+        while queries := learner.ask():
+            asked += 1
+            learner.tell([Answer(query, None) if asked % 3 == 1 else tutor(query) for query in queries])
+        assert learner.result().status is Status.DONE
+        assert learner.result().cannot_tell == (asked + 2) // 3 > 0
+
+
 @pytest.mark.parametrize("asking", ["at once", "late"])
 def test_learners_stop_where_the_loss_is_small_enough(asking):
     mdp, values = random_mdp(20, 3, 5, discount=0.9, rng=3)

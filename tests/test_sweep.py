@@ -10,7 +10,7 @@ import sys
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
 from struct import pack
@@ -23,8 +23,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweep_cases import CELLS, deadly, row, where
 
-from qlearn import ahead
 from qlearn.ablation import ablate
+from qlearn.ahead import parts
 from qlearn.journal import Journal
 from qlearn.sweep import Unfinished, sweep
 
@@ -91,24 +91,50 @@ def test_an_outer_backend_is_used_and_a_cell_has_one_thread_on_each(cluster: Any
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_what_goes_ahead_is_done_once_and_only_where_a_row_is_missing(jobs: int, tmp_path: Path) -> None:
+def test_what_goes_ahead_is_done_once_for_the_missing_rows_of_several_processes(jobs: int, tmp_path: Path) -> None:
     journal, log = tmp_path / "journal.jsonl", tmp_path / "log"
+    asked: list[int] = []
 
     def part() -> None:
         with log.open("a") as file:
             print("ahead", file=file)
 
-    shared = {"log": str(log)}
-    sweep(row, CELLS[:2], shared=shared, journal=journal, jobs=jobs, ahead=(part, part))
-    assert log.read_text().split()[:2] == ["ahead", "ahead"]
-    assert computed(log)["ahead"] == 2
-    sweep(row, CELLS[:2], shared=shared, journal=journal, jobs=jobs, ahead=(part, part))
-    assert computed(log)["ahead"] == 2
+    def ahead(missing: Iterable[Any]) -> tuple[Callable[[], None], ...]:
+        asked.append(len(list(missing)))
+        return (part, part) if asked[-1] else ()
+
+    sweep(row, CELLS[:1], journal=journal, jobs=1)
+    for _ in range(2):
+        sweep(row, CELLS[:3], shared={"log": str(log)}, journal=journal, jobs=jobs, ahead=ahead)
+    assert asked == ([3, 0] if jobs == 2 else [])
+    if jobs == 2:
+        assert log.read_text().split()[:2] == ["ahead", "ahead"]
+        assert computed(log)["ahead"] == 2
 
 
-@pytest.mark.parametrize("part", [ahead.proofs, ahead.learners])
-def test_the_parts_that_go_ahead_of_an_ablation_run(part: Callable[[], None]) -> None:
-    part()
+def test_what_goes_ahead_may_die_but_not_fail(tmp_path: Path) -> None:
+    def dies() -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def fails() -> None:
+        raise RuntimeError("no part of it")
+
+    assert text(sweep(row, CELLS, jobs=2, ahead=lambda _: (dies,))) == EXPECTED
+    with pytest.raises(RuntimeError, match="no part of it"):
+        sweep(row, CELLS, jobs=2, ahead=lambda _: (fails,))
+
+
+def test_what_goes_ahead_of_an_ablation() -> None:
+    def named(**cell: Any) -> list[str]:
+        return [part.__name__ for part in parts([cell])]
+
+    assert named(comparator="always", learner="ivi") == []
+    assert named(comparator="relaxed", learner="ivi") == ["proofs"]
+    assert named(comparator="posterior-close", learner="q-learning") == ["moves", "loops"]
+    for part in parts(
+        [{"comparator": "polytope", "learner": "q-learning"}, {"comparator": "posterior", "learner": ""}]
+    ):
+        part()
 
 
 def test_an_outer_number_of_jobs_is_respected_and_an_explicit_one_wins() -> None:
