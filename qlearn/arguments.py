@@ -107,8 +107,8 @@ def frame_of(name: str, runs: Callable[..., Any], out: Path) -> tuple[Any, int]:
         return None, fail(str(error))
     except BrokenExecutor:
         return None, fail(
-            "a process that computed a run died, and again when it was tried once more (out of memory?); all other runs "
-            "are kept: start again to try the rest, or with --jobs 1"
+            "a process that computed a run died, and again when it was tried once more (out of memory?); all other "
+            "runs are kept: start again to try the rest, or with --jobs 1"
         )
 
 

@@ -71,8 +71,8 @@ def sweep(
 
     Where a worker process of this machine dies (killed, or out of memory) the rest goes on with a RuntimeWarning, and
     what was in flight is tried once more, alone. Raises BrokenExecutor for a row that kills its worker again, after all
-    others; Unfinished on Ctrl-C; what ``function`` raises, or what goes ahead; and what ``Journal`` raises. In all these
-    cases the journal keeps the rows that have finished.
+    others; Unfinished on Ctrl-C; what ``function`` raises, or what goes ahead; and what ``Journal`` raises. In all
+    these cases the journal keeps the rows that have finished.
     """
     shared = dict(shared or {})
     keys = [_key(function, shared, cell, stamp) for cell in cells]
