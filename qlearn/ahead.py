@@ -18,6 +18,7 @@ from elicit.tutor import FlippingTutor, TruthfulTutor
 from qlearn.environments import random_mdp
 from qlearn.learner import drive
 from qlearn.q_learning import InteractiveQLearning
+from qlearn.sweep import do_first
 
 __all__ = ["parts"]
 
@@ -51,6 +52,11 @@ def loops() -> None:
     FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
 
 
+def main() -> None:
+    """Compile now, as a step of setting up: ``python -m qlearn.ahead``."""
+    do_first((proofs, moves, loops))
+
+
 def _choose(comparator: Comparator) -> None:
     choice, tutor = choose(_rows(20), comparator), TruthfulTutor(np.arange(5))
     while queries := choice.ask():
@@ -59,3 +65,9 @@ def _choose(comparator: Comparator) -> None:
 
 def _rows(n: int) -> Floats:
     return np.random.default_rng(0).dirichlet(np.ones(5), size=n)
+
+
+if __name__ == "__main__":
+    from qlearn import ahead  # by the name that workers know
+
+    ahead.main()

@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 from qlearn.journal import Journal
 from qlearn.threads import one_thread
 
-__all__ = ["Cell", "Unfinished", "sweep"]
+__all__ = ["Cell", "Unfinished", "do_first", "sweep"]
 
 Cell: TypeAlias = Mapping[str, Any]
 Function: TypeAlias = Callable[..., Any]
@@ -87,7 +87,7 @@ def sweep(
             if progress is not None:
                 progress(len(rows), total)
             if ahead is not None and not _alone(jobs):
-                _do_first(ahead(missing.values()), jobs)
+                do_first(ahead(missing.values()), jobs)
             finished = stack.enter_context(closing(_finished(function, _ordered(missing, cost), shared, jobs)))
             for key, row in finished:
                 text = _json(row)
@@ -101,7 +101,8 @@ def sweep(
     return [rows[key] for key in keys]
 
 
-def _do_first(parts: Sequence[Callable[[], None]], jobs: int | None) -> None:
+def do_first(parts: Sequence[Callable[[], None]], jobs: int | None = None) -> None:
+    """Call each part, side by side: what ``sweep`` does with what goes ahead."""
     tasks = [(str(i), {"part": part}) for i, part in enumerate(parts)]
     with suppress(BrokenExecutor):  # then each process does for itself what it needs
         for _ in _as_they_come(_do, iter(tasks), {}, jobs):
