@@ -9,17 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from qlearn import ahead
 from qlearn.metrics import CELL, paper_loss, summarise
-from qlearn.runs import Cell, Interrupted, Run, Size, instance, run, run_named, sources
-from qlearn.sweep import Unfinished, sweep
+from qlearn.runs import Cell, Interrupted, Run, Size, instance, run, run_all, run_named
 
 __all__ = ["Interrupted", "Run", "ablate", "cells", "run", "summarise"]
 
@@ -77,25 +74,18 @@ def ablate(
     size = (states, actions, levels, discount)
     for problem in {cell["problem"] for cell in plan}:
         instance(problem, seed, size)  # what is wrong with a problem is said before the runs
-    arguments = signature(run).bind(None, None, None, **settings)
-    arguments.apply_defaults()  # named or not, a default is the same setting
-    given = {name: value for name, value in arguments.arguments.items() if name not in ("cell", "mdp", "values")}
-    shared = {"size": size, "built": sources(), "settings": given}
-    try:
-        rows = sweep(
-            run_named,
-            plan,
-            shared=shared,
-            journal=journal,
-            fresh=fresh,
-            jobs=jobs,
-            cost=_cost,
-            ahead=ahead.parts,
-            progress=progress,
-        )
-    except Unfinished as stopped:
-        raise Interrupted(_paired(stopped.rows, size)) from None
-    return _paired(rows, size)
+    return run_all(
+        run_named,
+        plan,
+        lambda rows: _paired(rows, size),
+        shared={"size": size},
+        settings=settings,
+        journal=journal,
+        fresh=fresh,
+        jobs=jobs,
+        cost=_cost,
+        progress=progress,
+    )
 
 
 def cells(

@@ -11,17 +11,14 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from qlearn import ahead
 from qlearn.metrics import paper_loss
-from qlearn.runs import Cell, Interrupted, Run, Size, instance, run, run_named, sources
-from qlearn.sweep import Unfinished, sweep
+from qlearn.runs import Cell, Interrupted, Run, Size, instance, run_all, run_named
 
 __all__ = ["COMPARATORS", "KEYS", "ORDER", "SETTINGS", "Interrupted", "cells", "figures", "run_one"]
 
@@ -74,25 +71,18 @@ def figures(
     """
     series = {(at_states, k) for k in levels} | {(n, at_levels) for n in states}
     plan = cells(series, comparators, error_rate, both_tutors, range(seed, seed + seeds))
-    arguments = signature(run).bind(None, None, None, **(SETTINGS | settings))
-    arguments.apply_defaults()
-    given = {name: value for name, value in arguments.arguments.items() if name not in ("cell", "mdp", "values")}
-    shared = {"actions": actions, "discount": discount, "built": sources(), "settings": given}
-    try:
-        rows = sweep(
-            run_one,
-            plan,
-            shared=shared,
-            journal=journal,
-            fresh=fresh,
-            jobs=jobs,
-            cost=_cost,
-            ahead=ahead.parts,
-            progress=progress,
-        )
-    except Unfinished as stopped:
-        raise Interrupted(_paired(stopped.rows, actions, discount)) from None
-    return _paired(rows, actions, discount)
+    return run_all(
+        run_one,
+        plan,
+        lambda rows: _paired(rows, actions, discount),
+        shared={"actions": actions, "discount": discount},
+        settings=SETTINGS | settings,
+        journal=journal,
+        fresh=fresh,
+        jobs=jobs,
+        cost=_cost,
+        progress=progress,
+    )
 
 
 def cells(

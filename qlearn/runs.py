@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, version
+from inspect import signature
 from pathlib import Path
 from time import perf_counter
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from elicit.posterior import PosteriorComparator
 from elicit.relaxed import RelaxedPolytopeComparator
 from elicit.scale import Floats
 from elicit.tutor import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from qlearn import ahead
 from qlearn.environments import draw_values, icu_sepsis, random_mdp
 from qlearn.gym_environments import deep_sea_treasure, frozen_lake
 from qlearn.ivi import InteractiveValueIteration
@@ -28,10 +30,12 @@ from qlearn.mdp import OrdinalMDP
 from qlearn.metrics import Watch, audits, counts, estimated_values, reference_differences
 from qlearn.planning import policy_loss, value_iteration
 from qlearn.q_learning import InteractiveQLearning
+from qlearn.sweep import Unfinished, sweep
 from qlearn.threads import one_thread
 
-__all__ = ["Cell", "Run", "Size", "instance", "run", "run_named", "sources"]
+__all__ = ["Cell", "Run", "Size", "instance", "run", "run_all", "run_named", "sources"]
 
+T = TypeVar("T")
 Cell: TypeAlias = dict[str, Any]
 Size: TypeAlias = tuple[int, int, int, float]
 """Of the random MDPs: states, actions, levels, discount."""
@@ -174,6 +178,29 @@ def run_named(cell: Cell, size: Size, built: str, settings: dict[str, Any]) -> R
     if built != sources():
         raise RuntimeError("this worker has other sources or libraries than the process that started the sweep")
     return run(cell, *instance(cell["problem"], cell["seed"], tuple(size)), **settings)
+
+
+def run_all(
+    function: Callable[..., Run],
+    plan: Sequence[Cell],
+    paired: Callable[[Iterable[Any]], T],
+    *,
+    shared: dict[str, Any],
+    settings: dict[str, Any],
+    **how: Any,
+) -> T:
+    """What ``paired`` makes of the rows of all cells, ``how`` as ``sweep`` has it. The function gets ``shared``, the
+    ``settings`` of ``run``, defaults included, and what it was ``built`` of. Raises Interrupted on Ctrl-C, with what
+    ``paired`` makes of those that had finished."""
+    arguments = signature(run).bind(None, None, None, **settings)
+    arguments.apply_defaults()  # named or not, a default is the same setting
+    given = {name: value for name, value in arguments.arguments.items() if name not in ("cell", "mdp", "values")}
+    shared = shared | {"built": sources(), "settings": given}
+    try:
+        rows = sweep(function, plan, shared=shared, ahead=ahead.parts, **how)
+    except Unfinished as stopped:
+        raise Interrupted(paired(stopped.rows)) from None
+    return paired(rows)
 
 
 @lru_cache(maxsize=32)

@@ -63,9 +63,9 @@ class Told:
 
     def _among(self, t: Floats, codes: Codes) -> NDArray[np.bool_]:
         """Whether the hashes of tail sums t (n, p) are among sorted ``codes``."""
-        wanted = unordered_pairs(self._key, t)[1]
         if not len(codes):
             return np.zeros(len(t), dtype=np.bool_)
+        wanted = unordered_pairs(self._key, t)[1]
         found: NDArray[np.bool_] = codes[np.searchsorted(codes[:-1], wanted)] == wanted
         return found
 

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from elicit.comparator import Tier
 from elicit.polytope import PolytopeComparator
 from elicit.tutor import FlippingTutor
-from qlearn import ablation
+from qlearn import runs
 from qlearn.ablation import KEYS, Interrupted, ablate, cells, run, summarise
 from qlearn.environments import random_mdp
 from qlearn.learner import drive
@@ -132,7 +132,8 @@ def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytes
     one = TINY | {"comparators": ["always"], "error_rates": [0.0], "learners": ["ivi"]}
     ablate(**one, jobs=1, journal=tmp_path / "journal")
     ablate(**one, jobs=1, journal=tmp_path / "journal")
-    monkeypatch.setattr(ablation, "sources", lambda: "older")
+    older, now = ["older"], runs.sources  # the sweep asks first, then the worker
+    monkeypatch.setattr(runs, "sources", lambda: older.pop() if older else now())
     # neither from the journal, nor by a worker that has sources of its own
     with pytest.raises(RuntimeError, match="other sources or libraries than the process that started the sweep"):
         ablate(**one, jobs=1, journal=tmp_path / "journal")
