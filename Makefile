@@ -26,16 +26,16 @@ lint: $(READY)  ## ruff and mypy
 
 bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md, docs/exploration.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
-	$(BIN)/python -m benchmarks.learning --out benchmarks/RESULTS.md
-	$(BIN)/python -m benchmarks.ivi --out benchmarks/RESULTS-ivi.md
+	$(BIN)/python -m benchmarks.learning.learning_cost --out benchmarks/RESULTS.md
+	$(BIN)/python -m benchmarks.learning.value_iteration_cost --out benchmarks/RESULTS-ivi.md
 	(echo; cat benchmarks/RESULTS-ivi.md) >> benchmarks/RESULTS.md
-	$(BIN)/python -m benchmarks.lp --out benchmarks/RESULTS-lp.md
-	$(BIN)/python -m benchmarks.exploration --out docs/exploration.md
-	$(BIN)/python -m benchmarks.bradley_terry --out benchmarks/RESULTS-bradley-terry.md
+	$(BIN)/python -m benchmarks.comparing.comparison_cost --out benchmarks/RESULTS-lp.md
+	$(BIN)/python -m benchmarks.paper.exploration --out docs/exploration.md
+	$(BIN)/python -m benchmarks.fitting.fit_cost --out benchmarks/RESULTS-bradley-terry.md
 
 bench-huge: $(READY)  ## value iteration with a million states beside other libraries: half an hour, one thread, 2 GiB
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
-	$(BIN)/python -m benchmarks.ivi --states 1000000 --repeats 1 --out benchmarks/RESULTS-ivi-huge.md
+	$(BIN)/python -m benchmarks.learning.value_iteration_cost --states 1000000 --repeats 1 --out benchmarks/RESULTS-ivi-huge.md
 
 notebooks: $(READY)  ## run the notebooks at their full setting, in place
 	$(BIN)/python notebooks/execute.py
@@ -45,7 +45,7 @@ $(READY): pyproject.toml constraints.txt
 	  { echo "Python 3.11 or later is needed; name one with: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	$(BIN)/python -m qlearn.ahead
+	$(BIN)/python -m qlearn.experiments.compile_ahead
 	touch $@
 
 clean:

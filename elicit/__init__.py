@@ -3,41 +3,42 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from elicit.choose import choose
-from elicit.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide, simultaneous_bounds
-from elicit.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.asking.choose import choose
+from elicit.model.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide, simultaneous_bounds
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 
 if TYPE_CHECKING:
-    from elicit.bags import Bags
-    from elicit.bradley_terry import BradleyTerryComparator
-    from elicit.diagnostics import tutor_report
-    from elicit.foretell import compare_held_out, held_out
-    from elicit.log import AnswerLog
-    from elicit.polytope import PolytopeComparator
-    from elicit.posterior import PosteriorComparator
-    from elicit.prior import Inequality, inequalities, inequality
-    from elicit.relaxed import RelaxedPolytopeComparator
-    from elicit.tutor import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
+    from elicit.asking.bags import Bags
+    from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+    from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+    from elicit.comparators.polytope.comparator import PolytopeComparator
+    from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+    from elicit.diagnostics.held_out import compare_held_out, held_out
+    from elicit.diagnostics.tutor_report import tutor_report
+    from elicit.lp.inequalities import Inequality, inequalities, inequality
+    from elicit.tutors.answer_log import AnswerLog
+    from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
 
 _LATER = {  # imported when first used, so that `import elicit` stays light
-    "AnswerLog": "elicit.log",
-    "Bags": "elicit.bags",
-    "BradleyTerryComparator": "elicit.bradley_terry",
-    "BradleyTerryTutor": "elicit.tutor",
-    "FlippingTutor": "elicit.tutor",
-    "Inequality": "elicit.prior",
-    "PolytopeComparator": "elicit.polytope",
-    "PosteriorComparator": "elicit.posterior",
-    "RelaxedPolytopeComparator": "elicit.relaxed",
-    "ReplayTutor": "elicit.tutor",
-    "TruthfulTutor": "elicit.tutor",
-    "Tutor": "elicit.tutor",
-    "compare_held_out": "elicit.foretell",
-    "held_out": "elicit.foretell",
-    "inequalities": "elicit.prior",
-    "inequality": "elicit.prior",
-    "tutor_report": "elicit.diagnostics",
+    "AnswerLog": "elicit.tutors.answer_log",
+    "Bags": "elicit.asking.bags",
+    "BradleyTerryComparator": "elicit.comparators.bradley_terry.bootstrap_comparator",
+    "BradleyTerryTutor": "elicit.tutors.simulated",
+    "FlippingTutor": "elicit.tutors.simulated",
+    "Inequality": "elicit.lp.inequalities",
+    "PolytopeComparator": "elicit.comparators.polytope.comparator",
+    "PosteriorComparator": "elicit.comparators.bradley_terry.particle_comparator",
+    "RelaxedPolytopeComparator": "elicit.comparators.polytope.relaxed_comparator",
+    "ReplayTutor": "elicit.tutors.simulated",
+    "TruthfulTutor": "elicit.tutors.simulated",
+    "Tutor": "elicit.tutors.simulated",
+    "compare_held_out": "elicit.diagnostics.held_out",
+    "held_out": "elicit.diagnostics.held_out",
+    "inequalities": "elicit.lp.inequalities",
+    "inequality": "elicit.lp.inequalities",
+    "tutor_report": "elicit.diagnostics.tutor_report",
 }
+_MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.circles, say
 
 __all__ = [
     "AlwaysAsk",
@@ -74,6 +75,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(_MODULES[name])
     if name in _LATER:
         value = getattr(import_module(_LATER[name]), name)
         globals()[name] = value

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit.comparator import Comparator
-from elicit.lp import TIE_BAND
-from elicit.polytope import PolytopeComparator
-from elicit.scale import Floats, normalise, tail_sums
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.lp.programs import TIE_BAND
+from elicit.model.comparator import Comparator
+from elicit.model.scale import Floats, normalise, tail_sums
 
 if TYPE_CHECKING:
     import networkx as nx
     from matplotlib.axes import Axes
 
-    from elicit.graph import Cycle
+    from elicit.diagnostics.preference_graph import Cycle
 
 _BLUE, _VERMILLION = "#0072B2", "#D55E00"
 # Okabe and Ito's colours; the markers and line styles tell the same in grey

@@ -4,35 +4,40 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from qlearn.environments import draw_values, icu_sepsis, random_mdp
-    from qlearn.guarantee import Guarantee, loss_bound
-    from qlearn.ivi import InteractiveValueIteration
-    from qlearn.learner import Audit, Learner, Result, Status, drive
-    from qlearn.mdp import OrdinalMDP
-    from qlearn.planning import evaluate_policy, policy_loss, value_iteration
-    from qlearn.policy_iteration import InteractivePolicyIteration
-    from qlearn.q_learning import InteractiveQLearning
+    from qlearn.learners.learner import Audit, Learner, Result, Status, drive
+    from qlearn.learners.loss_bound import Guarantee, loss_bound
+    from qlearn.learners.policy_iteration import InteractivePolicyIteration
+    from qlearn.learners.q_learning import InteractiveQLearning
+    from qlearn.learners.value_iteration import InteractiveValueIteration
+    from qlearn.mdp.ordinal_mdp import OrdinalMDP
+    from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
+    from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
 
 _LATER = {  # imported when first used, so that the command line starts fast
-    "Audit": "qlearn.learner",
-    "Guarantee": "qlearn.guarantee",
-    "InteractivePolicyIteration": "qlearn.policy_iteration",
-    "InteractiveQLearning": "qlearn.q_learning",
-    "InteractiveValueIteration": "qlearn.ivi",
-    "Learner": "qlearn.learner",
-    "OrdinalMDP": "qlearn.mdp",
-    "Result": "qlearn.learner",
-    "Status": "qlearn.learner",
-    "draw_values": "qlearn.environments",
-    "drive": "qlearn.learner",
-    "evaluate_policy": "qlearn.planning",
-    "icu_sepsis": "qlearn.environments",
-    "loss_bound": "qlearn.guarantee",
-    "policy_loss": "qlearn.planning",
-    "random_mdp": "qlearn.environments",
-    "value_iteration": "qlearn.planning",
+    "Audit": "qlearn.learners.learner",
+    "Guarantee": "qlearn.learners.loss_bound",
+    "InteractivePolicyIteration": "qlearn.learners.policy_iteration",
+    "InteractiveQLearning": "qlearn.learners.q_learning",
+    "InteractiveValueIteration": "qlearn.learners.value_iteration",
+    "Learner": "qlearn.learners.learner",
+    "OrdinalMDP": "qlearn.mdp.ordinal_mdp",
+    "Result": "qlearn.learners.learner",
+    "Status": "qlearn.learners.learner",
+    "draw_values": "qlearn.problems.random_mdp",
+    "drive": "qlearn.learners.learner",
+    "evaluate_policy": "qlearn.mdp.planning",
+    "icu_sepsis": "qlearn.problems.random_mdp",
+    "loss_bound": "qlearn.learners.loss_bound",
+    "policy_loss": "qlearn.mdp.planning",
+    "random_mdp": "qlearn.problems.random_mdp",
+    "value_iteration": "qlearn.mdp.planning",
 }
-_MODULES = ("exploration", "gym_environments", "strategies")  # to be written as qlearn.strategies.max_regret, say
+_MODULES = {  # to be written as qlearn.strategies.max_regret, say
+    "ablation": "qlearn.experiments.ablation",
+    "exploration": "qlearn.learners.exploration",
+    "gym_environments": "qlearn.problems.gymnasium",
+    "strategies": "qlearn.learners.query_strategies",
+}
 
 __all__ = [
     "Audit",
@@ -57,7 +62,7 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
-        return import_module(f"qlearn.{name}")
+        return import_module(_MODULES[name])
     if name in _LATER:
         value = getattr(import_module(_LATER[name]), name)
         globals()[name] = value

@@ -2,7 +2,7 @@
 
 import sys
 
-from qlearn.cli import main
+from qlearn.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -10,7 +10,7 @@ paper leaves something open, the choice is that of the whole package:
 - where neither vector is better, the best action so far stays;
 - no pair is asked twice, and one that the tutor called equal stays equal, whatever M learns later
   (only AlwaysAsk asks again, being the oracle);
-- random numbers are a hash of the key, a purpose and counters, as in ``elicit.seeds``;
+- random numbers are a hash of the key, a purpose and counters, as in ``elicit._support.hashing``;
 - a terminal state's value is its level for ever, and the next episode starts from ``mdp.initial``.
 """
 
@@ -23,13 +23,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit.comparator import AlwaysAsk, Comparator
-from elicit.query import Answer, Answers, Query, Verdict
-from elicit.scale import Floats, dominance, tail_sums
-from elicit.seeds import fold, uniform
-from elicit.tutor import Tutor
-from qlearn.kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
-from qlearn.mdp import OrdinalMDP
+from elicit._support.hashing import fold, uniform
+from elicit.model.comparator import AlwaysAsk, Comparator
+from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.tutors.simulated import Tutor
+from qlearn.learners.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 class Learned(NamedTuple):
@@ -112,7 +112,7 @@ def interactive_q_learning(
     episode_length: int | None = None,
 ) -> tuple[Learned, Comparator, Told]:
     """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is
-    one for all steps or one for each; ``key`` is ``elicit.seeds.key_of`` of a seed. Returns Q-bar and B(s), then M
+    one for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and B(s), then M
     and B."""
     one, discount = np.eye(mdp.k), mdp.discount
     model, told = comparator, Told()  # Alg. 1, l. 3

@@ -1,0 +1,1 @@
+"""How many questions a policy costs, and whether certificates hold."""

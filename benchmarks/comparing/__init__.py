@@ -1,0 +1,1 @@
+"""What one comparison over K_t costs, beside the usual tools."""

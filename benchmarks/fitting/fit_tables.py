@@ -1,0 +1,80 @@
+"""The tables of ``benchmarks.fitting.fit_cost``, and the notes on how to read them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.fitting.fit_accuracy import References, disagreement, doubt
+from benchmarks.fitting.fit_methods import LEVEL, ORDERED, PARTICLES, POSTERIOR, RIDGED
+from benchmarks.fitting.logistic_libraries import RIDGE
+from benchmarks.fitting.tutor_data import FRESH, SPREAD, Data
+from benchmarks.reporting import markdown
+
+
+class Line(NamedTuple):
+    """A line of the table: milliseconds an answer; error None where the method solves no ``Problem``."""
+
+    name: str
+    solves: str
+    milliseconds: float
+    error: float | None
+    decided: float
+    wrong: float
+    remark: str
+
+
+def about(cell: list[Data], tight: list[References]) -> str:
+    """How often the tutors erred, and how good the references with a ridge are."""
+    errors = np.mean([data.errors for data in cell])
+    off = max(
+        doubt(problem, data, each[problem])
+        for data, each in zip(cell, tight, strict=True)
+        for problem in (RIDGED, ORDERED)
+    )
+    theirs = max(disagreement(problem, cell[0], tight[0][problem][:2]) for problem in (RIDGED, ORDERED))
+    return (
+        f"{errors:.0%} of the answers are wrong. The references are within {off:.0e} of the optima, by their "
+        f"gradients, and within {theirs:.0e} of cvxpy's fits at tight tolerances, on a sample."
+    )
+
+
+def table(found: list[Line]) -> list[str]:
+    """A Markdown table; ratios are to the posterior without lapses."""
+    least = next(line.milliseconds for line in found if line.name == POSTERIOR.name)
+    lines = []
+    for name, solves, milliseconds, error, decided, wrong, remark in found:
+        cells = [f"{milliseconds:,.2f}", f"{milliseconds / least:,.1f}", "" if error is None else f"{error:.0e}"]
+        cells += [f"{decided:.1%}", f"{wrong:.2%}" if decided else ""]
+        lines.append([name, solves, *cells, remark])
+    head = ("method", "solves", "ms an answer", "ratio", "error", "decided", "wrong", "remark")
+    return markdown(head, lines, 2)
+
+
+def notes(sets: int, m: int) -> list[str]:
+    """What was measured, and how to read it."""
+    return [
+        f"Milliseconds of processor time an answer, mean over {sets} data set(s) for each table: a tutor whose gaps "
+        "are uniform on their simplex and who answers by eq. (6), with the precision that gives logits a standard "
+        f"deviation of {SPREAD:g}. The pairs are uniform, without those that the order of the levels settles.",
+        "",
+        f"The fits: all {m} bootstrap resamples and the answers themselves, once more after the last answer, as the "
+        "paper does after each; the time to draw resamples and to decide is left out. All tools get the same rows "
+        f"(tail sums), no intercept, and the ridge {RIDGE:g} / 2 times the squares of the gaps, in logits "
+        f"(scikit-learn: C = {1 / RIDGE:g}). statsmodels' Logit has no ridge; resamples without a finite maximum fail. "
+        "The tools skip the rows that a resample does not hold, and start from the fit to the answers or from the last "
+        "resample where they can. Of slow tools few fits are run, and the time for all is extrapolated; cvxpy's "
+        "Parameter program includes being compiled once, as the next answer changes its size. The comparators take in "
+        "one answer, decide one pair, and so on: these three rows are means over the whole run. "
+        "BradleyTerryComparator, told the tutor's precision (only its prior uses it), refits on its schedule; "
+        f"PosteriorComparator, with {PARTICLES} particles, learns the precision.",
+        "",
+        "Ratio: to PosteriorComparator without lapses. Error: the largest difference from the reference, over levels "
+        "and resamples, as a share of the tutor's theta_k; the references are the project's fits after further Newton "
+        f"steps. Decided: the share of {FRESH} fresh pairs for each data set, open "
+        f"to dominance, that the rule settles at {LEVEL:.0%}: the percentiles over the resamples and the fit to the "
+        "answers agree on the sign, or the posterior is sure. Wrong: the share of wrong verdicts among these. Where a "
+        "tool ran on some resamples only, the references stand in for the others. A stronger ridge decides more, and "
+        "errs more.",
+    ]

@@ -1,0 +1,51 @@
+"""The data of ``fit_cost``: a tutor who errs, her answers, resamples of them, and pairs to decide."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from elicit import Answers, BradleyTerryTutor, Verdict
+from elicit.comparators.bradley_terry.likelihood import bootstrap_weights
+from elicit.model.comparator import Verdicts
+from elicit.model.scale import Floats, dominance, dot, tail_sums, values_of
+
+SPREAD = 2.0  # standard deviation of the tutor's logits over the pairs
+FRESH = 2000  # pairs to decide, for each data set
+
+
+class Data(NamedTuple):
+    """A tutor's answers, their resamples, and pairs to decide."""
+
+    answers: Answers
+    t: Floats  # (n, p) tail sums of the answers
+    counts: Floats  # (m + 1, n) how often each resample holds each answer; the first holds each once
+    fresh: Floats  # (FRESH, k)
+    truth: Verdicts  # (FRESH,)
+    top: float  # the tutor's precision, which is the true theta_k
+    errors: float  # the share of wrong answers
+
+
+def draw(k: int, n: int, m: int, seed: int) -> Data:
+    """A tutor with gaps uniform on their simplex, n answers, m resamples; all about pairs open to dominance."""
+    rng = np.random.default_rng([seed, k, n])
+    gaps = rng.dirichlet(np.ones(k - 1))
+    d = open_pairs(k, FRESH + n, rng)
+    scores = dot(tail_sums(d), gaps)
+    top = float(SPREAD / scores[:FRESH].std())
+    tutor = BradleyTerryTutor(values_of(gaps), top, seed)
+    answers = Answers(d[FRESH:], tutor.signs(d[FRESH:]))
+    counts = np.concatenate([np.ones((1, n)), bootstrap_weights(seed, m, n)])
+    truth = np.sign(scores[:FRESH]).astype(np.int8)
+    return Data(answers, tail_sums(answers.d), counts, d[:FRESH], truth, top, tutor.realised_error_rate)
+
+
+def open_pairs(k: int, n: int, rng: np.random.Generator) -> Floats:
+    """(n, k) differences of vectors uniform on their simplex, without those that the order of the levels settles."""
+    found = np.empty((0, k))
+    while len(found) < n:
+        left, right = rng.dirichlet(np.ones(k), (2, n))
+        d = left - right
+        found = np.concatenate([found, d[dominance(tail_sums(d)) == Verdict.UNKNOWN]])
+    return found[:n]

@@ -1,0 +1,158 @@
+"""Questions made for people: pairs of simple bags, "of 10 days: 10 stable, or 6 critical and 4 well?"
+
+What a learner needs to know comes as long vectors of odd shares. A *bag question* sets one level for certain against a
+mixture of a worse and a better one in small whole numbers of days (the time trade-off of Torrance, Thomas and Sackett
+1972). Its answer often settles the same thing; where the learner has something else at heart it tells less, and more
+questions are needed. ``simplicity`` says how much may be given up for ease.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+from math import comb, gcd
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.validation import is_number, is_whole, require
+from elicit.lp.hit_and_run import Draws
+from elicit.model.comparator import check_levels
+from elicit.model.scale import Floats, as_vectors, tail_sums
+
+_LEAST = 1e-3  # bits: what tells less is no question
+MOST_QUESTIONS = 200_000
+"""What each of so many would tell, under a thousand scales, already fills gigabytes."""
+
+
+class BagQuestions(NamedTuple):
+    """n questions: ``left`` and ``right`` (n, k) in whole days, and how easy each is to judge (n,), in (0, 1]."""
+
+    left: Floats
+    right: Floats
+    ease: Floats
+
+
+@dataclass(frozen=True)
+class Bags:
+    """How bag questions are made: ``days`` in a bag (10 or fewer are easy to picture), and ``simplicity`` in 0..1, how
+    much of the information of the best question may be given up for an easier one: 0 nothing, 1 all but a trace.
+    Raises ValueError."""
+
+    days: int = 10
+    simplicity: float = 0.3
+
+    def __post_init__(self) -> None:
+        wanted = "a whole number of at least 2"
+        require(is_whole(self.days, 2), "days, the number of days in a bag,", wanted, self.days)
+        require(is_number(self.simplicity, 0, 1), "simplicity", "a number in 0..1", self.simplicity)
+
+    def questions(self, k: int) -> BagQuestions:
+        """All bag questions about k levels, those with the fewest and roundest numbers first. Raises ValueError where
+        there are more than ``MOST_QUESTIONS``."""
+        k, days = check_levels(k), int(self.days)
+        count = comb(k, 3) * (days - 1)
+        if count > MOST_QUESTIONS:
+            fewer = MOST_QUESTIONS // comb(k, 3) + 1
+            advice = f"set days to {fewer} or fewer" if fewer > 1 else "take fewer levels"
+            raise ValueError(
+                f"bags of {days} days over k = {k} levels make {count:,} questions, more than the {MOST_QUESTIONS:,} "
+                f"that are looked through at a time: {advice}"
+            )
+        return _all_questions(k, days)
+
+    def best(self, draws: Draws, about: Floats, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
+        """Which of ``questions`` to ask, and what each tells, in bits, of the signs of differences ``about`` (c, k):
+        the easiest of those that tell at least (1 - simplicity) of what the best does; -1 where none tells anything.
+        ``draws`` say what is plausible, ``lapse`` how often a tutor answers at random; ``skip`` are rows not to ask.
+        Raises ValueError for differences that are no finite numbers of the draws' k levels, for a lapse outside 0..1,
+        and for a row to skip that ``questions`` has not."""
+        k = len(draws.gaps) + 1
+        about, asked = as_vectors(about, k), self.questions(k)
+        require(is_number(lapse, 0, 1), "lapse", "a number in 0..1", lapse)
+        for row in skip:
+            if not (is_whole(row, 0) and row < len(asked.ease)):
+                raise ValueError(
+                    f"skip holds {row!r}, but must hold rows of questions({k}), whole numbers of at least 0 and below "
+                    f"{len(asked.ease)}"
+                )
+        if not len(asked.ease):
+            return -1, np.empty(0)
+        d = (asked.left - asked.right) / self.days
+        chance = says_left(tail_sums(d) @ draws.gaps, draws.precision, lapse)
+        told = information(chance, tail_sums(about) @ draws.gaps > 0, draws.weights)
+        told[np.array([int(row) for row in skip], dtype=np.intp)] = 0.0
+        if not told.max() > _LEAST:
+            return -1, told
+        fair = told >= max(_LEAST, (1.0 - self.simplicity) * float(told.max()))
+        order = np.lexsort([-told, -asked.ease, ~fair])
+        return int(order[0]), told
+
+    def sentence(self, left: Floats, right: Floats, labels: Sequence[str]) -> str:
+        """The question in words, of bags (k,) in days."""
+        return f"of {self.days} days: {_bag(left, labels)} (left), or {_bag(right, labels)} (right)?"
+
+
+@lru_cache(maxsize=8)
+def _all_questions(k: int, days: int) -> BagQuestions:
+    found = []
+    for low, sure, high in combinations(range(k), 3):
+        for good in range(1, days):
+            left, right = np.zeros(k), np.zeros(k)
+            left[sure], right[high], right[low] = days, good, days - good
+            found.append((ease(days, good, low == 0 and high == k - 1), left, right))
+    found.sort(key=lambda one: -one[0])
+    eases = np.array([one[0] for one in found])
+    lefts, rights = (np.array([one[i] for one in found]).reshape(-1, k) for i in (1, 2))
+    questions = BagQuestions(lefts, rights, eases)
+    for part in questions:
+        part.flags.writeable = False
+    return questions
+
+
+def ease(days: int, good: int, ends: bool) -> float:
+    """How easy a mixture of ``good`` better days and the rest worse is to judge, in (0, 1]: halves are easier than
+    fifths, these than tenths, and the worst and the best level (``ends``) are the easiest to have in mind."""
+    return 2.0 * gcd(days, good) / days * (1.0 if ends else 0.7)
+
+
+def says_left(scores: Floats, precision: Floats, lapse: float) -> Floats:
+    """The chance (n, m) that a tutor says "left is better", for d.e (n, m) under m scales and precisions (m,): eq. (6),
+    and a coin in a share ``lapse`` of the answers. An infinite precision never errs, but tosses a coin at d.e = 0."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        chance = np.asarray(-(precision * scores))
+        if not np.isfinite(precision).all():
+            chance = np.nan_to_num(chance, nan=0.0)
+        np.exp(chance, out=chance)
+        chance += 1.0
+        np.divide(1.0 - lapse, chance, out=chance)
+        chance += 0.5 * lapse
+    return chance
+
+
+def entropy(chance: Floats) -> Floats:
+    """Of a yes or no with this chance, in bits."""
+    p, q = np.clip(chance, 1e-300, 1.0), np.clip(1.0 - chance, 1e-300, 1.0)
+    return np.asarray(-(chance * np.log2(p) + (1.0 - chance) * np.log2(q)))
+
+
+def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> Floats:
+    """Mutual information (n,), in bits, of an answer with ``chance`` (n, m) under m scales of these weights (m,) and of
+    each of ``events`` (c, m), true or false under each scale: the mean over the events."""
+    prior = events @ weights
+    some = (prior > 0) & (prior < 1)
+    if not some.any():
+        return np.zeros(len(chance))
+    true, mass = events[some] * weights, prior[some]
+    overall = chance @ weights
+    if_true = np.clip(chance @ true.T / mass, 0.0, 1.0)
+    if_false = np.clip((overall[:, None] - if_true * mass) / (1.0 - mass), 0.0, 1.0)
+    told = entropy(overall)[:, None] - mass * entropy(if_true) - (1.0 - mass) * entropy(if_false)
+    return np.asarray(np.maximum(told, 0.0).sum(axis=1) / len(events))
+
+
+def _bag(days: Floats, labels: Sequence[str]) -> str:
+    return " and ".join(f"{int(n)} {label}" for n, label in zip(days, labels, strict=True) if n)

@@ -1,0 +1,155 @@
+"""Likelihoods in single precision, twice as fast, which decide on nearly all proposals as the exact ones would.
+
+Nothing hangs on their rounding: each comes with a bound on its error, and what is closer than that is left to double
+precision. Rows are filled up to whole blocks, so that every loop has a length that the compiler knows.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from elicit._support.jit import compiled, loosely
+from elicit.comparators.bradley_terry.density import BLOCK
+
+ROUNDING = 2.0**-24  # of a number in single precision
+TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
+LEAST_LAPSE = 1e-4  # below, a likelihood may come out too great, for a term is never less than exp(-``_NEAR``)
+GREATEST = 1e30  # theta: single precision ends not far above
+HALF = BLOCK // 2
+SMALL = 1e-150  # products below are put away as logarithms; from that lapse on half a block's is not below
+_NONE, _ONE, _PART = np.float32(0.0), np.float32(1.0), np.float32(-1.0 / 32.0)
+_NEAR, _FAR = np.float32(15.0), np.float32(25.0)  # logits beyond are taken for these: the first without lapses
+_C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in range(2, 8))
+
+
+class Rough(NamedTuple):
+    """Rows in single precision, with zeros up to whole blocks."""
+
+    rows: Any  # (p, n), single precision
+    tied: Any  # (n,)
+    sums: Any  # (p,) of the sizes in each column
+    ties: Any  # (n / BLOCK,) how many there are in each
+    even: float  # what the zeros' terms multiply a likelihood by, upside down
+
+
+@compiled
+def roughened(rows: Any, tied: Any, n: int) -> Rough:
+    """The first n of rows (p, >= n) and of ``tied``."""
+    p, whole = len(rows), (n + BLOCK - 1) // BLOCK * BLOCK
+    out, ties, sums = np.zeros((p, whole), np.float32), np.zeros(whole, np.bool_), np.zeros(p)
+    counts = np.zeros(whole // BLOCK, np.int64)
+    for j in range(p):
+        for i in range(n):
+            out[j, i] = rows[j, i]
+            sums[j] += abs(rows[j, i])
+    for i in range(n):
+        ties[i] = tied[i]
+        counts[i // BLOCK] += tied[i]
+    return Rough(out, ties, sums, counts, 2.0 ** (whole - n))
+
+
+@compiled
+def error(theta: Any, rough: Rough) -> float:
+    """How far ``rough_likelihood`` of n rows may be from the exact one."""
+    sizes = 0.0
+    for j in range(len(theta)):
+        sizes += rough.sums[j] * theta[j]
+        if not theta[j] <= GREATEST:
+            return math.inf
+    return TERM * len(rough.tied) + (len(theta) + 6) * ROUNDING * sizes
+
+
+@compiled
+def rough_likelihood(theta: Any, rough: Rough, lapse: float, least: float, small: Any, work: Any) -> float:
+    """``log_likelihood`` of theta (p,) to within ``error``, or too great by more where the lapse is below
+    ``LEAST_LAPSE``; -inf as soon as it is below ``least``. Writes in small (2, BLOCK), in single precision, and in
+    work (BLOCK,)."""
+    whole, gone, share = len(rough.tied), 0.0, 1.0
+    limit = math.exp(least) if least > -700.0 else 0.0
+    for start in range(0, whole, BLOCK):
+        rough_logits(theta, rough.rows, start, small[0])
+        rough_terms(small, lapse)
+        if rough.ties[start // BLOCK] > 0:
+            rough_ties(small, rough.tied[start : start + BLOCK], lapse)
+        if start + BLOCK == whole:
+            share *= rough.even
+        for half in (small[0, :HALF], small[0, HALF:]):
+            share *= max(product(half), SMALL)
+            if share < SMALL:
+                gone += math.log(share)
+                share, limit = 1.0, math.exp(least - gone) if least - gone > -700.0 else 0.0
+        if share < limit:
+            return -math.inf
+    return gone + math.log(share)
+
+
+@loosely
+def rough_logits(theta: Any, rows: Any, start: int, out: Any) -> None:
+    """row.theta into out (BLOCK,) for a block of rows (p, n) from ``start``."""
+    p, stop = len(theta), start + BLOCK
+    for i in range(BLOCK):
+        out[i] = _NONE
+    for j in range(0, p - 3, 4):  # four at a time: the sums stay in registers
+        a, b = np.float32(theta[j]), np.float32(theta[j + 1])
+        c, d = np.float32(theta[j + 2]), np.float32(theta[j + 3])
+        ra, rb = rows[j, start:stop], rows[j + 1, start:stop]
+        rc, rd = rows[j + 2, start:stop], rows[j + 3, start:stop]
+        for i in range(BLOCK):
+            out[i] += ra[i] * a + rb[i] * b + rc[i] * c + rd[i] * d
+    for j in range(p - p % 4, p):
+        a, ra = np.float32(theta[j]), rows[j, start:stop]
+        for i in range(BLOCK):
+            out[i] += ra[i] * a
+
+
+@loosely
+def rough_terms(small: Any, lapse: float) -> None:
+    """One block's terms (see ``density.log_terms``) into the first row of small (2, BLOCK), where eta is."""
+    above, below = small[0], small[1]
+    half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
+    far = _NEAR if lapse < LEAST_LAPSE else _FAR
+    for i in range(BLOCK):
+        below[i] = rough_exp(min(abs(above[i]), far))
+    for i in range(BLOCK):
+        above[i] = half + sure * (_ONE if above[i] >= _NONE else below[i]) / (_ONE + below[i])
+
+
+@loosely
+def rough_ties(small: Any, tied: Any, lapse: float) -> None:
+    """The same, where ``tied`` (BLOCK,)."""
+    above, below = small[0], small[1]
+    half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
+    for i in range(BLOCK):
+        if tied[i]:
+            less = sure * below[i] / (_ONE + below[i])
+            above[i] = math.sqrt((half + less) * (half + sure - less))
+
+
+@loosely
+def product(terms: Any) -> float:
+    """The product of terms (n,) in double precision."""
+    total = 1.0
+    for i in range(len(terms)):
+        total *= np.float64(terms[i])
+    return total
+
+
+@loosely
+def rough_exp(u: Any) -> Any:
+    """exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to 15."""
+    v = u * _PART
+    e = _C6 + v * _C7
+    e = _C5 + v * e
+    e = _C4 + v * e
+    e = _C3 + v * e
+    e = _C2 + v * e
+    e = _ONE + v * e
+    e = _ONE + v * e
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return e * e

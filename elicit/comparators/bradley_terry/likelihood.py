@@ -1,0 +1,256 @@
+"""The likelihood of noisy answers (eq. 6 and 7) and its fit, for many bootstrap samples at once.
+
+In gap coordinates eq. (6) is P(left is better) = 1 / (1 + exp(-t.gamma)), with t the tail sums of
+left - right and gamma_j = c (e_{j+1} - e_j) >= 0 the scaled gaps. The log-likelihood is concave in
+gamma, so a fit is a convex problem: ``fit_cvxpy`` states it, ``fit`` solves many of them fast.
+
+Shapes: n answers, p = k - 1 gaps, m resamples. An answer y = 0 (a tie) counts as half an answer
+each way. Gammas are in logits per unit of share, so that t.gamma is in logits.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit._support.hashing import fold, name_code
+from elicit.model.scale import Floats
+
+_TOLERANCE = 1e-12  # promised gain in log-likelihood below which a step is the last one
+_FLAT = 1e-8  # curvature, as a share of the most the answers could have, that means "no maximum here"
+_BACKTRACKS = 50
+_BLOCK = 2**16  # numbers in a working array: more problems at once would only fall out of the cache
+_NEAR = 1e-3  # gaps this close to 0 (in gaps that total 1) may be held there for a step
+
+Signs = NDArray[np.integer]
+
+
+class Fit(NamedTuple):
+    """gamma (m, p), and for each of the m problems whether it converged and after how many steps."""
+
+    gamma: Floats
+    converged: NDArray[np.bool_]
+    iterations: NDArray[np.int64]
+
+
+def sigmoid(z: ArrayLike) -> Floats:
+    """1 / (1 + exp(-z)), elementwise, without overflow."""
+    logits = np.asarray(z, dtype=np.float64)
+    small = np.exp(-np.abs(logits))
+    out: Floats = np.where(logits >= 0, 1.0, small) / (1.0 + small)
+    return out
+
+
+def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> Floats:
+    """Eq. (7): (m,) for gamma (m, p), tail sums t (n, p), answers y (n,) and weights (m, n)."""
+    z = gamma @ t.T
+    terms = (1.0 + y) / 2.0 * z - np.maximum(z, 0.0) - np.log1p(np.exp(-np.abs(z)))
+    total: Floats = (weights * terms).sum(axis=1)
+    return total
+
+
+def derivatives(
+    gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0, outer: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Gradient (m, p) and Hessian (m, p, p) of ``log_likelihood``; ``outer`` may hold ``outer_rows(t)``."""
+    p = t.shape[1]
+    s = sigmoid(gamma @ t.T)
+    gradient: Floats = (weights * ((1.0 + y) / 2.0 - s)) @ t
+    upper = (weights * s * (1.0 - s)) @ (outer_rows(t) if outer is None else outer)
+    return gradient, -_symmetric(upper, p)
+
+
+def outer_rows(t: Floats) -> Floats:
+    """Upper triangles (n, p(p+1)/2) of the outer products of each row of t with itself: with them the
+    Hessians of all resamples are one matrix product."""
+    rows, columns = np.triu_indices(t.shape[1])
+    products: Floats = t[:, rows] * t[:, columns]
+    return products
+
+
+def _symmetric(upper: Floats, p: int) -> Floats:
+    rows, columns = np.triu_indices(p)
+    full: Floats = np.empty((len(upper), p, p))
+    full[:, rows, columns] = full[:, columns, rows] = upper
+    return full
+
+
+@dataclass(frozen=True)
+class _Problems:
+    """m penalised fits that share their rows, in units of gaps: u = gamma / precision, x = precision * t."""
+
+    x: Floats  # (n, p)
+    y: Signs  # (n,)
+    outer: Floats  # outer_rows(x)
+    weights: Floats  # (m, n)
+    centre: Floats  # (m, p)
+    strength: float
+    monotone: bool
+
+    def loss(self, u: Floats) -> Floats:
+        """What is minimised (m,): minus eq. (7), plus the ridge."""
+        ridge = self.strength / 2.0 * ((u - self.centre) ** 2).sum(axis=1)
+        total: Floats = ridge - log_likelihood(u, self.x, self.y, self.weights)
+        return total
+
+    def slopes(self, u: Floats) -> tuple[Floats, Floats]:
+        """Gradient (m, p) and Hessian (m, p, p) of the loss."""
+        gradient, hessian = derivatives(u, self.x, self.y, self.weights, self.outer)
+        return self.strength * (u - self.centre) - gradient, self.strength * np.eye(u.shape[1]) - hessian
+
+    def only(self, rows: NDArray[np.bool_] | slice) -> _Problems:
+        """Some of the problems."""
+        return replace(self, weights=self.weights[rows], centre=self.centre[rows])
+
+    def project(self, u: Floats) -> Floats:
+        """The nearest admissible point: gaps may not be negative unless the fit is the literal one."""
+        return np.maximum(u, 0.0) if self.monotone else u
+
+
+@np.errstate(over="ignore", invalid="ignore")  # where logits exceed all bounds no step is acceptable
+def fit(
+    t: Floats,
+    y: Signs,
+    *,
+    precision: float,
+    centre: Floats,
+    strength: float,
+    weights: Floats | None = None,
+    start: Floats | None = None,
+    monotone: bool = True,
+    max_iterations: int = 100,
+) -> Fit:
+    """Maximise eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2, m times at once.
+
+    t (n, p) tail sums, y (n,) in {-1, 0, +1}, ``centre`` (m, p) in gaps that total 1, ``weights``
+    (m, n) how often each resample holds each answer (default: once), ``start`` (p,) or (m, p) in
+    the unit of gamma (default: the centre). ``monotone`` keeps gamma >= 0. ``precision`` > 0.
+
+    Projected Newton steps (Bertsekas, SIAM J. Control Optim. 1982) with Armijo damping: undamped,
+    warm starts diverge where answers are few. With strength 0 the maximum may lie at infinity
+    (answers that some scale explains without error) or not be unique (levels no answer touches):
+    both leave a direction without curvature, and are reported as not converged.
+    """
+    m, p = centre.shape
+    x = precision * t
+    counts = np.ones((m, len(t))) if weights is None else weights
+    every = _Problems(x, y, outer_rows(x), counts, centre, strength, monotone)
+    first = np.array(np.broadcast_to(centre if start is None else start / precision, (m, p)))
+    block = max(1, _BLOCK // max(1, len(t)))
+    parts = [slice(i, i + block) for i in range(0, m, block)]
+    fits = [_fit_block(every.only(part), every.project(first[part]), max_iterations) for part in parts]
+    u, converged, iterations = (np.concatenate(column) for column in zip(*fits, strict=True))
+    return Fit(precision * u, converged, iterations)
+
+
+def _fit_block(problems: _Problems, u: Floats, max_iterations: int) -> Fit:
+    best, m = u.copy(), len(u)
+    converged, iterations = np.zeros(m, dtype=np.bool_), np.zeros(m, dtype=np.int64)
+    rest, todo, loss = problems, np.arange(m), problems.loss(u)
+    for _ in range(max_iterations):
+        u, loss, accepted, last = _step(rest, u, loss)
+        best[todo] = u
+        iterations[todo] += 1
+        converged[todo] = accepted & last
+        going = accepted & ~last
+        if not going.all():
+            rest, todo, u, loss = rest.only(going), todo[going], u[going], loss[going]
+        if not todo.size:
+            break
+    if problems.strength == 0:
+        converged &= ~_flat(problems, best)
+    return Fit(best, converged, iterations)
+
+
+def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    """One damped step of each problem: the new points, their losses, whether each step was acceptable,
+    and whether it promised too little to go on."""
+    gradient, hessian = problems.slopes(u)
+    diagonal = np.einsum("mjj->mj", hessian)  # a view: writing to it writes to the Hessian
+    diagonal += 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300  # solvable where strength is 0
+    held = np.zeros(u.shape, dtype=np.bool_)
+    if problems.monotone:
+        # Gaps at (nearly) 0 that the gradient pushes down step on their own, so that the projected
+        # Newton step of the others still descends; the margin shrinks as the fit converges.
+        reach = np.abs(u - problems.project(u - gradient / diagonal)).max(axis=1, keepdims=True)
+        held = (u <= np.minimum(reach, _NEAR)) & (gradient > 0)
+        hessian = np.where((held[:, :, None] | held[:, None, :]) & ~np.eye(u.shape[1], dtype=bool), 0.0, hessian)
+    direction = np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
+
+    size = np.ones((len(u), 1))
+    last = accepted = np.zeros(len(u), dtype=np.bool_)
+    for attempt in range(_BACKTRACKS):
+        trial = problems.project(u - size * direction)
+        promised = (gradient * np.where(held, u - trial, size * direction)).sum(axis=1)
+        if attempt == 0:
+            last = promised <= _TOLERANCE
+        value = problems.loss(trial)
+        accepted = value <= loss - 1e-4 * promised + 1e-13 * (1.0 + np.abs(loss))
+        if accepted.all():
+            break
+        size[~accepted] /= 2.0
+    return np.where(accepted[:, None], trial, u), np.where(accepted, value, loss), accepted, last
+
+
+def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
+    """Whether (m,) some admissible direction has no curvature to speak of, so that u is no maximum."""
+    most = problems.weights @ problems.outer / 4.0  # no logistic curvature exceeds 1/4
+    scale = np.sqrt(np.einsum("mjj->mj", _symmetric(most, u.shape[1])))
+    gradient, hessian = problems.slopes(u)
+    held = (u <= 0) & (gradient > 0) if problems.monotone else np.zeros(u.shape, dtype=np.bool_)
+    untouched = ((scale == 0) & ~held).any(axis=1)
+    scale = np.where(scale == 0, 1.0, scale)
+    relative = hessian / (scale[:, :, None] * scale[:, None, :])
+    relative = np.where(held[:, :, None] | held[:, None, :], np.eye(u.shape[1]), relative)
+    relative = np.nan_to_num(relative, nan=0.0, posinf=0.0, neginf=0.0)
+    flat: NDArray[np.bool_] = untouched | (np.linalg.eigvalsh(relative)[:, 0] < _FLAT)
+    return flat
+
+
+def bootstrap_weights(key: int, m: int, n: int) -> Floats:
+    """How often each of m resamples, n draws with replacement, holds each of n answers (m, n). A
+    function of the key and n alone."""
+    rng = np.random.Generator(np.random.PCG64(int(fold(key, name_code("bootstrap"), n))))
+    drawn = rng.integers(0, n, size=(m, n)) + n * np.arange(m)[:, None]
+    counts: Floats = np.bincount(drawn.ravel(), minlength=m * n).reshape(m, n).astype(np.float64)
+    return counts
+
+
+def prior_centres(key: int, m: int, p: int, shape: tuple[float, float] = (1.0, 1.0)) -> Floats:
+    """m draws (m, p) of gaps that total 1: Dirichlet(a), with log a uniform between the logs of
+    ``shape``; a = 1 is uniform on the simplex, a small a makes a few large gaps. A function of the
+    key alone: each resample keeps its own centre, whatever n."""
+    rng = np.random.Generator(np.random.PCG64(int(fold(key, name_code("prior centres")))))
+    a = np.exp(rng.uniform(np.log(shape[0]), np.log(shape[1]), size=(m, 1)))
+    draws = rng.standard_gamma(np.broadcast_to(a, (m, p))) + np.finfo(np.float64).tiny  # never all zero
+    centres: Floats = draws / draws.sum(axis=1, keepdims=True)
+    return centres
+
+
+def fit_cvxpy(
+    t: Floats, y: Signs, *, precision: float, centre: Floats, strength: float, monotone: bool = True
+) -> Floats:
+    """gamma (p,) of one problem of ``fit``, stated as it reads and solved with Clarabel: slow, for
+    checking. Raises RuntimeError where the solver does not end with an optimum."""
+    import cvxpy
+
+    cp: Any = cvxpy  # its stubs lack half of what it offers
+    u = cp.Variable(t.shape[1])
+    z = precision * t @ u
+    log_likelihood = cp.sum(cp.multiply((1.0 + y) / 2.0, z) - cp.logistic(z))
+    constraints = [u >= 0] if monotone else []
+    problem = cp.Problem(cp.Maximize(log_likelihood - strength / 2.0 * cp.sum_squares(u - centre)), constraints)
+    # As near as Clarabel gets: it may stop short of the first tolerance, but not of the second.
+    wanted = {f"tol_{name}": 1e-11 for name in ("gap_abs", "gap_rel", "feas")}
+    enough = {f"reduced_tol_{name}": 1e-6 for name in ("gap_abs", "gap_rel", "feas")}
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Solution may be inaccurate")
+        problem.solve(solver=cp.CLARABEL, **wanted, **enough)
+    if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+        raise RuntimeError(f"Clarabel ended with {problem.status}")
+    gamma: Floats = precision * np.asarray(u.value)
+    return gamma

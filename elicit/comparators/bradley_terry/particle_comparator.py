@@ -1,0 +1,302 @@
+"""The noisy-tutor comparator in Bayes' way: the posterior over scales and over the tutor's precision, as particles.
+
+The likelihood is eq. (6) with a lapse: P(left is said to be better) = lapse/2 + (1 - lapse) sigma(c d.e). The prior
+knows the order of the levels, is wide enough for scales with a few large gaps, and learns the precision c unless it is
+given. A comparison is decided where one sign has posterior probability ``level``: of what is decided so, at most
+1 - level is wrong, on average over the prior, whichever questions were asked.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import warnings
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import gammaln, ndtri
+
+from elicit._support.hashing import Seed, fold, key_of
+from elicit._support.validation import is_number, is_range, is_whole, require
+from elicit.comparators.bradley_terry.density import Prior
+from elicit.comparators.bradley_terry.mcmc import move
+from elicit.comparators.bradley_terry.smc import LEVEL_ROUNDING, SWEEPS, effective_size, learn, thetas, weigh
+from elicit.decision.rule import Rule, weighted
+from elicit.lp.dual_simplex import Region
+from elicit.lp.hit_and_run import Draws
+from elicit.lp.inequalities import PriorLike, as_prior
+from elicit.lp.infeasibility import is_empty
+from elicit.lp.programs import prior_rows
+from elicit.model.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
+from elicit.model.query import Answers
+from elicit.model.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
+
+WORN = 0.02  # below this share of an effective sample the particles are reported
+_FAR = 1e12  # tail sums are no larger for the likelihood
+_THIN = 1e-12  # sets of scales narrower than this have no room for particles, only for rounding
+_SHAPES = (1e-9, 1e9)  # of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are the same
+_NODES = 16  # of the quadrature over the prior's shape
+PRECISION = (math.log(30.0), 2.5)
+"""Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
+
+
+CONCENTRATION = (0.2, 2.0)
+"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. Of the sum, not of each: a law that keeps to
+each decides more before any answer the more levels there are, and is then wrong on scales of a few large gaps. With a
+fixed sum, levels set in between leave the law of the others as it was (Ferguson 1973)."""
+
+
+class Degenerate(RuntimeWarning):
+    """Too few particles carry the weight for probabilities to be trusted."""
+
+
+class PosteriorComparator:
+    """Decides a difference where one sign of d.e has posterior probability ``level``.
+
+    k          number of levels
+    precision  c of eq. (6), logits per unit of d.e; None: learned, log c ~ N(log 30, 2.5^2) a priori
+    lapse      share of answers given at random; a tutor who flips a tenth of all answers lapses in a fifth
+    level      posterior probability that a verdict needs, in (1/2, 1)
+    particles  how many stand for the posterior
+    shape      a priori the gaps are Dirichlet(a), log a uniform between these two; None: between ``CONCENTRATION``
+               over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
+    prior      inequalities that hold for certain: (A, b) with A e >= b, or texts such as "e4 >= 2*e2"
+    seed       int, numpy SeedSequence or Generator (kept as an int)
+
+    A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of
+    n. Raises ValueError on bad settings.
+    """
+
+    def __init__(
+        self,
+        k: int,
+        precision: float | None = None,
+        lapse: float = 0.05,
+        level: float = 0.95,
+        particles: int = 1000,
+        shape: tuple[float, float] | None = None,
+        prior: PriorLike = None,
+        seed: Seed = 0,
+    ) -> None:
+        self.k = check_levels(k)
+        known = precision is None or is_number(precision, 0)
+        require(known, "precision", "None or a finite number of at least 0", precision)
+        require(is_number(lapse, 0) and lapse < 1, "lapse", "a number of at least 0 and below 1", lapse)
+        require(is_number(level) and 0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
+        require(is_whole(particles, 20), "particles", "a whole number of at least 20", particles)
+        if shape is None:
+            shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
+        wanted = f"None or two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}"
+        require(is_range(shape, *_SHAPES), "shape", wanted, shape)
+        key = key_of(seed)  # a Generator is drawn from once, here
+        self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
+        self.lapse, self.level, self.particles, self.shape = float(lapse), float(level), int(particles), tuple(shape)
+        self.given_precision = None if precision is None else float(precision)
+        self.prior = as_prior(prior, self.k)
+        self._key = np.uint64(key)
+        self._prior = self._log_prior()
+        self._forget()
+
+    def __repr__(self) -> str:
+        return f"PosteriorComparator(k={self.k}, level={self.level:g}, {len(self.answers)} answers)"
+
+    def _forget(self) -> None:
+        """Back to the prior."""
+        self.answers = Answers.none(self.k)
+        self.proposed = self.accepted = 0
+        self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
+        self._x, self._logs = self._first_particles(), np.zeros(self.particles)
+        self._noise = np.full(1, 1.0 / self.particles)
+        self._theta = np.empty((self.k - 1, self.particles))
+        thetas(self._x, self._prior.fixed, self._theta)
+
+    def update(self, answers: Answers) -> PosteriorComparator:
+        """A comparator that also knows these answers, taken in one by one in the order told."""
+        check_answers(answers, self.k)
+        new = copy.copy(self)
+        for name in ("_gaps_and_weights", "values"):
+            new.__dict__.pop(name, None)
+        new.answers = self.answers + answers
+        if self.given_precision == 0 or not len(answers):
+            return new
+        t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
+        size = np.abs(t).max(axis=1, keepdims=True)
+        t = np.where(size > _FAR, t / np.where(size > 0, size, 1.0) * _FAR, t)  # beyond, no answer can be surer
+        n = self._rows.shape[1]
+        new._rows = np.ascontiguousarray(np.concatenate([self._rows, t.T], axis=1))
+        new._tied = np.concatenate([self._tied, answers.y == 0])
+        new._x, new._theta = self._x.copy(), self._theta.copy()
+        new._logs, new._noise = self._logs.copy(), self._noise.copy()
+        for i in range(n, n + len(answers)):
+            key = fold(self._key, i)[()]
+            with np.errstate(all="ignore"):  # the hash wraps around
+                counts = learn(new._x, new._theta, new._logs, new._noise, new._rows, new._tied, i + 1, self._prior, key)
+            new.proposed, new.accepted = new.proposed + counts[0], new.accepted + counts[1]
+        if new.effective_size < WORN * self.particles:
+            warnings.warn(
+                f"after {len(new.answers)} answers the {self.particles} particles are worth only "
+                f"{new.effective_size:.0f} draws: take more particles, or a higher lapse if the answers contradict "
+                "each other",
+                Degenerate,
+                stacklevel=2,
+            )
+        return new
+
+    def retract(self, *ids: str) -> PosteriorComparator:
+        """What is known without the answers of these ids, taken in afresh: as if they had never been given. Raises
+        ValueError for an id that is not among them."""
+        others, fresh = self.answers.without(ids), copy.copy(self)
+        fresh._forget()
+        return fresh.update(others)
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) on d (n, k): dominance first, then the sign that has probability ``level``."""
+        rows = as_vectors(d, self.k)
+        verdicts: Verdicts = np.empty(len(rows), dtype=np.int8)
+        weigh(rows, *self._gaps_and_weights, self.level, verdicts)
+        return verdicts
+
+    def decide(self, d: ArrayLike) -> Decisions:
+        """``compare`` and the tier that decided each row: EQUAL, DOMINANCE or MODEL."""
+        rows = as_vectors(d, self.k)
+        return Decisions(self.compare(rows), dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+
+    @property
+    def rule(self) -> Rule:
+        """The particles as plain arrays, for ``elicit.decision.judge``."""
+        return weighted(*self._gaps_and_weights, self.level)
+
+    def probability(self, d: ArrayLike) -> Floats:
+        """P(d.e > 0 | answers) (n,) for d (n, k)."""
+        gaps, weights = self._gaps_and_weights
+        t = tail_sums(as_vectors(d, self.k))
+        above: Floats = np.array([weights[scores > 0].sum() for scores in _scores(t, gaps)])
+        return above
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""
+        gaps, weights = self._gaps_and_weights
+        t = tail_sums(as_vectors(d, self.k))
+        low, high = np.empty(len(t)), np.empty(len(t))
+        for i, scores in enumerate(_scores(t, gaps)):
+            order = np.argsort(scores, kind="stable")
+            below = np.cumsum(weights[order])
+            low[i] = scores[order[np.searchsorted(below, 1.0 - self.level + LEVEL_ROUNDING, side="right")]]
+            high[i] = scores[order[np.searchsorted(below, self.level - LEVEL_ROUNDING)]]
+        least, greatest = order_bounds(t, 0.0)
+        return np.clip(low, least, greatest), np.clip(high, least, greatest)
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the posterior probability of that:
+        of the particles, those with the greatest d.e of any row are left out, up to the weight 1 - ``level``."""
+        gaps, weights = self._gaps_and_weights
+        at = tail_sums(as_vectors(d, self.k)) @ gaps
+        if not len(at):
+            return np.empty(0), 1.0
+        order = np.argsort(at.max(axis=0), kind="stable")
+        kept = order[: 1 + int(np.searchsorted(np.cumsum(weights[order]), self.level - LEVEL_ROUNDING))]
+        return at[:, kept].max(axis=1), self.level
+
+    @cached_property
+    def values(self) -> Floats:
+        """(k,) the posterior mean of the scale, from 0 to 1; read-only."""
+        gaps, weights = self._gaps_and_weights
+        values = values_of(gaps @ weights)
+        values /= values[-1]
+        values.flags.writeable = False
+        return values
+
+    @property
+    def precision(self) -> float:
+        """The precision c: as given, or exp of the posterior mean of log c."""
+        if self.given_precision is not None:
+            return self.given_precision
+        return float(np.exp(np.log(self.draws.precision) @ self.draws.weights))
+
+    @property
+    def draws(self) -> Draws:
+        """The particles: weighted draws from the posterior."""
+        gaps, weights = self._gaps_and_weights
+        most = self._x.max(axis=1)
+        log_c = most + np.log(np.exp(self._x - most[:, None]).sum(axis=1))
+        known = self.given_precision
+        return Draws(gaps, weights, np.exp(np.minimum(log_c, 300.0)) if known is None else np.full(len(weights), known))
+
+    @property
+    def effective_size(self) -> float:
+        """How many independent draws of the posterior the particles are worth, about.
+
+        Weights count as Kong's (1992) formula has it; copies made by resampling count by how much the moves after it
+        left of them: the squared correlation, before and after, of the level's value or of log c that kept most. An
+        estimate: by how much probabilities vary with the seed, between a third and three times as much.
+        """
+        return 1.0 / float(self._noise[0] + 1.0 / effective_size(self._logs) - 1.0 / self.particles)
+
+    @property
+    def acceptance(self) -> float:
+        """The share of proposed moves that were accepted; nan before the first."""
+        return self.accepted / self.proposed if self.proposed else math.nan
+
+    @cached_property
+    def _gaps_and_weights(self) -> tuple[Floats, Floats]:
+        """Gaps (p, m) and weights (m,) of total 1."""
+        weights = np.exp(self._logs - self._logs.max())
+        return self._theta / self._theta.sum(axis=0), weights / weights.sum()
+
+    def _log_prior(self) -> Prior:
+        """The prior's density, its mixture over shapes by Gauss and Legendre's rule in log a."""
+        p, (low, high) = self.k - 1, self.shape
+        nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
+        shapes = np.exp(np.log(low) + (nodes + 1) / 2 * np.log(high / low))
+        constants = np.log(mass) + gammaln(p * shapes) - p * gammaln(shapes)
+        above, limits = np.empty((0, p)), np.empty(0)
+        if self.prior is not None:
+            above, limits = np.ascontiguousarray(tail_sums(self.prior.a)), self.prior.b
+        fixed = self.given_precision or 0.0
+        return Prior(shapes, constants, *PRECISION, fixed, self.lapse, above, limits)
+
+    def _first_particles(self) -> Floats:
+        """x (m, p) from the prior."""
+        rng, m, p = np.random.Generator(np.random.Philox(int(self._key))), self.particles, self.k - 1
+        spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
+        a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
+        # log of a gamma variate of a small shape, which itself may underflow
+        x = np.log(rng.standard_gamma(a + 1.0, size=(m, p))) + np.log(rng.random((m, p))) / a
+        x -= x.max(axis=1, keepdims=True)
+        x -= np.log(np.exp(x).sum(axis=1, keepdims=True))
+        log_c = PRECISION[0] + PRECISION[1] * ndtri((rng.permutation(m) + rng.random(m)) / m)
+        return self._within(np.ascontiguousarray(x + log_c[:, None]))
+
+    def _within(self, x: Floats) -> Floats:
+        """Particles of the prior moved to where its inequalities hold, by nested sets that each hold half of the
+        particles of the one before (subset simulation, Au and Beck 2001). Raises ValueError."""
+        if self.prior is None:
+            return x
+        if is_empty(Region(0.0, *prior_rows(self.prior, self.k))) is not None:
+            raise ValueError(f"no scale satisfies the prior's inequalities together, {'; '.join(self.prior.names)}")
+        above, limits = self._prior.above, self._prior.limits
+        nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles
+        for stage in range(200):
+            theta = np.exp(x - x.max(axis=1, keepdims=True))
+            short = (limits - theta / theta.sum(axis=1, keepdims=True) @ above.T).max(axis=1)
+            if (short <= 0).all():
+                return x
+            gap = max(0.0, float(np.median(short)))
+            if 0.0 < gap < _THIN:
+                break
+            x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
+            eased = self._prior._replace(limits=limits - gap)
+            with np.errstate(all="ignore"):
+                move(x, nothing, untied, 1, 1.0, eased, fold(self._key, m, stage)[()], SWEEPS)
+        raise ValueError(
+            f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: "
+            "relax some of them"
+        )
+
+
+def _scores(t: Floats, gaps: Floats) -> Iterator[Floats]:
+    """t.g (m,) for each row of t (n, p), summed in order: a row does not depend on its neighbours."""
+    for row in t:
+        yield np.add.accumulate(row[:, None] * gaps, axis=0)[-1]

@@ -1,0 +1,276 @@
+"""Why the tutor was not asked: a smallest set of answers that decides a comparison, and a proof to check by hand.
+
+A decided verdict says that d.e >= 0 for every scale in K_t (BETTER), that -d.e is (WORSE), or both (EQUAL). Its
+proof is an identity in e, with e_1 = 0 and e_k = 1 and every multiplier positive,
+
+    d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k - e_1),
+
+of answered differences d_i (s_i turns each to the answered side, s_i d_i . e >= 0), steps of the order and prior
+inequalities: duality for the program that minimises d.e (Farkas 1902). The answers and prior inequalities in it are
+irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that the others can do without, so
+that from those listed less any one of them the verdict would not follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
+from elicit.lp.dual_simplex import Numbers, Region, minimise_exactly, rounding
+from elicit.lp.inequalities import Prior, as_prior
+from elicit.lp.programs import Programs, answer_rows, certified_bound, pull_inside, strictly_inside
+from elicit.model.comparator import Verdicts
+from elicit.model.query import Answers, Verdict
+from elicit.model.scale import Floats, as_vectors, tail_sums
+
+_MOST_SINGLES = 3  # single answers to try in rationals before a set of them
+_SIDES = ((1, 1), (-1, -1), (1, 0), (-1, 0))  # the sides of a difference that an answer y speaks of: (sign, y)
+
+
+class Polytope(Protocol):
+    """What ``explain`` needs to know of a PolytopeComparator."""
+
+    k: int
+    margin: float
+    answers: Answers
+    prior: Any
+
+    @property
+    def region(self) -> Region:
+        """K_t with every constraint."""
+
+    @property
+    def values(self) -> Floats:
+        """(k,) a scale in the relative interior of K_t."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) on differences d (n, k)."""
+
+
+def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = None) -> Explanation:
+    """Which answers, steps of the order and prior inequalities force the verdict on a difference d (k,).
+
+    labels: k names of levels, worst first, for the sentence ("level 1", ... by default). Raises ValueError for
+    other shapes. The proof's multipliers are those of an optimal vertex, found in rationals: it has at most k - 2
+    of them, where an interior point leaves a trace of every step of the order in its dual solution. Clarabel,
+    made rigorous, does the many tests of what can be left out. Of proofs, one that needs no margin is preferred.
+    """
+    rows = as_vectors(d, comparator.k)
+    if len(rows) != 1:
+        raise ValueError(f"explain takes one difference of shape ({comparator.k},), not {len(rows)} of them")
+    names = tuple(f"level {i + 1}" for i in range(comparator.k)) if labels is None else tuple(map(str, labels))
+    if len(names) != comparator.k:
+        raise ValueError(f"labels must be {comparator.k} names, one a level, not {list(names)!r}")
+    one, region = rows[0].copy(), comparator.region
+    one.flags.writeable = False
+    verdict, t = Verdict(int(comparator.compare(one)[0])), _order_one(tail_sums(one))
+    made = Explanation(one, verdict, names, comparator.margin)
+    if not t.any():
+        return made
+    if verdict is Verdict.UNKNOWN:
+        least, greatest = minimise_exactly(t, region).g, minimise_exactly(0.0 - t, region).g
+        scales = _moderate(greatest, least, t), _moderate(least, greatest, t)
+        return replace(made, scales=scales, told_equal=_told_equal(one, comparator.answers))
+    signs = (1, -1) if verdict is Verdict.EQUAL else (int(verdict),)
+    owners = _needed([sign * t + 0.0 for sign in signs], region, comparator)
+    proofs = tuple(_proof(sign, one, t, region.take(np.isin(region.owner, owners)), comparator) for sign in signs)
+    if verdict is Verdict.EQUAL or proofs[0].bound > 0:
+        return replace(made, proofs=proofs)
+    return replace(made, proofs=proofs, scales=(_scale(minimise_exactly(-int(verdict) * t + 0.0, region).g),))
+
+
+def verify(explanation: Explanation, comparator: Polytope) -> bool:
+    """Whether the explanation proves its verdict, in rationals, from the comparator's answers, prior and margin
+    alone: the identities hold, every multiplier is positive, and the scales fit all that is known."""
+    t = _tails(explanation.d)
+    verdict, proofs = explanation.verdict, explanation.proofs
+    want = {Verdict.EQUAL: [1, -1] if any(t) else [], Verdict.UNKNOWN: []}.get(verdict, [int(verdict)])
+    if [proof.sign for proof in proofs] != want or not all(_proves(proof, t, comparator) for proof in proofs):
+        return False
+    if not all(_fits(e, comparator) for e in explanation.scales):
+        return False
+    values = [_dot(t, np.diff(e)) for e in explanation.scales]
+    signs = [int(value > 0) - int(value < 0) for value in values]
+    if verdict is Verdict.UNKNOWN:
+        return signs == [1, -1]
+    return signs == ([] if verdict is Verdict.EQUAL or proofs[0].bound > 0 else [int(verdict)])
+
+
+def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
+    """Owners of an irreducible set of rows that keeps t.g >= 0 for each goal t, beside the order.
+
+    It is sought among few rows first: none, the prior's, one answer's, then those of an optimal vertex. Later
+    answers are dropped first, so that an explanation changes little as more is learned.
+    """
+    nothing = np.zeros(len(region.rows), dtype=bool)
+    if all(_never_negative(t, region.take(nothing), None) for t in goals):
+        return []
+    centre: Floats = np.diff(comparator.values)
+    inside = centre if strictly_inside(centre, region) else None
+
+    def enough(keep: NDArray[np.bool_]) -> bool:
+        return all(_never_negative(t, region.take(keep), inside) for t in goals)
+
+    tries = [region.owner < 0] if (region.owner < 0).any() else []
+    tries += [region.owner == owner for owner in _single(goals, region)]
+    part = region.take(next((keep for keep in tries if enough(keep)), ~nothing))
+    owners = sorted({int(part.owner[i]) for t in goals for i in np.flatnonzero(minimise_exactly(t, part).y)})
+    for owner in owners[::-1]:
+        rest = [other for other in owners if other != owner]
+        if enough(np.isin(region.owner, rest)):
+            owners = rest
+    return owners
+
+
+def _single(goals: list[Floats], region: Region) -> list[int]:
+    """Answers that may do alone, those that lean on fewest steps of the order first: t >= lambda w for their row w,
+    and the least lambda that lifts the negative entries of t. Floats propose, and the caller tests."""
+    if len(goals) > 1:
+        return []
+    t, down = goals[0], goals[0] < 0
+    with np.errstate(all="ignore"):
+        ratios = np.where(region.rows[:, down] < 0, t[down] / region.rows[:, down], np.inf)
+        rest = t - ratios.max(axis=1, initial=0.0)[:, None] * region.rows
+    found = np.flatnonzero((rest.min(axis=1) > -1e-12) & (region.rhs == 0) & (region.owner >= 0))
+    fewest = np.argsort((rest[found] > 1e-12).sum(axis=1), kind="stable")[:_MOST_SINGLES]
+    return [int(region.owner[i]) for i in found[fewest]]
+
+
+def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
+    """Whether t.g >= 0 on the whole region, beyond doubt: Clarabel's multipliers as a bound with every rounding,
+    or its point pulled inside; the exact optimum where neither can tell. ``inside``: see ``Programs.least``."""
+    p, margin = region.p, region.exact_margin
+    if not len(region.rows):
+        exact = [Fraction(float(x)) for x in t]
+        return margin * sum(exact) + (1 - p * margin) * min(exact) >= 0
+    found = Programs(region).solve(t) if np.abs(t).max() < 1 else None
+    if found is not None:
+        if certified_bound(t, found.y, region) >= 0:
+            return True
+        point = None if inside is None else pull_inside(found.g, inside, region)
+        if point is not None and float(t @ point) < -rounding(p, float(np.abs(t) @ point)):
+            return False
+    return bool(minimise_exactly(t, region).value >= 0)
+
+
+def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) -> Proof:
+    """Multipliers in the units of the given differences, from an optimal vertex over ``part``; ``t`` is d's tail
+    sums over a power of two."""
+    known, told = _prior(comparator), comparator.answers
+    goal = sign * t + 0.0
+    found = minimise_exactly(goal, part.take(np.ones(len(part.rows), dtype=bool), margin=0.0))
+    if found.value < 0:
+        found = minimise_exactly(goal, part)
+    rest = [sign * x for x in _tails(d)]
+    size = rest[_largest(goal)] / Fraction(float(goal[_largest(goal)]))
+    limit, answers, prior = Fraction(0), [], []
+    for i in np.flatnonzero(found.y):
+        owner, j = int(part.owner[i]), _largest(part.rows[i])
+        tails = _tails(told.d[owner] if owner >= 0 else known.a[-1 - owner])
+        unit = tails[j] / Fraction(float(part.rows[i, j]))  # what the row was divided by
+        side, weight = (1 if unit > 0 else -1), found.y[i] * size / abs(unit)
+        rest = [r - weight * side * x for r, x in zip(rest, tails, strict=True)]
+        limit += weight * abs(unit) * Fraction(float(part.rhs[i]))
+        if owner >= 0:
+            answers.append(UsedAnswer(owner, told.ids[owner], side, weight))
+        else:
+            prior.append(UsedPrior(-1 - owner, known.names[-1 - owner], weight))
+    left = min(rest)
+    order = tuple(UsedStep(j, r - left) for j, r in enumerate(rest) if r > left)
+    bound = limit + left + part.exact_margin * sum(z for _, z in order)
+    if bound < 0:
+        raise ArithmeticError(f"the verdict on d = {d} does not follow from what is known: please report this")
+    return Proof(sign, tuple(sorted(answers)), order, tuple(sorted(prior)), left, bound, limit + left)
+
+
+def _proves(proof: Proof, t: list[Fraction], comparator: Polytope) -> bool:
+    """Whether the identity holds and gives the bound, and the bound the conclusion."""
+    (a, b, _), answers, least = _prior(comparator), comparator.answers, comparator.region.exact_margin
+    for used in proof.answers:
+        if used.row not in range(len(answers)) or (used.sign, answers.y[used.row]) not in _SIDES:
+            return False
+    if any(step.gap not in range(len(t)) for step in proof.order) or any(
+        x.row not in range(len(b)) for x in proof.prior
+    ):
+        return False
+    parts = [(used.multiplier, *_told(answers, used.row, used.sign)) for used in proof.answers]
+    parts += [(used.multiplier, _tails(a[used.row]), Fraction(float(b[used.row]))) for used in proof.prior]
+    parts += [(used.multiplier, [Fraction(j == used.gap) for j in range(len(t))], least) for used in proof.order]
+    total, bound = [proof.remainder] * len(t), proof.remainder
+    for weight, tails, low in parts:
+        total, bound = [x + weight * y for x, y in zip(total, tails, strict=True)], bound + weight * low
+    loose = bound - least * sum(used.multiplier for used in proof.order)
+    if (bound, loose) != (proof.bound, proof.bound_without_margin) or bound < 0 or any(part[0] <= 0 for part in parts):
+        return False
+    return total == [proof.sign * x for x in t]
+
+
+def _fits(e: Numbers, comparator: Polytope) -> bool:
+    """Whether a scale e (k,) of Fractions satisfies all that is known."""
+    g, (a, b, _), answers = np.diff(e), _prior(comparator), comparator.answers
+    known = [(_tails(row), Fraction(float(limit))) for row, limit in zip(a, b, strict=True)]
+    known += [_told(answers, i, s) for i, y in enumerate(answers.y) for s in ((1, -1) if y == 0 else (int(y),))]
+    ordered = e[0] == 0 and e[-1] == 1 and min(g) >= comparator.region.exact_margin
+    return ordered and all(_dot(tails, g) >= low for tails, low in known)
+
+
+def _told(answers: Answers, row: int, side: int) -> tuple[list[Fraction], Fraction]:
+    """What an answer says of the gaps, tails . g >= low: exact tail sums of the difference, turned to this side,
+    and low = 0, or a little less for "equal"."""
+    tails = _tails(answers.d[row])
+    rows, rhs, _ = answer_rows(answers[row : row + 1], 0)
+    j = _largest(np.array(tails, dtype=object))
+    low = Fraction(float(rhs[0])) * abs(tails[j] / Fraction(float(rows[0, j]))) if len(rhs) else Fraction(0)
+    return [side * x for x in tails], low
+
+
+def _prior(comparator: Polytope) -> Prior:
+    return as_prior(comparator.prior, comparator.k) or Prior(np.empty((0, comparator.k)), np.empty(0), ())
+
+
+def _tails(d: Floats) -> list[Fraction]:
+    """The float tail sums of d (k,), in units of d, as exact numbers: what all comparisons are about."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        fits = bool(np.isfinite(np.cumsum(d[:0:-1])).all())  # else ``tail_sums`` divides by 2^64
+    return [Fraction(float(x)) * (1 if fits else 2**64) for x in tail_sums(d)]
+
+
+def _order_one(t: Floats) -> Floats:
+    """t (p,) over a power of two that brings its largest entry below 1; as it is where that would lose bits."""
+    _, exponent = np.frexp(np.abs(t).max())
+    small: Floats = np.ldexp(t, -exponent)
+    return small if (np.ldexp(small, exponent) == t).all() else t
+
+
+def _told_equal(d: Floats, answers: Answers) -> int | None:
+    same = [(answers.d[:, 1:] == s * d[1:]).all(axis=1) for s in (1, -1)]
+    found = np.flatnonzero((same[0] | same[1]) & (answers.y == 0))
+    return int(found[0]) if len(found) else None
+
+
+def _moderate(g: Numbers, other: Numbers, t: Floats) -> Numbers:
+    """A scale on the way from vertex g to another one, still on g's side of zero: less extreme, easier to picture."""
+    exact = [Fraction(float(x)) for x in t]
+    for share in (Fraction(1, 4), Fraction(1, 16)):
+        mixed: Numbers = (1 - share) * g + share * other
+        if _dot(exact, mixed) * _dot(exact, g) > 0:
+            return _scale(mixed)
+    return _scale(g)
+
+
+def _scale(g: Numbers) -> Numbers:
+    return np.array([Fraction(0), *np.cumsum(g)], dtype=object)
+
+
+def _dot(a: Sequence[Fraction], b: Numbers) -> Fraction:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def _largest(row: Numbers) -> int:
+    return int(np.argmax(np.abs(row)))

@@ -1,0 +1,337 @@
+"""The polytope comparator for a tutor who errs now and then: what all scales agree on that violate the answers
+nearly as little as possible.
+
+An answer (d, y) is violated by max(0, -y d.e), for y = 0 by max(0, |d.e| - TIE_BAND |d|_1), in units of e_k - e_1.
+The total f over all answers, each as often as it was given, is convex and piecewise linear, and its least value a
+linear program: the fit of a scale by least total violation (LINMAP: Srinivasan and Shocker 1973, Psychometrika 38;
+UTA: Jacquet-Lagreze and Siskos 1982, EJOR 10). Plausible is {f <= B}, where B is that least plus the slack.
+
+For every subset S of the answers, what is lacking to satisfy them, summed over S, is at most f and so at most B:
+a linear cut. The set that satisfies the cuts made so far contains {f <= B}, so what it decides is proven. Where it
+leaves both signs possible, its best point is joined to one inside {f <= B}: the answers that are violated where
+the segment leaves {f <= B} make the next cut (Veinott 1967, Operations Research 15; after Kelley 1960, SIAM J. 8).
+There are finitely many subsets, and few of them matter.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import lstsq, null_space
+
+from elicit._support.validation import is_number
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.comparators.polytope.plausible_set import PlausibleSet
+from elicit.comparators.polytope.violation import Hinges, best_fit, solve
+from elicit.decision.rule import Rule, outer
+from elicit.lp.dual_simplex import End, minimise, minimise_exactly, rounding
+from elicit.lp.hit_and_run import Draws, draws_within
+from elicit.lp.inequalities import PriorLike
+from elicit.model.comparator import Decisions, Verdicts, check_answers
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.scale import Floats, as_vectors, tail_sums, values_of
+
+LEAST_SLACK = 1e-9
+"""Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised to (but for 0
+with consistent answers), so that {f <= B} is not too thin for floats."""
+
+_GRID = 2.0**-36  # the least violation is rounded up to a multiple of it: a solver's last bits make no difference
+_NEAR = 1e-12  # violations beyond B and optima beside 0 that count as none
+_TIGHT = 3e-10  # how far least t.g over the cuts may lie below that over {f <= B}
+_PATIENCE = 4  # cuts for one optimum before it is asked for outright
+_MOST_CUTS = 1000  # for one optimum
+_MOST_POINTS = 1000  # of {f <= B} to remember
+_SHARPENED = 20  # rounds in which the greatest of several upper bounds is made tight
+_FEWEST = 50  # draws that a question can go by
+_BLOCK = 32  # open differences that are looked at together, after all cuts made for those before them
+
+
+class RelaxedPolytopeComparator:
+    """All scales with at least ``margin`` between neighbouring levels that satisfy the prior, and whose total
+    violation of the answers is within ``slack`` of the least possible. A frozen value.
+
+    ``slack`` >= 0 is in units of e_k - e_1; ``margin`` and ``prior`` as in ``PolytopeComparator``. BETTER, WORSE
+    and EQUAL are proven; UNKNOWN may also be said where the exact optimum is within about 1e-9 |d|_1 of zero.
+    With slack 0 and consistent answers it is ``PolytopeComparator``. Once they are not, slack 0 leaves the best
+    fit, often one scale alone, which is hardly ever the truth; a slack that the tutor's errors do not exceed in
+    total keeps the truth. What contradicts earlier answers can make a decided difference UNKNOWN again.
+    Raises ValueError as ``PolytopeComparator`` does, and for a slack that is negative or not finite.
+    """
+
+    def __init__(self, k: int, slack: float = 0.0, margin: float = 1e-6, prior: PriorLike = None) -> None:
+        if not is_number(slack, 0):
+            raise ValueError(f"the slack must be a finite number of at least 0 (in units of e_k - e_1), not {slack!r}")
+        self._blank = blank = PolytopeComparator(k, margin, prior)
+        self.slack, self.k, self.margin, self.prior = float(slack), blank.k, blank.margin, blank.prior
+        self._order = PlausibleSet(blank.region)
+        self._learn(blank.answers, blank, None)
+
+    def __repr__(self) -> str:
+        return f"RelaxedPolytopeComparator(k={self.k}, slack={self.slack:g}, {len(self.answers)} answers)"
+
+    def update(self, answers: Answers) -> RelaxedPolytopeComparator:
+        """What is plausible given these answers too, consistent or not."""
+        new = object.__new__(RelaxedPolytopeComparator)
+        new.slack, new.k, new.margin, new.prior = self.slack, self.k, self.margin, self.prior
+        new._blank, new._order = self._blank, self._order
+        together = self.answers + check_answers(answers, self.k)
+        try:
+            exact = None if self._exact is None else self._exact.update(answers)
+        except InconsistentAnswers:
+            exact = None
+        new._learn(together, exact, self._set)
+        return new
+
+    def retract(self, *ids: str) -> RelaxedPolytopeComparator:
+        """What is known without the answers of these ids. Raises ValueError for an id that is not among them."""
+        fresh = RelaxedPolytopeComparator(self.k, self.slack, self.margin, self.prior)
+        return fresh.update(self.answers.without(ids))
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) on differences d (n, k): what every plausible scale says of them."""
+        return self.decide(d).verdicts
+
+    def decide(self, d: ArrayLike) -> Decisions:
+        """Verdicts (n,) and the tier of each, from EQUAL to EXACT."""
+        return self._set.decide(as_vectors(d, self.k))
+
+    @property
+    def rule(self) -> Rule:
+        """What is known of the plausible scales as plain arrays, for ``elicit.decision.judge``."""
+        return self._set.rule
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
+        return self._set.bounds(as_vectors(d, self.k))
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e over the plausible scales, for all rows of d (n, k) at once, and their confidence: 1
+        while the answers are consistent; nan after that, for nothing says how likely the slack is to be enough."""
+        return self._set.simultaneous_bounds(as_vectors(d, self.k))[0], 1.0 if self._exact is not None else np.nan
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Plausible scales, for questions that go by probability; no proof rests on them."""
+        return self._set.draws
+
+    @property
+    def values(self) -> Floats:
+        """(k,) the analytic centre of the plausible set, from 0 to 1; read-only. Where B > 0 it is that of the set
+        of all scales together with a violation allowed for each answer, B in total."""
+        return self._set.values
+
+    @property
+    def violation(self) -> float:
+        """The least total violation, in units of e_k - e_1: exactly 0 where the answers are consistent, else at
+        most 1e-9 of the largest |d|_1 too high."""
+        with np.errstate(over="ignore"):
+            return float(np.ldexp(self._least, self._hinges.exponent))
+
+    @cached_property
+    def violated(self) -> tuple[tuple[int, str], ...]:
+        """The answers that do not fit the others, as (row, id): each that some least-violating scale violates, by
+        more than 1e-7 of the largest answered difference. Usually there is one such scale; where there are several,
+        the blame can be put on these answers or on those, and all of them are listed."""
+        if self._exact is not None:
+            return ()
+        # on the set of its minimisers f is linear, hence each violation is: what is positive somewhere on the set
+        # is positive in its middle
+        best = self._within(self._least + LEAST_SLACK)
+        wrong = self._hinges.owner[self._hinges.lacking(np.diff(best.values)) > 1e-7]
+        return tuple((int(row), self.answers.ids[row]) for row in np.unique(wrong))
+
+    @property
+    def solves(self) -> int:
+        """How many linear programs were solved to compare and to make cuts."""
+        return self._set.solves
+
+    def _learn(
+        self, answers: Answers, exact: PolytopeComparator | None, old: PolytopeComparator | _Sublevel | None
+    ) -> None:
+        self.answers, self._exact, self._hinges, self._least = answers, exact, Hinges.of(answers), 0.0
+        self._set: PolytopeComparator | _Sublevel
+        if exact is not None and self.slack == 0:
+            self._set = exact
+            return
+        self._fit = best_fit(self._hinges, self._order)
+        least = float(np.ceil(self._hinges.at_most(self._fit) / _GRID)) * _GRID
+        if exact is None:
+            self._least = least
+        with np.errstate(over="ignore"):
+            slack = max(float(np.ldexp(self.slack, -self._hinges.exponent)), LEAST_SLACK)
+        budget = least + min(slack, len(self._hinges.rows) + 1.0)  # no scale lacks more than 1 of any row
+        self._set = self._within(budget)
+        if isinstance(old, _Sublevel):
+            self._set.inherit(old)
+
+    def _within(self, budget: float) -> _Sublevel:
+        return _Sublevel(self._hinges, budget, self._fit, np.diff(self._blank.values), self._order)
+
+
+class _Sublevel:
+    """{f <= budget} within the order and the prior, whose middle and best fit (f < budget) are given: a PlausibleSet
+    around it, which is cut where that matters, and points of it."""
+
+    def __init__(self, hinges: Hinges, budget: float, fit: Floats, middle: Floats, order: PlausibleSet) -> None:
+        self.hinges, self.budget, self.middle, self.order, self.around = hinges, budget, middle, order, order
+        least, most = hinges.total(fit), hinges.total(middle)
+        share = 0.5 if most <= budget else 0.5 * (budget - least) / (most - least)
+        self.inside = (1 - share) * fit + share * middle
+        self.points = self.inside[None, :]
+        self.solves = 0
+
+    def inherit(self, old: _Sublevel) -> None:
+        """Know what was known with fewer answers, unless the budget has grown."""
+        with np.errstate(over="ignore"):
+            budget = np.ldexp(old.budget, old.hinges.exponent - self.hinges.exponent)
+        if self.budget <= budget:
+            self.around = old.around
+            still = [self.hinges.total(g) <= self.budget + _NEAR for g in old.points]
+            self.points = np.concatenate([self.points, old.points[still]])
+
+    def decide(self, d: Floats) -> Decisions:
+        """Verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
+        verdicts, tiers = self.around.decide(d)
+        unknown = np.flatnonzero(verdicts == Verdict.UNKNOWN)
+        for first in range(0, len(unknown), _BLOCK):
+            block = unknown[first : first + _BLOCK]
+            at = _unit_tails(d[block]) @ self.points.T
+            block = block[~((at < -_NEAR).any(axis=1) & (at > _NEAR).any(axis=1))]
+            verdicts[block], tiers[block] = self.around.decide(d[block])
+            block = block[verdicts[block] == Verdict.UNKNOWN]
+            for t in _unit_tails(d[block]):
+                self._sharpen(t, 0.0)
+                self._sharpen(-t, 0.0)
+            verdicts[block], tiers[block] = self.around.decide(d[block])
+        return Decisions(verdicts, tiers)
+
+    @property
+    def rule(self) -> Rule:
+        """The proofs about the set around."""
+        return outer(self.around.rule.known)
+
+    def bounds(self, d: Floats) -> tuple[Floats, Floats]:
+        """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
+        for one in _unit_tails(d):
+            for t in (one, -one) if one.any() else ():
+                self._sharpen(t, -np.inf)
+        return self.around.bounds(d)
+
+    def simultaneous_bounds(self, d: Floats) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e for valid differences, the greatest of them tight to 1e-9 |d|_1."""
+        high = self.around.greatest(d)
+        for _ in range(_SHARPENED if len(d) else 0):
+            row = int(np.argmax(high))
+            before = float(high[row])
+            self._sharpen(-_unit_tails(d[row : row + 1])[0], -np.inf)
+            high = np.minimum(high, self.around.greatest(d))
+            if high[row] >= before - 1e-9 * float(np.abs(d[row]).sum()):
+                break
+        return high, 1.0
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Draws from the set around, those within {f <= budget}; the known points where hardly any are."""
+        drawn = draws_within(self.around.region, np.diff(self.values))
+        within = np.array([self.hinges.total(g) <= self.budget + _NEAR for g in drawn.gaps.T])
+        gaps = (
+            drawn.gaps[:, within]
+            if within.sum() >= _FEWEST
+            else np.concatenate([drawn.gaps[:, within], self.points.T], axis=1)
+        )
+        m = gaps.shape[1]
+        return Draws(gaps, np.full(m, 1.0 / m), np.full(m, np.inf))
+
+    @cached_property
+    def values(self) -> Floats:
+        """(k,) the scale at the analytic centre; read-only."""
+        values = values_of(_centre(self))
+        values.flags.writeable = False
+        return values
+
+    def _sharpen(self, t: Floats, enough: float) -> None:
+        """Cut until the least t.g over the cuts is that over the set, or a point of the set has t.g < enough."""
+        for step in range(_MOST_CUTS):
+            if step == _PATIENCE:
+                self._jump(t)
+            found = float((self.points @ t).min())
+            if found < enough - _NEAR:
+                return
+            self.solves += 1
+            vertex = minimise(t, self.around.region)
+            if vertex.end is not End.OPTIMAL:
+                vertex = minimise_exactly(t, self.around.region)
+            near = found - _TIGHT if enough < 0 else _NEAR
+            if float(vertex.value) >= near or not self._cut_off(vertex.g.astype(np.float64)):
+                return
+
+    def _jump(self, t: Floats) -> None:
+        """Know the point of the set where t.g is least, and the one cut, by the multipliers there, that shows it."""
+        cost = np.append(t, np.zeros(len(self.hinges.rows)))
+        found = solve(self.hinges, self.order.region, cost, self.budget)
+        self.solves += 1
+        if found is not None and found.price > 0:
+            self._cut_off(found.g)
+            self._add(*self.hinges.cut(np.minimum(found.y / found.price, self.hinges.weights), self.budget))
+
+    def _add(self, row: Floats, limit: float) -> None:
+        if limit > row.min():  # else it holds in any order
+            self.around = self.around.cut(row[None, :], np.array([limit]), np.array([-1]))
+
+    def _cut_off(self, g: Floats) -> bool:
+        """Know where the way from inside to g leaves the set, and the cut there. False where it does not leave, or
+        rounding leaves too little of the cut."""
+        start = self.hinges.lacking(self.inside)
+        way = self.hinges.lacking(g) - start
+        share, best = 1.0, (g, -np.inf)
+        for _ in range(len(start)):  # Newton's method on a convex, piecewise linear function
+            some = start + share * way > 0
+            if (start + share * way)[some].sum() <= self.budget + _NEAR:
+                break
+            row, limit = self.hinges.cut(np.where(some, self.hinges.weights, 0.0), self.budget)
+            if row @ g < limit - rounding(len(g), 1.0):
+                best = row, limit
+            share = float((self.budget - start[some].sum()) / way[some].sum())
+        point = (1 - share) * self.inside + share * g
+        self.points = np.concatenate([self.points, point[None, :]])[-_MOST_POINTS:]
+        if best[1] > -np.inf:
+            self._add(*best)
+        return best[1] > -np.inf
+
+
+def _unit_tails(d: Floats) -> Floats:
+    """Tail sums (n, p) of d (n, k), scaled to a largest of 1."""
+    _, exponent = np.frexp(np.abs(d[:, 1:]).max(axis=1, initial=0.0))
+    with np.errstate(over="ignore"):
+        t = tail_sums(np.ldexp(d, -exponent[:, None]))
+    size = np.abs(t).max(axis=1, initial=0.0, keepdims=True)
+    return np.asarray(t / np.where(size > 0, size, 1.0))
+
+
+def _centre(level: _Sublevel) -> Floats:
+    """The g (p,) of the analytic centre of {(g, s): g within the order and the prior, s >= 0, s >= what g lacks of
+    each answer, sum s <= budget}, by damped Newton steps on the barrier as in ``analytic_centre``."""
+    hinges, region, g, p, m = level.hinges, level.order.region, level.inside, len(level.inside), len(level.hinges.rows)
+    rows, limits = np.concatenate([np.eye(p), region.rows]), np.concatenate([np.full(p, region.margin), region.rhs])
+    flat = rows @ level.middle - limits <= 1e-12 * np.abs(rows).max(axis=1)  # the middle has all the room there is
+    rows, limits, held = rows[~flat], limits[~flat], np.concatenate([np.ones((1, p)), rows[flat]])
+    along = null_space(held, rcond=1e-12)
+    q = along.shape[1]
+    moves = np.zeros((len(rows) + 2 * m + 1, q + m))  # of all slacks, by a step in g along the flat and one in s
+    moves[: len(rows) + m, :q] = np.concatenate([rows, hinges.weights[:, None] * hinges.rows]) @ along
+    moves[len(rows) :, q:] = np.concatenate([np.eye(m), np.eye(m), np.full((1, m), -1.0)])
+    s = np.maximum(hinges.lacking(g), 0.0)
+    s, last = s + (level.budget - s.sum()) / (m + 1), np.inf
+    for _ in range(200 if q else 0):
+        slack = np.concatenate([rows @ g - limits, s - hinges.lacking(g), s, [level.budget - s.sum()]])
+        scaled = moves / slack[:, None]
+        step = lstsq(scaled, np.ones(len(slack)), lapack_driver="gelsy", check_finite=False)[0]
+        decrement = float(np.linalg.norm(scaled @ step))
+        if decrement < 1e-9 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding lets it
+            break
+        last = decrement
+        step = step / (1.0 + decrement if decrement > 0.25 else 1.0)
+        g, s = g + along @ step[:q], s + step[q:]
+    return np.asarray(g / g.sum())

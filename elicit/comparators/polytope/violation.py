@@ -1,0 +1,102 @@
+"""Answers as hinges: how much a scale lacks to satisfy each, and the scale that lacks least in total."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from elicit.comparators.polytope.plausible_set import PlausibleSet
+from elicit.lp.dual_simplex import End, Region, minimise_exactly, rounding
+from elicit.lp.programs import answer_rows, pull_inside
+from elicit.model.query import Answers
+from elicit.model.scale import Floats, tail_sums
+
+
+class Hinges(NamedTuple):
+    """The answers as f(g) = sum weights * max(0, rhs - rows g), in units of 2^exponent. Weights are powers of two,
+    at most 1."""
+
+    rows: Floats  # (m, p)
+    rhs: Floats  # (m,)
+    owner: NDArray[np.int64]  # (m,) the number of the answer
+    weights: Floats  # (m,)
+    exponent: int
+
+    @staticmethod
+    def of(answers: Answers) -> Hinges:
+        rows, rhs, owner = answer_rows(answers, 0)
+        size = np.zeros(len(rows), dtype=np.int64)  # by which power of two answer_rows divided
+        for _ in range(2):  # the first time, tail_sums may have divided too
+            with np.errstate(over="ignore"):
+                t = tail_sums(np.ldexp(answers.d[owner], -size[:, None]))
+            size += np.frexp(np.abs(t).max(axis=1, initial=0.0))[1]
+        exponent = int(size.max()) if len(size) else 0
+        return Hinges(rows, rhs, owner, np.ldexp(1.0, size - exponent), exponent)
+
+    def lacking(self, g: Floats) -> Floats:
+        """What g (p,) lacks to satisfy each row (m,), weighted: negative where it has more than enough."""
+        return np.asarray(self.weights * (self.rhs - self.rows @ g))
+
+    def total(self, g: Floats) -> float:
+        """f at g (p,)."""
+        return float(np.maximum(self.lacking(g), 0.0).sum())
+
+    def at_most(self, g: Floats) -> float:
+        """An upper bound on f at g, for every rounding there is, also that of g."""
+        doubt = 4.0 * rounding(len(g), np.abs(self.rows) @ np.abs(g) + np.abs(self.rhs))
+        each = np.maximum(self.lacking(g) + self.weights * doubt, 0.0)
+        return float(each.sum() * (1.0 + 2.0**-50 * len(each)))
+
+    def cut(self, weights: Floats, budget: float) -> tuple[Floats, float]:
+        """What f <= budget means for the sum of the rows with weights (m,) from 0 to their own: row.g >= limit,
+        rounded so that it holds."""
+        row, limit = weights @ self.rows, float(weights @ self.rhs) - budget
+        size = float((weights @ np.abs(self.rows)).max() + weights @ np.abs(self.rhs)) + budget
+        # g >= 0 totals 1: row.g is off by no more than an entry
+        limit -= 2.0 * float(rounding(int(np.count_nonzero(weights)), size))
+        exponent = -np.frexp(np.abs(row).max())[1]
+        return np.asarray(np.ldexp(row, exponent)), float(np.clip(np.ldexp(limit, exponent), -2.0, 2.0))
+
+
+class Solved(NamedTuple):
+    """HiGHS's solution: g (p,), the multipliers y (m,) >= 0 of the answers' rows, and that of the budget."""
+
+    g: Floats
+    y: Floats
+    price: float
+
+
+def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> Solved | None:
+    """Least cost of (g, s) in the region, s >= 0 and s >= what g lacks of each row, of weighted sum <= budget. None
+    where HiGHS cannot tell."""
+    (m, p), prior = hinges.rows.shape, len(region.rows)
+    options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    rows = np.block([[hinges.rows, np.eye(m)], [region.rows, np.zeros((prior, m))], [np.zeros(p), -hinges.weights]])
+    limits = np.concatenate([hinges.rhs, region.rhs, [-budget]])
+    bounds = [(region.margin, None)] * p + [(0.0, None)] * m
+    total = np.append(np.ones(p), np.zeros(m))[None]
+    found = linprog(cost, -rows, -limits, total, [1.0], bounds, method="highs-ds", options=options)
+    if found.status != 0:
+        return None
+    y = np.maximum(-found.ineqlin.marginals, 0.0)
+    return Solved(found.x[:p] / found.x[:p].sum(), y[:m], float(y[-1]))
+
+
+def best_fit(hinges: Hinges, order: PlausibleSet) -> Floats:
+    """A point (p,) certainly within the order and the prior, where f is least but for rounding."""
+    region, p = order.region, order.region.p
+    found = solve(hinges, region, np.append(np.zeros(p), hinges.weights), len(hinges.rows) + 1.0)
+    if found is None:
+        raise ArithmeticError("HiGHS could not find the least total violation of these answers")
+    point = None if order.inside is None else pull_inside(found.g, order.inside, region)
+    if point is not None:
+        return point
+    # too flat for floats: in rationals, a point of the region that lacks hardly more of any answer
+    for room in 100.0 ** np.arange(-6, 2):
+        vertex = minimise_exactly(np.zeros(p), region.plus(hinges.rows, hinges.rows @ found.g - room, hinges.owner))
+        if vertex.end is not End.EMPTY:
+            break
+    return vertex.g.astype(np.float64)

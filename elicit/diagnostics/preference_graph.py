@@ -1,0 +1,254 @@
+"""The graph of answered vectors: what the answers say by transitivity alone, and where they run in a circle.
+
+This is weaker than a comparator, which also adds answers up, but it can be read: each conclusion is a
+chain of answers. (Where differences of vectors are rounded, a comparator that is exact about the rounded
+numbers can miss such a conclusion by that much.)
+
+What a circle means depends on the tutor. "Better" from a reliable one is read as "at least as good": then
+a circle says that all vectors on it are worth the same. A person who prefers A to B, B to C and C to A has
+most likely made a mistake in one of the three: show the circle, and retract what is taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from typing import NamedTuple, TypeAlias
+
+import networkx as nx
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from elicit.model.query import Answer, Verdict
+from elicit.model.scale import dominance as by_order
+from elicit.model.scale import tail_sums
+from elicit.tutors.answer_log import Entry
+
+
+class Step(NamedTuple):
+    """One link of a chain: node ``better`` is at least as good as node ``worse``.
+
+    kind: "dominance" where the order of the levels says so (eq. 4), else "better" or "equal", as the answers do.
+    ids: the answers that say so, those that say "better" first; () for dominance.
+    """
+
+    better: int
+    worse: int
+    kind: str
+    ids: tuple[str, ...]
+
+
+class Implied(NamedTuple):
+    """What follows about two nodes: ``better`` is better than ``worse`` (verdict BETTER) or as good (EQUAL).
+    ``steps`` leads from the one to the other."""
+
+    better: int
+    worse: int
+    verdict: Verdict
+    steps: tuple[Step, ...]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """One answer for each answered step: together they prove it."""
+        return tuple(step.ids[0] for step in self.steps if step.ids)
+
+
+class Cycle(NamedTuple):
+    """A circular chain: each node is at least as good as the next, at least one of them better. The last
+    step ends where the first begins, at the node that was shown first."""
+
+    steps: tuple[Step, ...]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """All answers on the cycle. To break it, all those of one of its steps must go."""
+        return tuple(name for step in self.steps for name in step.ids)
+
+
+def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) -> nx.DiGraph:
+    """The vectors that were shown, and what is known about pairs of them as edges better -> worse.
+
+    answers: Answers, an AnswerLog, or some of its entries; entries that are not used, such as retracted ones,
+    are left out. EQUAL makes an edge in either direction, and so do opposite answers to one pair. "Cannot
+    tell" makes none. dominance=True adds what the order of the levels settles: n (n - 1) / 2 comparisons.
+
+    Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute ``vector`` (k,);
+    vectors that differ at level 1 only are worth the same, and one node. Edges have ``ids``, the
+    answers that say that the start is at least as good as the end (those that say "better" first);
+    ``kind``, "better" where some do, else "equal", or "dominance" where there are none; and ``dominates``,
+    whether the order of the levels says that the start is better. Raises ValueError where the answers are
+    about different numbers of levels.
+    """
+    graph = nx.DiGraph()
+    nodes: dict[bytes, int] = {}
+    said: dict[tuple[int, int], tuple[list[str], list[str]]] = {}  # those that say "better", and "equal"
+    for answer in _used(answers):
+        query = answer.query
+        k = len(graph.nodes[0]["vector"]) if graph else len(query.left)
+        if len(query.left) != k:
+            raise ValueError(f"query {query.id} is about {len(query.left)} levels, but the first answer is about {k}")
+        left, right = (nodes.setdefault((v[1:] + 0.0).tobytes(), len(nodes)) for v in (query.left, query.right))
+        for node, vector in ((left, query.left), (right, query.right)):
+            if node not in graph:
+                graph.add_node(node, vector=vector)
+        if answer.verdict in (Verdict.BETTER, Verdict.WORSE):
+            edge = (left, right) if answer.verdict == Verdict.BETTER else (right, left)
+            said.setdefault(edge, ([], []))[0].append(query.id)
+        elif answer.verdict == Verdict.EQUAL and left != right:
+            for edge in ((left, right), (right, left)):
+                said.setdefault(edge, ([], []))[1].append(query.id)
+    for (start, end), (better, equal) in said.items():
+        kind = "better" if better else "equal"
+        graph.add_edge(start, end, ids=(*better, *equal), kind=kind, dominates=False)
+    if dominance:
+        _add_dominance(graph)
+    return graph
+
+
+def follows(graph: nx.DiGraph) -> list[Implied]:
+    """What follows by transitivity alone about pairs that no edge joins: nobody needs to ask about them.
+
+    For each the chain with the fewest answers, and among those one with the fewest steps. Two nodes that are
+    as good as each other are listed once, the first one shown as ``better``. Of nodes on a cycle
+    everything follows, also opposites, so look at ``cycles`` first. Sorted by node; one shortest-path search
+    a node, and at most as many results as pairs.
+    """
+    found = []
+    search = _Search(graph)
+    joined = {pair for u, v in graph.edges for pair in ((u, v), (v, u))}
+    for better in sorted(graph):
+        open_ones = [other for other in sorted(graph) if other != better and (better, other) not in joined]
+        for path in search.paths(better, open_ones):
+            steps = _steps(graph, path)
+            tie = all(step.kind == "equal" for step in steps)
+            found.append(Implied(better, path[-1], Verdict.EQUAL if tie else Verdict.BETTER, steps))
+    ties = {(one.better, one.worse) for one in found if one.verdict == Verdict.EQUAL and one.better < one.worse}
+    return [one for one in found if one.verdict != Verdict.EQUAL or (one.worse, one.better) not in ties]
+
+
+def cycles(graph: nx.DiGraph) -> list[Cycle]:
+    """Minimal circular chains of answers, and of dominance, with at least one answer and a step that is not
+    "equal". Minimal: no part of the answers makes a circle. Empty: by transitivity alone, the answers
+    contradict neither each other nor the order of the levels.
+
+    For each such step that lies on a circle, the one through it with the fewest answers, then the fewest
+    steps, or a smaller one that is part of it. A comparator for reliable tutors takes all vectors on a cycle
+    as equally good, if a scale allows that (with dominance on the cycle it needs equal levels, which a
+    margin above 0 forbids). From a person it most likely means that one of these answers is wrong; one
+    that is on many cycles is the first to ask about. Sorted, fewest answers first. One shortest-path
+    search a node and a cycle; no more cycles than edges.
+    """
+    shortest: dict[frozenset[_Said], _Nodes] = {}
+    for said, nodes in _circles(graph):
+        shortest.setdefault(said, nodes)
+    minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in shortest.items()}
+    return [Cycle(_steps(graph, (*nodes, nodes[0]))) for _, nodes in sorted(minimal, key=_fewest_first)]
+
+
+_Nodes: TypeAlias = tuple[int, ...]
+_Said: TypeAlias = tuple[int, int, str]
+"""What one or more answers say about two nodes: better, worse, and "better"; or both in order, and "equal"."""
+
+
+def _used(answers: Iterable[Answer | Entry]) -> Iterator[Answer]:
+    for answer in answers:
+        if not isinstance(answer, Entry):
+            yield answer
+        elif answer.used:
+            yield answer.answer
+
+
+def _add_dominance(graph: nx.DiGraph) -> None:
+    vectors = np.array([graph.nodes[node]["vector"] for node in range(len(graph))])
+    for one in range(len(vectors) - 1):
+        codes = by_order(tail_sums(vectors[one] - vectors[one + 1 :]))
+        for other in np.flatnonzero(np.abs(codes) == 1).tolist():
+            edge = (one, one + 1 + other) if codes[other] > 0 else (one + 1 + other, one)
+            if edge in graph.edges:
+                graph.edges[edge]["dominates"] = True
+            else:
+                graph.add_edge(*edge, ids=(), kind="dominance", dominates=True)
+
+
+def _steps(graph: nx.DiGraph, path: _Nodes) -> tuple[Step, ...]:
+    """The edges along a path; where dominance suffices, no answer is called upon."""
+    steps = []
+    for edge in pairwise(path):
+        about = graph.edges[edge]
+        steps.append(Step(*edge, "dominance", ()) if about["dominates"] else Step(*edge, about["kind"], about["ids"]))
+    return tuple(steps)
+
+
+def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
+    """The shortest circle through each strict step that lies on one, fewest answers first: what the answers on
+    it say, and its nodes."""
+    answered = [edge for edge, about in graph.edges.items() if about["kind"] == "better" and not about["dominates"]]
+    by_dominance = [edge for edge, about in graph.edges.items() if about["dominates"]]
+    only_equal = nx.DiGraph(graph)
+    only_equal.remove_edges_from(answered)
+    # A circle of dominance and "better" is found from the latter, so dominance is tried against "equal" only.
+    found = {*_through(graph, answered), *_through(only_equal, by_dominance)}
+    needs = ((_said(graph, nodes), nodes) for nodes in found)
+    return sorted(((said, nodes) for said, nodes in needs if said), key=_fewest_first)
+
+
+def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
+    """The graph of these nodes as if nothing else had been said about them."""
+    edges = {
+        edge for better, worse, kind in said for edge in ((better, worse), (worse, better))[: 1 + (kind == "equal")]
+    }
+    inner = graph.subgraph(nodes)
+    return inner.edge_subgraph(edge for edge, about in inner.edges.items() if about["dominates"] or edge in edges)
+
+
+def _through(graph: nx.DiGraph, edges: Iterable[tuple[int, int]]) -> Iterator[_Nodes]:
+    """The nodes of the shortest circle through each edge that lies on one, the smallest node first."""
+    parts = list(nx.strongly_connected_components(graph))
+    part_of = {node: i for i, part in enumerate(parts) for node in part}
+    wanted: dict[int, dict[int, list[int]]] = {}  # by component: each end, and the starts that lead to it
+    for start, end in edges:
+        if part_of[start] == part_of[end]:
+            wanted.setdefault(part_of[start], {}).setdefault(end, []).append(start)
+    for i, ends in wanted.items():
+        search = _Search(graph.subgraph(parts[i]))
+        for end, starts in ends.items():
+            for path in search.paths(end, starts):
+                first = path.index(min(path))
+                yield (*path[first:], *path[:first])
+
+
+class _Search:
+    """Shortest paths: fewest answers, then fewest steps."""
+
+    def __init__(self, graph: nx.DiGraph) -> None:
+        self._nodes = sorted(graph)
+        self._place = {node: i for i, node in enumerate(self._nodes)}
+        ends = np.array([[self._place[node] for node in edge] for edge in graph.edges], dtype=np.int64).reshape(-1, 2)
+        answer = len(self._nodes) + 1.0  # more than any number of steps
+        weights = [1.0 if about["dominates"] else 1.0 + answer for about in graph.edges.values()]
+        self._matrix = csr_array((weights, (ends[:, 0], ends[:, 1])), shape=(len(self._nodes),) * 2)
+
+    def paths(self, start: int, ends: Iterable[int]) -> Iterator[_Nodes]:
+        """The path from start to each of the ends that can be reached; one node where that is the start."""
+        first = self._place[start]
+        _, before = dijkstra(self._matrix, indices=first, return_predecessors=True)
+        for end in ends:
+            path = [self._place[end]]
+            while path[-1] != first and before[path[-1]] >= 0:
+                path.append(int(before[path[-1]]))
+            if path[-1] == first:
+                yield tuple(self._nodes[i] for i in reversed(path))
+
+
+def _said(graph: nx.DiGraph, nodes: _Nodes) -> frozenset[_Said]:
+    """The answers that a circle needs."""
+    steps = _steps(graph, (*nodes, nodes[0]))
+    return frozenset(
+        (min(s[:2]), max(s[:2]), s.kind) if s.kind == "equal" else (s.better, s.worse, s.kind) for s in steps if s.ids
+    )
+
+
+def _fewest_first(found: tuple[frozenset[_Said], _Nodes]) -> tuple[int, int, _Nodes]:
+    said, nodes = found
+    return len(said), len(nodes), nodes

@@ -1,0 +1,347 @@
+"""What a log says about its tutor, and about comparators: error rates, precision, side bias, held-out scores.
+
+Nothing here knows the hidden scale. Wrong answers show where a question was asked twice, where an answer goes against
+the order of the levels, and, through the model of ``PosteriorComparator``, where it fits no scale that fits the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.special import bdtr, betaincinv, expit
+
+from elicit._support.hashing import Seed, key_of
+from elicit._support.validation import is_number
+from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
+from elicit.lp.hit_and_run import Draws
+from elicit.lp.inequalities import PriorLike
+from elicit.model.comparator import check_levels
+from elicit.model.query import Answer, Answers
+from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.tutors.answer_log import AnswerLog, Entry
+
+Told = Answers | Iterable[Entry | Answer]
+"""An ``AnswerLog`` or any iterable of its entries or of Answers, else bare ``Answers``."""
+
+_ROOTS = np.linspace(0.03, 0.98, 9)  # square roots of the lapses tried: the likelihood changes fastest near 0
+_LAPSE = 4.0  # a priori the lapse is Beta(1, 4)
+_BOUNDLESS = math.exp(PRECISION[0] + 1.25 * PRECISION[1])  # an interval of the precision that reaches beyond has no end
+_SHOWN = 5  # doubtful answers that a report names
+
+
+class Estimate(NamedTuple):
+    """A number and an interval that holds it; nan where the answers say nothing."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def percent(self) -> str:
+        """As text, in percent."""
+        return f"{100 * self.value:.3g}% ({100 * self.low:.3g} to {100 * self.high:.3g})"
+
+
+NOTHING = Estimate(math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True)
+class TutorReport:
+    """What ``tutor_report`` found; ``str()`` says it in sentences. Estimates hold intervals of ``level``.
+
+    answers: that prefer a side or call a tie, of them ``ties``. ``unused`` were told but not learned from; they are
+    among the answers unless left out. Not among them: ``cannot_tell`` and ``retracted``.
+    against_order: how many of the ``by_order`` answers to pairs that the order of the levels settles go against it.
+    repeated: questions asked more than once. couples: their first two answers, the next two, and so on.
+    consistency: share of couples that agree, exact (Clopper and Pearson 1934).
+    error_rate_repeated: from the couples without ties; see ``tutor_report``. Exact.
+    error_rate: share of these very answers (ties left out) that are wrong, by the model.
+    precision: logits per unit of d.e (median, quantiles). lapse: share answered at random, half of it wrong (mean,
+    shortest interval). doubtful: (id, probability) of the answers that are more probably wrong than right.
+    left_share: share of the ``sided`` answers that prefer the side shown left, exact; ``exchanged`` of these were
+    shown the other way round. left_p: two-sided exact p-value of that share against 1/2, which it is without a bias if
+    a coin decided about the sides; nan where they were never, or always, exchanged. ``sided`` is 0 where no sides are
+    on record.
+    """
+
+    k: int
+    level: float
+    answers: int
+    ties: int
+    cannot_tell: int
+    retracted: int
+    unused: int
+    by_order: int
+    against_order: int
+    repeated: int
+    couples: int
+    consistency: Estimate
+    error_rate_repeated: Estimate
+    error_rate: Estimate
+    precision: Estimate
+    lapse: Estimate
+    doubtful: tuple[tuple[str, float], ...]
+    sided: int
+    exchanged: int
+    left_share: Estimate
+    left_p: float
+
+    def __str__(self) -> str:
+        kinds = f"{self.ties} of them ties, {self.unused} not learned from; {self.cannot_tell} more could not be told"
+        lines = {
+            "answers": f"{self.answers} over {self.k} levels, {kinds}, {self.retracted} were retracted",
+            "errors": "not known: no answer prefers a side",
+            "": "not known from questions asked again: there are none without ties",
+            "order": "no question was settled by the order of the levels alone",
+            "repeats": "no question was asked twice",
+        }
+        if self.answers > self.ties:
+            lines["errors"] = f"{self.error_rate.percent} of the answers are wrong, by the model"
+            lines["precision"] = "{:.3g} ({:.3g} to {:.3g}) logits per unit of d.e".format(*self.precision)
+            lines["precision"] += ", the upper end being the prior's" * (self.precision.high > _BOUNDLESS)
+            lines["lapse"] = f"{self.lapse.percent} of the answers are given at random, half of these wrongly"
+            names = [f"{name} ({100 * p:.0f}%)" for name, p in self.doubtful]
+            lines["doubtful"] = ", ".join(names[:_SHOWN]) or "no answer is more probably wrong than right"
+            lines["doubtful"] += f" and {len(names) - _SHOWN} more" * (len(names) > _SHOWN)
+        if not math.isnan(self.error_rate_repeated.value):
+            lines[""] = f"{self.error_rate_repeated.percent} by questions asked again, if errors are independent"
+        if self.by_order:
+            lines["order"] = (
+                f"{self.against_order} of {self.by_order} answers that the order of the levels settles defy it"
+            )
+        if self.couples:
+            agree = f"{self.consistency.percent} of {self.couples} couples of answers agree"
+            lines["repeats"] = f"{self.repeated} questions were asked again; {agree}"
+        lines["sides"] = self._sides()
+        title = f"Tutor report, {100 * self.level:g}% intervals in brackets"
+        return "\n".join([title, *(f"  {name:<10}{text}" for name, text in lines.items())])
+
+    def _sides(self) -> str:
+        if not self.sided:
+            return "which side was shown left is not known: give the log, not bare Answers"
+        text = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
+        if math.isnan(self.left_p):
+            return f"{text}, but sides were never exchanged at random: that may be what was asked, not a bias"
+        return f"{text} ({self.exchanged} shown exchanged), p = {self.left_p:.2g}" + (
+            ": a bias" if self.left_p < 1 - self.level else ": no sign of a bias"
+        )
+
+
+def tutor_report(
+    log: Told,
+    k: int | None = None,
+    *,
+    level: float = 0.95,
+    include_unused: bool = True,
+    prior: PriorLike = None,
+    particles: int | None = None,
+    seed: Seed = 0,
+) -> TutorReport:
+    """How often a tutor errs, with what precision and consistency answers are given, and whether a side is favoured.
+
+    log: an AnswerLog, its entries, Answers to queries, or bare ``Answers``. k: needed where nothing else says it.
+    Retracted answers are left out. Answers marked unused count, unless ``include_unused`` is False: most were set
+    aside because they contradict others, so leaving them out flatters the tutor. prior: inequalities that hold for
+    certain, as in ``PosteriorComparator``. particles: for each of nine lapses; None: 50 a gap, at least 300.
+
+    Two error rates. (i) Repeated questions: two answers to one pair differ with probability q = 2 e (1 - e) where
+    errors are independent and equally likely each way, so e = (1 - sqrt(1 - 2 q)) / 2. It assumes nothing about the
+    scale, but errors that a tutor repeats stay hidden, and where error rates differ between pairs e is below their
+    mean. (ii) The model, P(left said better) = lapse/2 + (1 - lapse) sigma(c d.e), with the prior of
+    ``PosteriorComparator`` on scale and precision c, and Beta(1, 4) (mean 1/5) on the lapse: the posterior share of
+    answers on the wrong side of the scale. The lapse's likelihood is the integral of its derivative, the posterior
+    mean of that of the log-likelihood (path sampling, Gelman and Meng 1998). Some twenty answers that were asked
+    because they could not be foretold say little about errors: then the priors speak. Where no answer tells a large
+    precision from a larger one, as with a tutor who never errs at near ties, the upper end for it is the prior's.
+
+    Raises ValueError on a level outside (0, 1), and where nothing says how many levels there are.
+    """
+    check_level(level)
+    told = read_log(log, k, include_unused)
+    answers, n = told.answers, len(told.answers)
+    y, decisive = answers.y, answers.y != 0
+    couples, repeated = _couples(answers)
+    oriented = y * _orientation(answers.d)
+    agree = oriented[couples[:, 0]] == oriented[couples[:, 1]]
+    clear = decisive[couples].all(axis=1)
+    differ = exact_share(int((~agree & clear).sum()), int(clear.sum()), level)
+    order = dominance(tail_sums(answers.d))
+    settled = (np.abs(order) == 1) & decisive
+    sided = int(decisive.sum()) if told.swapped is not None else 0
+    swapped = np.zeros(n, dtype=np.bool_) if told.swapped is None else told.swapped
+    left, exchanged = int(((y > 0) != swapped)[decisive].sum()) if sided else 0, int((swapped & decisive).sum())
+    model = _fit_model(answers, level, prior, particles, seed) if decisive.any() else _Model()
+    return TutorReport(
+        k=answers.k,
+        level=level,
+        answers=n,
+        ties=int((~decisive).sum()),
+        cannot_tell=told.cannot_tell,
+        retracted=told.retracted,
+        unused=told.unused,
+        by_order=int(settled.sum()),
+        against_order=int((settled & (order == -y)).sum()),
+        repeated=repeated,
+        couples=len(couples),
+        consistency=exact_share(int(agree.sum()), len(couples), level),
+        error_rate_repeated=_error_rate(differ) if clear.any() else NOTHING,
+        error_rate=model.error_rate,
+        precision=model.precision,
+        lapse=model.lapse,
+        doubtful=model.doubtful,
+        sided=sided,
+        exchanged=exchanged,
+        left_share=exact_share(left, sided, level),
+        left_p=min(1.0, 2.0 * float(bdtr(min(left, sided - left), sided, 0.5))) if 0 < exchanged < sided else math.nan,
+    )
+
+
+def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
+    """count / n with Clopper and Pearson's interval; nan for n = 0."""
+    if n == 0:
+        return NOTHING
+    tail = (1.0 - level) / 2.0
+    low = 0.0 if count == 0 else float(betaincinv(count, n - count + 1, tail))
+    high = 1.0 if count == n else float(betaincinv(count + 1, n - count, 1.0 - tail))
+    return Estimate(count / n, low, high)
+
+
+def _error_rate(differ: Estimate) -> Estimate:
+    """e of 2 e (1 - e) = q; 1/2 where couples differ more often than the toss of a coin would have them."""
+    return Estimate(*((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ))
+
+
+class _Record(NamedTuple):
+    """The answers that stand, which of them were shown exchanged (n,) if that is known, and the others' counts."""
+
+    answers: Answers
+    swapped: NDArray[np.bool_] | None
+    cannot_tell: int = 0
+    retracted: int = 0
+    unused: int = 0
+
+
+def read_log(log: Told, k: int | None, include_unused: bool = True) -> _Record:
+    k = None if k is None else check_levels(k)
+    if isinstance(log, Answers):
+        if k not in (None, log.k):
+            raise ValueError(f"these answers are about {log.k} levels, not k = {k}")
+        return _Record(log, None)
+    entries = []
+    if not isinstance(log, Iterable):
+        raise TypeError(f"a log is an AnswerLog, its entries, or Answers, not {log!r}")
+    for item in log:
+        if not isinstance(item, (Entry, Answer)):
+            raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
+        entries.append(item if isinstance(item, Entry) else Entry(item))
+    standing = [entry for entry in entries if not entry.retracted and (entry.used or include_unused)]
+    told = [entry.answer for entry in standing if entry.answer.verdict is not None]
+    levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)
+    if levels is None:
+        raise ValueError("the log is empty, so that nothing says how many levels there are: give k")
+    return _Record(
+        Answers.of(told, levels),
+        np.array([answer.swapped for answer in told], dtype=np.bool_),
+        len(standing) - len(told),
+        sum(entry.retracted for entry in entries),
+        sum(not entry.used and not entry.retracted and entry.answer.verdict is not None for entry in entries),
+    )
+
+
+def _orientation(d: Floats) -> NDArray[np.int8]:
+    """+1 or -1 (n,), opposite for d and -d; 0 for d = 0."""
+    first = (d != 0).argmax(axis=1)
+    signs: NDArray[np.int8] = np.sign(d[np.arange(len(d)), first]).astype(np.int8)
+    return signs
+
+
+def pairs_of(d: Floats) -> NDArray[np.intp]:
+    """A number (n,) for the unordered pair behind each row: the same for d and -d."""
+    if not len(d):
+        return np.empty(0, dtype=np.intp)
+    numbers: NDArray[np.intp] = np.unique(d * _orientation(d)[:, None] + 0.0, axis=0, return_inverse=True)[1].ravel()
+    return numbers
+
+
+def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
+    """Rows (m, 2) that answer the same pair, no row twice, so that couples are independent; and how many pairs were
+    answered more than once. A vector against itself is no question."""
+    rows: dict[int, list[int]] = {}
+    pairs = pairs_of(answers.d)
+    for row in np.flatnonzero(np.any(answers.d != 0, axis=1)).tolist():
+        rows.setdefault(int(pairs[row]), []).append(row)
+    again = [(mine[i], mine[i + 1]) for mine in rows.values() for i in range(0, len(mine) - 1, 2)]
+    return np.array(again, dtype=np.intp).reshape(-1, 2), sum(len(mine) > 1 for mine in rows.values())
+
+
+class _Model(NamedTuple):
+    """What the posterior says of the tutor."""
+
+    error_rate: Estimate = NOTHING
+    precision: Estimate = NOTHING
+    lapse: Estimate = NOTHING
+    doubtful: tuple[tuple[str, float], ...] = ()
+
+
+def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> _Model:
+    """The posterior over scale, precision and lapse: over the first two by particles, at each of some lapses; over
+    the lapse by its integrated likelihood, with each lapse tried standing for those nearer to it than to others."""
+    key, lapses, m = key_of(seed), _ROOTS**2, max(300, 50 * (answers.k - 1)) if particles is None else particles
+    t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
+    tied = answers.y == 0
+    every: list[Draws] = []
+    slopes, shares, doubts = [], [], []
+    for lapse in lapses.tolist():
+        draws = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key).update(answers).draws
+        every.append(draws)
+        scores = t @ draws.gaps
+        sigma = expit(scores * draws.precision)
+        slope = (0.5 - sigma) / (lapse / 2 + (1 - lapse) * sigma)
+        slope[tied] = (slope[tied] + (sigma[tied] - 0.5) / (lapse / 2 + (1 - lapse) * (1 - sigma[tied]))) / 2
+        slopes.append(slope.sum(axis=0) @ draws.weights)
+        shares.append((scores[~tied] < 0).mean(axis=0))
+        doubts.append((scores < 0) @ draws.weights)
+
+    fine = (np.arange(4000) + 0.5) / 4000
+    roots = np.clip(np.sqrt(fine), 0.0, _ROOTS[-1])
+    log_density = PchipInterpolator(_ROOTS, 2 * _ROOTS * np.array(slopes), extrapolate=True).antiderivative()(roots)
+    density = np.exp(log_density - log_density.max()) * (1.0 - fine) ** (_LAPSE - 1.0)
+    density /= density.sum()
+    mass = np.array([np.interp(roots, _ROOTS, hat) @ density for hat in np.eye(len(_ROOTS))])
+    kept = np.argsort(-density, kind="stable")
+    kept = kept[: np.searchsorted(np.cumsum(density[kept]), level) + 1]
+    half = 0.5 / len(fine)
+
+    weights = np.concatenate([share * draws.weights for share, draws in zip(mass, every, strict=True)])
+    tails = [(1 - level) / 2, (1 + level) / 2]
+    wrong = np.concatenate(shares)
+    middle, low, high = _quantiles(np.concatenate([draws.precision for draws in every]), weights, [0.5, *tails])
+    doubt = np.where(tied, 0.0, mass @ np.array(doubts))
+    return _Model(
+        _around(wrong @ weights, *_quantiles(wrong, weights, tails)),
+        Estimate(middle, low, high),
+        _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
+        tuple((answers.ids[i], float(doubt[i])) for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5),
+    )
+
+
+def _around(value: float, low: float, high: float) -> Estimate:
+    """Widened to hold the value, which as a mean may lie outside its interval."""
+    return Estimate(float(value), float(min(low, value)), float(max(high, value)))
+
+
+def _quantiles(x: Floats, weights: Floats, at: list[float]) -> list[float]:
+    order = np.argsort(x, kind="stable")
+    below = np.cumsum(weights[order])
+    return [float(x[order[min(int(i), len(x) - 1)]]) for i in np.searchsorted(below, np.array(at) * below[-1])]
+
+
+def check_level(level: float) -> None:
+    if not (is_number(level) and 0 < level < 1):
+        raise ValueError(f"level must lie strictly between 0 and 1, not {level!r}")

@@ -1,0 +1,151 @@
+"""The analytic centre of K_t: the point that maximises the product of its distances to all constraints.
+
+It is the polytope's single best guess at the scale (``values``), and a strictly interior point, which
+proves on which side of 0 some plausible d.e lies.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import null_space
+from scipy.optimize import linprog
+
+from elicit.lp.dual_simplex import Numbers, Region, minimise_exactly
+from elicit.model.scale import Floats
+
+_FLAT = 1e-12  # a slack that no point of the region exceeds counts as none
+_BAND = 1e-8  # two opposite rows that leave less room than this are held in the middle of it
+
+Flags = NDArray[np.bool_]
+
+
+class _Shape(NamedTuple):
+    """All constraints of a region in an order that depends on their set only: rows (m, p), limits (m,)."""
+
+    rows: Floats
+    limits: Floats
+    size: Floats  # (m,) the rows' largest entries
+
+
+class _Hull(NamedTuple):
+    """The affine hull {g : equal g = to, sum g = 1} of a flat region; ``flat`` marks the rows it comes from."""
+
+    flat: Flags
+    equal: Floats
+    to: Floats
+
+
+def analytic_centre(region: Region) -> Floats:
+    """The analytic centre g (p,) of the region, or of its relative interior where it is flat.
+
+    A pure function of the region's set of constraints: it starts from the point with the greatest least
+    slack and runs damped Newton steps on the self-concordant barrier (Nesterov and Nemirovskii 1994).
+    """
+    shape = _canonical(region)
+    hull = _opposites(shape)
+    g = _deepest_point(shape, hull)
+    if g is not None:
+        g = _newton(g, shape, hull)
+        if _inside(g, shape, hull.flat):
+            return g
+    start, hull = _relative_interior(shape, region)
+    g = _newton(start, shape, hull)
+    return g if _inside(g, shape, hull.flat) else start
+
+
+def _canonical(region: Region) -> _Shape:
+    rows = np.concatenate([np.eye(region.p), region.rows])
+    limits = np.concatenate([np.full(region.p, region.margin), region.rhs])
+    size = np.abs(rows).max(axis=1)
+    used = np.flatnonzero(size > 0)
+    _, first = np.unique(np.column_stack([limits, rows])[used], axis=0, return_index=True)
+    order = used[first]  # sorted, and each constraint once
+    return _Shape(rows[order], limits[order], size[order])
+
+
+def _opposites(shape: _Shape) -> _Hull:
+    """The rows that leave (nearly) no room between them: an answer "equal", or opposite answers."""
+    tightest: dict[bytes, float] = {}
+    keys = [(row + 0.0).tobytes() for row in shape.rows]
+    for key, limit in zip(keys, shape.limits, strict=True):
+        tightest[key] = max(limit, tightest.get(key, limit))
+    flat, equal, to = np.zeros(len(keys), dtype=bool), [], []
+    for i, row in enumerate(shape.rows):
+        low, high = tightest[keys[i]], -tightest.get((0.0 - row).tobytes(), -np.inf)
+        if high - low < _BAND * np.abs(row).sum():
+            flat[i] = True
+            equal.append(row)
+            to.append((low + high) / 2)
+    return _Hull(flat, np.array(equal).reshape(-1, shape.rows.shape[1]), np.array(to))
+
+
+def _inside(g: Floats, shape: _Shape, flat: Flags) -> bool:
+    """Whether g satisfies every constraint, those of the flat's own rows to within _FLAT."""
+    slack = (shape.rows @ g - shape.limits) / shape.size
+    return bool((slack[~flat] > 0).all() and (slack[flat] > -_FLAT).all())
+
+
+def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
+    """The point of the hull whose least slack is greatest; None where floats find none of positive slack."""
+    p, free = shape.rows.shape[1], ~hull.flat
+    equal = np.concatenate([np.ones((1, p)), hull.equal])
+    found = linprog(
+        np.concatenate([np.zeros(p), [-1.0]]),
+        A_ub=np.concatenate([-shape.rows[free], shape.size[free, None]], axis=1),
+        b_ub=-shape.limits[free],
+        A_eq=np.concatenate([equal, np.zeros((len(equal), 1))], axis=1),
+        b_eq=np.concatenate([[1.0], hull.to]),
+        bounds=[(None, None)] * p + [(None, 1.0)],
+        method="highs-ds",
+        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    )
+    if found.x is None:
+        return None
+    g: Floats = found.x[:p] / found.x[:p].sum()
+    slack = (shape.rows @ g - shape.limits) / shape.size
+    return g if slack[free].min(initial=1.0) > _FLAT else None
+
+
+def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
+    """A point that satisfies every constraint with room to spare which some point of the region does: the
+    mean of exact vertices, one for each constraint that the mean so far has no room in."""
+    m = len(shape.rows)
+    corners: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]
+    flat = np.zeros(m, dtype=bool)
+    for i in range(m):
+        mean = (np.sum(corners, axis=0) / len(corners)).astype(np.float64)
+        if shape.rows[i] @ mean - shape.limits[i] > _FLAT * shape.size[i]:
+            continue
+        corner = minimise_exactly(-shape.rows[i], region).g
+        flat[i] = float(shape.rows[i] @ corner.astype(np.float64)) - shape.limits[i] <= _FLAT * shape.size[i]
+        if not flat[i]:
+            corners.append(corner)
+    mean = (np.sum(corners, axis=0) / len(corners)).astype(np.float64)
+    return mean, _Hull(flat, shape.rows[flat], shape.rows[flat] @ mean)
+
+
+def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
+    """Maximise the sum of log slacks of the rows that are not flat, along the affine hull."""
+    p = shape.rows.shape[1]
+    along = null_space(np.concatenate([np.ones((1, p)), hull.equal]), rcond=1e-12)
+    if along.shape[1] == 0:
+        return g
+    rows, limits = shape.rows[~hull.flat], shape.limits[~hull.flat]
+    moves = rows @ along
+    moving = np.abs(moves).max(axis=1) > 1e-13 * shape.size[~hull.flat]
+    rows, limits, moves = rows[moving], limits[moving], moves[moving]
+    last = np.inf
+    for _ in range(200):
+        slack = rows @ g - limits
+        # least squares on the scaled rows: the Newton step without squaring the condition number
+        scaled = moves / slack[:, None]
+        step = np.linalg.lstsq(scaled, np.ones(len(slack)))[0]
+        decrement = float(np.linalg.norm(scaled @ step))
+        if decrement < 1e-10 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding lets it
+            break
+        last = decrement
+        g = g + along @ step / (1.0 + decrement if decrement > 0.25 else 1.0)
+    return np.asarray(g / g.sum(), dtype=np.float64)

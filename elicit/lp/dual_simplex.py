@@ -1,0 +1,247 @@
+"""A small dual simplex over K_t, once in floats and once in exact integers.
+
+The region is K = {g : sum g = 1, g >= margin, rows g >= rhs} in gap space, p = k - 1 variables. The
+method starts at the vertex that is best over K_0 and lets in the most violated row until none is
+left (the dual simplex method; Lemke 1954). Floats only propose: whoever uses their result must
+prove it. The exact method starts from the basis that floats propose and pivots in integers over one
+common denominator (Edmonds 1967), which costs a fiftieth of the same steps in fractions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from fractions import Fraction
+from itertools import count
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.model.scale import Floats
+
+Numbers = NDArray[Any]  # float64, or object holding ints or Fractions
+_TOLERANCE = 1e-12
+_NUDGE = 1e-12  # how far floats follow the tie-break
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """K = {g >= margin, sum g = 1, rows g >= rhs}; ``owner`` (m,) names each row's origin: the number of
+    the answer it comes from, or -1 - i for prior inequality i."""
+
+    margin: float
+    rows: Floats
+    rhs: Floats
+    owner: NDArray[np.int64]
+
+    @property
+    def p(self) -> int:
+        """Number of gaps, k - 1."""
+        return int(self.rows.shape[1])
+
+    @property
+    def exact_margin(self) -> Fraction:
+        """The margin as a rational: the float's own value, but 1/p itself where the float is nearest to it
+        (which is the only way to ask for equal gaps)."""
+        return Fraction(1, self.p) if self.margin == 1.0 / self.p else Fraction(self.margin)
+
+    def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
+        """The same region with only some of its rows, and perhaps another margin."""
+        return Region(self.margin if margin is None else margin, self.rows[keep], self.rhs[keep], self.owner[keep])
+
+    def plus(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> Region:
+        """The same region cut by further rows."""
+        join = np.concatenate
+        return Region(self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner]))
+
+
+class End(Enum):
+    """How a run of the simplex ended."""
+
+    OPTIMAL = "a vertex that no constraint and no multiplier contradicts"
+    EMPTY = "no point satisfies the rows in `support`"
+    GAVE_UP = "too many steps in floating point: only the exact method can tell"
+
+
+@dataclass(frozen=True, eq=False)
+class Vertex:
+    """Least t.g over a region: ``value``, a minimiser g (p,), multipliers y (m,) >= 0 of the rows, and
+    ``basis``, the active constraints (j < p: g_j >= margin; p + i: row i). ``support``: where the
+    region is empty, rows that alone contradict each other and the order."""
+
+    end: End
+    value: Any
+    g: Numbers
+    y: Numbers
+    basis: tuple[int, ...]
+    support: tuple[int, ...] = ()
+
+
+def rounding(p: int, magnitude: Any) -> Any:
+    """A bound on the error of a float sum of p products whose absolute values total ``magnitude``
+    (Higham 2002, section 3.1, with room to spare), and of numbers that underflow."""
+    return (p + 8) * 2.0**-52 * magnitude + 2.0**-1000
+
+
+def minimise(t: Floats, region: Region) -> Vertex:
+    """Least t.g over the region, in floats: nearly right at best, and sometimes wrong."""
+    p, m = region.p, len(region.rows)
+    constraints, limits = _constraints(region)
+    scale = np.maximum(np.abs(constraints).max(axis=1), 2.0**-1000)
+    with np.errstate(all="ignore"):
+        goal = t + _NUDGE * np.abs(t).max() * _tie_break(p) if t.any() else _tie_break(p)
+        active, inverse = _order_vertex(int(np.argmin(goal)), p, 1.0)
+        for _ in range(50 + 10 * p):
+            g = inverse @ np.concatenate([[1.0], limits[active]])
+            relative = (constraints @ g - limits) / scale
+            entering = int(np.argmin(relative))
+            if not relative[entering] < -_TOLERANCE:
+                weights = np.zeros(p + m)
+                weights[active] = (t @ inverse)[1:]
+                return Vertex(End.OPTIMAL, t @ g, g, weights[p:], tuple(active))
+            w, y = constraints[entering] @ inverse, goal @ inverse
+            tolerance = _TOLERANCE * scale[entering]
+            ratios = [(max(y[i + 1], 0.0) / w[i + 1], c, i) for i, c in enumerate(active) if w[i + 1] > tolerance]
+            if not ratios:
+                return Vertex(End.EMPTY, 0.0, g, np.zeros(m), tuple(active))
+            leaving = min(ratios)[2]
+            pivot = inverse[:, leaving + 1] / w[leaving + 1]
+            inverse = inverse - np.outer(pivot, w)
+            inverse[:, leaving + 1] = pivot
+            active[leaving] = entering
+    return Vertex(End.GAVE_UP, 0.0, np.zeros(p), np.zeros(m), tuple(active))
+
+
+def minimise_exactly(t: Floats, region: Region) -> Vertex:
+    """Least t.g over the region in rationals, started from the basis that floats propose.
+
+    The result holds Fractions. An empty region gives End.EMPTY with its proof in ``support``.
+    """
+    p, m = region.p, len(region.rows)
+    goal, unit = _integers(t)
+    goals = np.stack([goal, _integers(_tie_break(p))[0]])
+    corner = _Corner.at(region, minimise(t, region).basis)
+    if corner is None or any((y, z) < (0, 0) for y, z in (goals @ corner.inverse)[:, 1:].T):
+        corner = _Corner(region, min(range(p), key=lambda j: tuple(goals[:, j])))
+    weights = np.full(m, Fraction(0))
+    for step in count():
+        by_index = step > 50 + 10 * p
+        entering = corner.violated(by_index)
+        if entering is None:
+            break
+        w, prices = corner.row(entering)[0] @ corner.inverse, goals[: 1 if by_index else 2] @ corner.inverse
+        active = corner.active
+        keys = {i: [*(prices[:, i + 1] * Fraction(1, w[i + 1])), c] for i, c in enumerate(active) if w[i + 1] > 0}
+        if not keys:  # row = sum of w_i * active_i with w_i <= 0: it can nowhere reach its limit
+            blamed = [c for i, c in enumerate(active) if w[i + 1] < 0] + [entering]
+            support = tuple(sorted(c - p for c in blamed if c >= p))
+            return Vertex(End.EMPTY, Fraction(0), np.full(p, Fraction(0)), weights, tuple(active), support)
+        corner.pivot(entering, min(keys, key=keys.__getitem__))
+    for c, weight in zip(corner.active, (goal @ corner.inverse)[1:], strict=True):
+        if c >= p:
+            weights[c - p] = Fraction(weight * corner.row(c)[2], corner.denominator * unit)
+    numerators, denominator = corner.point()
+    g: Numbers = np.array([Fraction(x, denominator) for x in numerators], dtype=object)
+    return Vertex(End.OPTIMAL, goal @ g / unit, g, weights, tuple(corner.active))
+
+
+class _Corner:
+    """A vertex of the constraints' arrangement: the active ones, and the inverse of their integer matrix
+    as integers ``inverse`` over ``denominator`` > 0. Limits are integers over the margin's denominator."""
+
+    def __init__(self, region: Region, best: int) -> None:
+        self.region = region
+        self.active, self.inverse = _order_vertex(best, region.p, 1)
+        self.denominator = 1
+        self._margin, self._unit = region.exact_margin.as_integer_ratio()
+        self._constraints, self._limits = _constraints(region)
+        self._rows: dict[int, tuple[Numbers, int, int]] = {}
+
+    @staticmethod
+    def at(region: Region, basis: tuple[int, ...]) -> _Corner | None:
+        """The corner with these active constraints; None where they are linearly dependent."""
+        p = region.p
+        gaps = {c for c in basis if c < p}
+        corner = _Corner(region, min(set(range(p)) - gaps))
+        for c in basis:
+            if c >= p:
+                w = corner.row(c)[0] @ corner.inverse
+                free = [i for i, old in enumerate(corner.active) if old < p and old not in gaps and w[i + 1] != 0]
+                if not free:
+                    return None
+                corner.pivot(c, free[0])
+        return corner
+
+    def row(self, c: int) -> tuple[Numbers, int, int]:
+        """Constraint c: integer coefficients (p,), its limit, and what the row was multiplied by."""
+        if c not in self._rows:
+            whole, unit = _integers([*self._constraints[c], self._limits[c] if c >= self.region.p else 0.0])
+            self._rows[c] = whole[:-1], whole[-1] * self._unit if c >= self.region.p else self._margin, unit
+        return self._rows[c]
+
+    def pivot(self, entering: int, leaving: int) -> None:
+        """Exchange the active constraint in place ``leaving`` for another; every division is exact."""
+        w = self.row(entering)[0] @ self.inverse
+        column, new = self.inverse[:, leaving + 1].copy(), int(w[leaving + 1])
+        self.inverse = (self.inverse * new - np.outer(column, w)) // self.denominator
+        self.inverse[:, leaving + 1] = column
+        self.denominator = new
+        if new < 0:
+            self.inverse, self.denominator = -self.inverse, -new
+        self.active[leaving] = entering
+
+    def point(self) -> tuple[Numbers, int]:
+        """g as integers (p,) over a common denominator."""
+        g = self.inverse @ np.array([self._unit, *(self.row(c)[1] for c in self.active)], dtype=object)
+        return g, self.denominator * self._unit
+
+    def violated(self, by_index: bool) -> int | None:
+        """A constraint that this corner misses: the worst, or the first, which cannot cycle (Bland 1977).
+        Floats sort out those that hold by more than any rounding."""
+        g, unit = self.point()
+        most = 10**300 * unit
+        point = np.array([min(max(x, -most), most) / unit for x in g])
+        with np.errstate(all="ignore"):
+            slack = self._constraints @ point - self._limits
+            magnitude = np.abs(self._constraints) @ np.abs(point) + np.abs(self._limits)
+            doubtful = np.flatnonzero(~(slack > rounding(len(g), magnitude)))
+            if not by_index:
+                size = np.maximum(np.abs(self._constraints[doubtful]).max(axis=1, initial=0.0), 2.0**-1000)
+                doubtful = doubtful[np.argsort(slack[doubtful] / size, kind="stable")]
+        for c in doubtful:
+            row, limit, _ = self.row(int(c))
+            if row @ g < limit * self.denominator:
+                return int(c)
+        return None
+
+
+def _constraints(region: Region) -> tuple[Floats, Floats]:
+    """All constraints (p + m, p) and their limits (p + m,), the order's first."""
+    limits = np.concatenate([np.full(region.p, region.margin), region.rhs])
+    return np.concatenate([np.eye(region.p), region.rows]), limits
+
+
+def _tie_break(p: int) -> Floats:
+    """A second objective (p,), which decides where the first is indifferent: without it, differences with
+    many equal tail sums stall the method (Charnes 1952)."""
+    return np.asarray((np.arange(1, p + 1) * 40503 % 65536) / 65536.0)
+
+
+def _order_vertex(best: int, p: int, one: Any) -> tuple[list[int], Numbers]:
+    """The vertex of K_0 whose gap ``best`` is the large one: its active constraints, and the inverse of
+    their matrix (rows: sum g = 1, then g_j = margin for each other j), in the type of ``one``."""
+    active = [j for j in range(p) if j != best]
+    inverse: Numbers = np.full((p, p), 0 * one, dtype=object if isinstance(one, int) else np.float64)
+    inverse[best, 0] = one
+    for i, j in enumerate(active):
+        inverse[j, i + 1], inverse[best, i + 1] = one, -one
+    return active, inverse
+
+
+def _integers(numbers: Floats | Sequence[float]) -> tuple[Numbers, int]:
+    """Finite floats as integers over one common power of two."""
+    ratios = [float(x).as_integer_ratio() for x in numbers]
+    unit = max(d for _, d in ratios)
+    return np.array([n * (unit // d) for n, d in ratios], dtype=object), unit

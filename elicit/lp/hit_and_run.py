@@ -1,0 +1,65 @@
+"""Scales drawn from K_t, about uniformly: hit-and-run (Smith 1984), many chains at once.
+
+Proofs about K_t need no draws. Questions do: which of them divides what is plausible most evenly, say. For that,
+chains that start at the middle of K_t and take their directions from Dikin's ellipsoid there (Kannan and Narayanan
+2012), which has about the shape of K_t, are near enough to uniform after a few dozen steps.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from elicit._support.hashing import name_code
+from elicit.lp.dual_simplex import Region
+from elicit.model.scale import Floats
+
+CHAINS, STEPS = 256, 60
+_KEY = name_code("draws of scales")
+
+
+class Draws(NamedTuple):
+    """Weighted draws of gaps (p, m), their weights (m,), which total 1, and of the precision (m,), in logits per unit
+    of d.e; infinite where the tutor is taken never to err."""
+
+    gaps: Floats
+    weights: Floats
+    precision: Floats
+
+
+def draws_within(region: Region, inside: Floats, chains: int = CHAINS, steps: int = STEPS) -> Draws:
+    """Draws from a region, one a chain, for a point ``inside`` (p,) strictly inside it; that point alone where the
+    region is too flat for the chains to move. A function of its arguments alone."""
+    p = region.p
+    weights, never = np.full(chains, 1.0 / chains), np.full(chains, np.inf)
+    g = np.repeat(inside[:, None], chains, axis=1)
+    if p == 1:
+        return Draws(g, weights, never)
+    rng = np.random.Generator(np.random.Philox(_KEY))
+    rows = np.concatenate([np.eye(p), region.rows])
+    limits = np.concatenate([np.full(p, region.margin), region.rhs])
+    shape = _ellipsoid(rows, limits, inside)
+    slack = rows @ g - limits[:, None]
+    for _ in range(steps):
+        way = shape @ rng.standard_normal((p - 1, chains))
+        rate = rows @ way
+        with np.errstate(all="ignore"):
+            reach = -slack / rate  # where each constraint is met
+        up = np.where(rate < 0, reach, np.inf).min(axis=0)
+        down = np.where(rate > 0, reach, -np.inf).max(axis=0)
+        moves = np.isfinite(up) & np.isfinite(down) & (up > down)
+        length = np.where(moves, down + (up - down) * rng.random(chains), 0.0)
+        g, slack = g + length * way, np.maximum(slack + length * rate, 0.0)
+    return Draws(g / g.sum(axis=0), weights, never)
+
+
+def _ellipsoid(rows: Floats, limits: Floats, inside: Floats) -> Floats:
+    """A matrix (p, p - 1) that turns standard normals into directions along sum g = 1 with the covariance of the
+    Dikin ellipsoid at ``inside``, up to a factor."""
+    p = len(inside)
+    slack = np.maximum(rows @ inside - limits, 1e-300)
+    along = np.linalg.qr(np.concatenate([np.ones((p, 1)), np.eye(p)[:, 1:]], axis=1))[0][:, 1:]
+    scaled = rows @ along / slack[:, None]
+    _, size, axes = np.linalg.svd(scaled, full_matrices=False)
+    return np.asarray(along @ (axes.T / np.maximum(size, 1e-12 * size.max())))

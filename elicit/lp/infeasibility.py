@@ -1,0 +1,66 @@
+"""Contradictory answers: whether a region is empty, and a smallest set of answers that makes it so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from elicit.lp.dual_simplex import End, Region, Vertex, minimise_exactly
+from elicit.model.query import Answers, InconsistentAnswers
+
+
+def is_empty(region: Region) -> Vertex | None:
+    """None where some scale satisfies every row, else the exact proof that none does."""
+    vertex = minimise_exactly(np.zeros(region.p), region)
+    return vertex if vertex.end is End.EMPTY else None
+
+
+def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
+    """Owners of an irreducible contradictory set of rows, beside the order and the prior: the proof's
+    support, from which every answer is dropped that the contradiction does not need (Chinneck and
+    Dravnieks 1991). Rows of the prior (owner < 0) always stay."""
+    owners = sorted({int(region.owner[i]) for i in proof.support if region.owner[i] >= 0})
+    for owner in list(owners):
+        rest = [o for o in owners if o != owner]
+        keep = np.isin(region.owner, rest) | (region.owner < 0)
+        if is_empty(region.take(keep)) is not None:
+            owners = rest
+    return owners
+
+
+class Contradiction(InconsistentAnswers):
+    """The answers leave the region empty. The minimal set is found when it is first looked at: a learner that
+    drops the latest answer needs only to know that there is a contradiction."""
+
+    def __init__(self, region: Region, proof: Vertex, answers: Answers) -> None:
+        ValueError.__init__(self)
+        self._found: tuple[Region, Vertex, Answers] | str = (region, proof, answers)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("answers", "margin"):
+            raise AttributeError(name)
+        str(self)
+        return self.__dict__[name]
+
+    def __str__(self) -> str:
+        if not isinstance(self._found, str):
+            region, proof, answers = self._found
+            owners = minimal_conflict(region, proof)
+            keep = np.isin(region.owner, owners) | (region.owner < 0)
+            self.answers = tuple((row, answers.ids[row]) for row in owners)
+            self.margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
+            listed = ", ".join(f"row {row} (id {name})" for row, name in self.answers)
+            self._found = (
+                f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
+                "correct one of them."
+                if len(owners) > 1
+                else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, or the "
+                "prior. Drop or correct it."
+            )
+            if self.margin:
+                self._found += (
+                    f" With a margin of 0 they would be consistent: the margin {region.margin:g} is above the least "
+                    "gap they allow."
+                )
+        return self._found

@@ -1,0 +1,208 @@
+"""From corner to corner of K_t: the primal simplex method in floats, whose results are proofs or nothing.
+
+Compiled where numba is installed. The corners' inverses are brought up to date pivot by pivot; what a walk finds is
+certain all the same: a point counts only if it is inside K_t by more than any rounding, and multipliers only through
+a bound that holds for any multipliers.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from elicit._support.jit import compiled
+from elicit.lp.vertices import (
+    CERTAIN_POINT,
+    CORNER,
+    DOUBTFUL_CORNER,
+    EPS,
+    SLOT,
+    TINY,
+    USED,
+    Known,
+    blocking,
+    corner_of,
+    doubt_at,
+    doubt_of,
+    inverse_of,
+    multipliers,
+    pivot,
+    rates_of,
+    slacks_of,
+)
+
+
+@compiled
+def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
+    """1 where s.g > target on K_t is proven, -1 where a point of K_t shows s.g < 0, else 0.
+
+    Goes from corner ``start`` along edges that lessen s.g (the steepest; Harris's ratio test), and keeps the
+    corner where it ends. ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack: then -1 says
+    that some corner seems to have s.g < target, no corner is kept, and nothing is proven by it.
+    """
+    p, m = len(s), len(known.limits)
+    inverse, active = known.inverses[start : start + 1].copy(), known.active[start : start + 1].copy()
+    is_active = np.zeros(p + m, dtype=np.bool_)
+    for i in range(len(out)):
+        is_active[p + i] = out[i]  # never met
+    for i in range(p - 1):
+        is_active[active[0, i]] = True
+    y, rest, g = np.empty(p), np.empty(p), np.empty(p)
+    slack, rate = np.empty(p + m), np.empty(p + m)
+    corner_of(inverse[0], active[0], known, g)
+    slacks_of(g, known, slack)
+    tried = False
+    for step in range(50 + 10 * p):
+        value = 0.0
+        for j in range(p):
+            value += s[j] * g[j]
+        leaving = multipliers(s, inverse, 0, y)
+        if value < target - 1e-11 and (leaving < 0 or not tried):
+            if len(out) > 0:
+                return -1
+            tried = True
+            if keep(s, g, slack, inverse[0], active[0], known.age[start] + step, known):
+                return -1
+        if leaving < 0:
+            rest[:] = s
+            proven = bound_of(rest, y, active, 0, known.margin, known.cuts, known.limits) > target
+            if proven and len(out) == 0 and step > 0:
+                keep(s, g, slack, inverse[0], active[0], known.age[start] + step, known)
+            return 1 if proven else 0
+        rates_of(inverse[0], leaving + 1, known, rate)
+        entering = blocking(slack, rate, is_active)
+        if entering < 0:
+            return 0
+        length = max(slack[entering], 0.0) / -rate[entering]
+        for j in range(p):
+            g[j] += length * inverse[0, j, leaving + 1]
+        for c in range(p + m):
+            slack[c] += length * rate[c]
+        is_active[active[0, leaving]] = False
+        is_active[entering] = True
+        active[0, leaving] = entering
+        pivot(inverse[0], leaving + 1, entering, known)
+    return 0
+
+
+@compiled
+def redundant(known: Known) -> Any:
+    """Marks rows (m,) of K_t that follow from the rest, the latest first."""
+    p, m = known.cuts.shape
+    out = np.zeros(m, dtype=np.bool_)
+    for i in range(m - 1, -1, -1):
+        out[i] = True
+        row = known.cuts[:, i].copy()
+        best, least = -1, math.inf
+        for q in range(known.counts[USED]):
+            at, usable = 0.0, known.kind[q] != CERTAIN_POINT
+            for j in range(p):
+                at += row[j] * known.points[j, q]
+            for j in range(p - 1):
+                usable = usable and (known.active[q, j] < p or not out[known.active[q, j] - p])
+            if usable and at < least:
+                best, least = q, at
+        out[i] = best >= 0 and walk(row, best, known, out, known.limits[i]) > 0
+    return out
+
+
+@compiled
+def bound_of(rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, limits: Any) -> float:
+    """A lower bound on s.g over K_t for any multipliers y (1 + p-1,) of corner q's active constraints, negative ones
+    set to zero: the closed form over K_0 of s - rows'y, plus y.limits, less every rounding. Rows are at most 1,
+    their limits at most 2. Of the order's constraints the closed form knows the best multipliers itself.
+    ``rest`` holds s, and is overwritten."""
+    p = len(rest)
+    size, gained, weight = 0.0, 0.0, 0.0
+    for j in range(p):
+        size = max(size, abs(rest[j]))
+    for i in range(p - 1):
+        if active[q, i] >= p and y[i + 1] > 0.0:
+            row = active[q, i] - p
+            weight += y[i + 1]
+            gained += y[i + 1] * limits[row]
+            for j in range(p):
+                rest[j] -= y[i + 1] * cuts[j, row]
+    total, least = 0.0, rest[0]
+    for j in range(p):
+        total += rest[j]
+        least = min(least, rest[j])
+    bound: float = margin * total + (1.0 - p * margin) * least + gained
+    if not math.isfinite(bound):
+        return -math.inf
+    return bound - (2 * p + 8) * EPS * (4.0 * size + 6.0 * weight) - TINY
+
+
+@compiled
+def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known: Known) -> bool:
+    """Keep a corner and a point beside it that is certainly in K_t; says whether s < 0 is certain there."""
+    p = len(g)
+    point = np.empty(p)
+    certain = pulled_inside(g, slack, known, point)
+    if age > 40:
+        if not inverse_of(active, known, inverse):
+            return False
+        age = 0
+    q = next_slot(known)
+    value, size = 0.0, 0.0
+    for j in range(p):
+        known.points[j, q] = point[j] if certain else g[j]
+        value += s[j] * known.points[j, q]
+        size = max(size, abs(s[j]))
+    known.inverses[q] = inverse
+    known.active[q] = active
+    known.kind[q] = CORNER if certain else DOUBTFUL_CORNER
+    known.age[q] = age
+    return certain and value < -doubt_at(p, size)
+
+
+@compiled
+def pulled_inside(g: Any, slack: Any, known: Known, point: Any) -> bool:
+    """The nearest mixture of g and the known inner point that is certainly inside K_t, if floats find one."""
+    p, m = len(g), len(known.limits)
+    least = 1e-11 * known.margin + 1e-300
+    share = 0.0
+    for c in range(p + m):
+        doubt = least if c < p else doubt_of(known.limits[c - p], p)
+        if not slack[c] > doubt:
+            if not known.room[c] > 4.0 * doubt:
+                return False
+            share = max(share, (2.0 * doubt - slack[c]) / (known.room[c] - slack[c]))
+    at = np.empty(p + m)
+    for more in (1.0, 2.0, 10.0):
+        mixed = share * more
+        if not mixed < 1.0:
+            return False
+        total = 0.0
+        for j in range(p):
+            point[j] = (1.0 - mixed) * g[j] + mixed * known.inside[j]
+            total += point[j]
+        for j in range(p):
+            point[j] /= total
+        if abs(total - 1.0) < 1e-9 and surely_inside(point, known, at):
+            return True
+    return False
+
+
+@compiled
+def surely_inside(point: Any, known: Known, slack: Any) -> bool:
+    """Whether a point of total 1 satisfies every constraint by more than any rounding; by how much goes into
+    ``slack`` (p + m,)."""
+    p = len(point)
+    slacks_of(point, known, slack)
+    for c in range(len(slack)):
+        if not slack[c] > (1e-11 * known.margin + 1e-300 if c < p else doubt_of(known.limits[c - p], p)):
+            return False
+    return True
+
+
+@compiled
+def next_slot(known: Known) -> int:
+    """The place of the next corner: the oldest makes room."""
+    q: int = known.counts[SLOT]
+    known.kind[q] = DOUBTFUL_CORNER  # until it is complete: an interruption must not leave a false point
+    known.counts[SLOT] = (q + 1) % len(known.kind)
+    known.counts[USED] = max(known.counts[USED], q + 1)
+    return q

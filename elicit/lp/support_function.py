@@ -1,0 +1,71 @@
+"""The greatest t.g over K_t, proven, for many t at once: the support function of K_t, in code that numba can compile.
+
+Each maximum starts at the best corner known and walks on from there (``walk``); what is handed back is no corner's
+value but the bound that its multipliers prove, rounding included.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from elicit._support.jit import compiled
+from elicit.lp.dual_simplex import rounding
+from elicit.lp.primal_simplex import bound_of, walk
+from elicit.lp.sign import to_unit
+from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known, multipliers
+from elicit.model.scale import Floats, order_bounds, tail_sums
+
+
+def greatest(d: Floats, known: Known) -> Floats:
+    """Upper bounds (n,) on d.e over K_t for valid differences d (n, k), tight but for rounding; of a set too flat
+    for floats to have corners, those that the order of the levels gives."""
+    t = tail_sums(d)
+    high: Floats = order_bounds(t, known.margin)[1]
+    high = high + rounding(t.shape[1] + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
+    with np.errstate(all="ignore"):
+        greatest_all(np.ascontiguousarray(t), known, high)
+    return high
+
+
+@compiled
+def greatest_all(t: Any, known: Known, high: Any) -> None:
+    """Lower each upper bound (n,) on t.g, t (n, p), to what multipliers at the best corner found prove."""
+    n, p = t.shape
+    s, rest, y = np.empty(p), np.empty(p), np.empty(p)
+    nothing = np.zeros(0, dtype=np.bool_)
+    for i in range(n):
+        for j in range(p):
+            s[j] = -t[i, j]
+        size = to_unit(s)
+        if size == 0.0 or not math.isfinite(size):
+            continue
+        largest = 0.0
+        for j in range(p):
+            largest = max(largest, abs(t[i, j]))
+        start, least = -1, math.inf
+        for q in range(known.counts[USED]):
+            if known.kind[q] == CERTAIN_POINT:
+                continue
+            at = 0.0
+            for j in range(p):
+                at += known.points[j, q] * s[j]
+            if at < least:
+                start, least = q, at
+        if start < 0:
+            continue
+        before = known.counts[SLOT]
+        walk(s, start, known, nothing, -math.inf)
+        found = -math.inf
+        for q in (start, before):  # the walk has put its last corner, if it moved at all, into the next slot
+            if q == before and known.counts[SLOT] == before:
+                continue
+            if known.kind[q] == CERTAIN_POINT:
+                continue
+            multipliers(s, known.inverses, q, y)
+            rest[:] = s
+            found = max(found, bound_of(rest, y, known.active, q, known.margin, known.cuts, known.limits))
+        if found > -math.inf:
+            high[i] = min(high[i], -found * (largest / size) + 4e-16 * abs(found) * (largest / size))

@@ -1,0 +1,143 @@
+"""Answers in a CSV file, as columns of numbers: what ``Answers.from_csv`` reads and ``Answers.to_csv`` writes."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Literal, NamedTuple, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.model.scale import Floats
+
+WORDS = {"left": 1, "better": 1, "right": -1, "worse": -1, "equal": 0}
+NO_ANSWER = ("", "cannot tell", "none", "null")
+_LEVEL = re.compile(r"(left|right|d)_([0-9]+)")
+
+File = str | os.PathLike[str] | TextIO
+
+
+class Table(NamedTuple):
+    """d (n, k), y (n,), an id a row, and how many rows held no answer."""
+
+    d: Floats
+    y: NDArray[np.int8]
+    ids: tuple[str, ...]
+    skipped: int
+
+
+def read_csv(file: File, k: int | None = None) -> Table:
+    """The answers in a CSV file; see ``Answers.from_csv``."""
+    with _opened(file, "r") as (text, name):
+        rows = csv.reader(_without_mark(text), strict=True)
+        try:
+            header = next(((rows.line_num, cells) for cells in rows if any(map(str.strip, cells))), None)
+            if header is None:
+                raise ValueError(f"{name} is empty: its first line must name the columns")
+            names = [cell.strip().lower() for cell in header[1]]
+            levels = _level_columns(names, k, f"line {header[0]} of {name}")
+            told: list[tuple[list[float], int, str]] = []
+            skipped = 0
+            for cells in rows:
+                where = f"line {rows.line_num} of {name}"
+                if not any(map(str.strip, cells)):
+                    continue
+                if len(cells) != len(names):
+                    raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(names)} columns")
+                verdict = _verdict(cells[names.index("answer")], where)
+                if verdict is None:
+                    skipped += 1
+                    continue
+                numbers = [[_number(cells[i], names[i], where) for i in columns] for columns in levels]
+                d = numbers[0] if len(numbers) == 1 else [a - b for a, b in zip(*numbers, strict=True)]
+                told.append((d, verdict, cells[names.index("id")] if "id" in names else f"line {rows.line_num}"))
+        except csv.Error as error:
+            raise ValueError(f"line {rows.line_num} of {name} is no CSV: {error}") from None
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{name} is not in UTF-8 ({error}): save it as such") from None
+    d_rows = np.array([row[0] for row in told], dtype=np.float64).reshape(len(told), len(levels[0]))
+    y = np.array([row[1] for row in told], dtype=np.int8)
+    return Table(d_rows, y, tuple(row[2] for row in told), skipped)
+
+
+def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) -> None:
+    """The columns id, d_1, ..., d_k, answer. Python writes floats so that they read back to the last bit."""
+    with _opened(file, "w") as (text, _):
+        rows = csv.writer(text)
+        rows.writerow(["id", *(f"d_{i + 1}" for i in range(d.shape[1])), "answer"])
+        rows.writerows(
+            [name, *map(repr, row), sign] for name, row, sign in zip(ids, d.tolist(), y.tolist(), strict=True)
+        )
+
+
+def _level_columns(names: list[str], k: int | None, where: str) -> list[list[int]]:
+    """The places of d_1, ..., d_k, or those of left_1, ..., left_k and those of right_1, ..., right_k."""
+    if twice := sorted({name for name in names if name and names.count(name) > 1}):
+        raise ValueError(f"{where} names the column {twice[0]!r} twice")
+    found = [(name, match[1], int(match[2])) for name in names if (match := _LEVEL.fullmatch(name))]
+    kinds = {kind for _, kind, _ in found}
+    if not kinds or ("d" in kinds and len(kinds) > 1) or "answer" not in names:
+        raise ValueError(
+            f"{where} must name the columns left_1, ..., left_k, right_1, ..., right_k, answer, or else d_1, ..., d_k, "
+            f"answer, separated by commas; it names {', '.join(names)}"
+        )
+    for name, kind, level in found:
+        if level == 0 or name != f"{kind}_{level}":
+            raise ValueError(f"{where} names the column {name!r}: levels are counted 1, 2, ..., the worst being 1")
+    most = max(level for _, _, level in found)
+    if k not in (None, most):
+        raise ValueError(f"{where} has columns for {most} levels, not k = {k}")
+    sides = ("d",) if "d" in kinds else ("left", "right")
+    for name in (f"{side}_{level}" for side in sides for level in range(1, max(most, 2) + 1)):
+        if name not in names:
+            raise ValueError(f"{where} lacks the column {name!r}; it names {', '.join(names)}")
+    return [[names.index(f"{side}_{level}") for level in range(1, most + 1)] for side in sides]
+
+
+def _verdict(cell: str, where: str) -> int | None:
+    word = cell.strip().lower()
+    if word in NO_ANSWER:
+        return None
+    if word in WORDS:
+        return WORDS[word]
+    try:
+        number = float(word)  # a column of whole numbers with holes is often written as 1.0
+    except ValueError:
+        number = math.nan
+    if number not in (-1, 0, 1):
+        raise ValueError(
+            f"{where}, column 'answer': {cell!r} is none of -1, 0, 1, {', '.join(WORDS)}; where the tutor could not "
+            'tell, leave it empty or say "cannot tell"'
+        )
+    return int(number)
+
+
+def _number(cell: str, column: str, where: str) -> float:
+    try:
+        number = float(cell)
+    except ValueError:
+        raise ValueError(f"{where}, column {column!r}: {cell!r} is no number") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{where}, column {column!r}: {cell!r} is not finite")
+    return number
+
+
+@contextmanager
+def _opened(file: File, mode: Literal["r", "w"]) -> Iterator[tuple[TextIO, str]]:
+    """The file as text, and a name for it; one given open stays open."""
+    if isinstance(file, (str, os.PathLike)):
+        with open(file, mode, encoding="utf-8", newline="") as text:
+            yield text, os.fspath(file)
+    else:
+        yield file, str(getattr(file, "name", "the file"))
+
+
+def _without_mark(lines: TextIO) -> Iterator[str]:
+    """Lines without the byte order mark that spreadsheets put at the beginning."""
+    for number, line in enumerate(lines):
+        yield line.removeprefix("\ufeff") if number == 0 else line

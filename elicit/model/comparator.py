@@ -1,0 +1,184 @@
+"""The Comparator protocol, the one table from signs to verdicts, and the two comparators that learn nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit._support.validation import is_whole
+from elicit.model.query import Answers, Verdict
+from elicit.model.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
+
+Verdicts = NDArray[np.int8]
+
+
+class Tier(IntEnum):
+    """Who settled a comparison."""
+
+    EQUAL = 0  # the vectors are the same
+    DOMINANCE = 1  # eq. (4): true for every scale
+    SCREEN = 2  # a cheap proof from the answers
+    SIMPLEX = 3  # the linear programs over K_t, from one known vertex to the next
+    LP = 4  # the linear programs over K_t, solved by Clarabel
+    EXACT = 5  # the linear programs over K_t in rational arithmetic: the optimum is 0, or nearly
+    MODEL = 6  # a statistical model
+    KNOWN = 7  # this very pair was answered before
+    INDIFFERENT = 8  # both signs possible, but too close to matter
+    GUESS = 9  # the question budget is spent, or the question put off: the sign at the comparator's best scale
+    TUTOR = 10  # asked
+
+
+BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
+"""The tiers that rest on the tutor's answers."""
+
+
+@runtime_checkable
+class Comparator(Protocol):
+    """What is known of the scale so far. A frozen value: ``update`` returns a new one.
+
+    A comparator may also have ``simultaneous_bounds(d)``, from which learners take what they guarantee (see the
+    function of that name), and ``draws``, weighted plausible scales, by which they choose questions. Where it has a
+    ``level`` too, the draws are what its bounds rest on, and a guarantee holds under so much of their weight.
+    """
+
+    @property
+    def k(self) -> int:
+        """Number of levels."""
+
+    @property
+    def values(self) -> Floats:
+        """(k,) best single guess at the scale, from 0 to 1."""
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) int8 on differences d (n, k)."""
+
+    def update(self, answers: Answers) -> Comparator:
+        """A comparator that also knows these answers; this one still answers as before."""
+
+
+class Decisions(NamedTuple):
+    """Verdicts (n,) int8 and the tier (n,) int8 that decided each (meaningless where UNKNOWN)."""
+
+    verdicts: Verdicts
+    tiers: NDArray[np.int8]
+
+
+def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
+    """``comparator.compare(d)`` with the tiers; a comparator may have a ``decide(d)`` that knows
+    them, for any other what is not equal or dominated counts as MODEL."""
+    own = getattr(comparator, "decide", None)
+    if own is not None:
+        result: Decisions = own(d)
+        return result
+    verdicts = np.asarray(comparator.compare(d), dtype=np.int8)
+    plain = dominance(tail_sums(as_vectors(d, comparator.k)))
+    return Decisions(verdicts, dominance_tiers(plain, Tier.MODEL))
+
+
+def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
+    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do.
+
+    The one thing that a guarantee on a policy needs of a comparator beyond the protocol: its method of this name, from
+    a set of scales that holds the true one with that confidence (1: for certain, if the answers are right; nan: none
+    can be stated). Of a comparator without it, what holds for every ordered scale.
+    """
+    own = getattr(comparator, "simultaneous_bounds", None)
+    if own is not None:
+        result: tuple[Floats, float] = own(d)
+        return result
+    return order_bounds(tail_sums(as_vectors(d, comparator.k)), 0.0)[1], 1.0
+
+
+def dominance_tiers(codes: Verdicts, otherwise: Tier) -> NDArray[np.int8]:
+    """EQUAL or DOMINANCE where ``scale.dominance`` decided, else the given tier."""
+    by_code = np.array([Tier.EQUAL, Tier.DOMINANCE, otherwise, Tier.DOMINANCE], dtype=np.int8)
+    return by_code[codes]  # -1, worse, is the last
+
+
+def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -> Verdicts:
+    """The only table from the signs of the least and the greatest plausible d.e to a verdict."""
+    out = np.full(np.shape(least), Verdict.UNKNOWN, dtype=np.int8)
+    out[(least >= 0) & (greatest > 0)] = Verdict.BETTER
+    out[(greatest <= 0) & (least < 0)] = Verdict.WORSE
+    out[(least == 0) & (greatest == 0)] = Verdict.EQUAL
+    return out
+
+
+def check_levels(k: int) -> int:
+    """k as an int, at least 2; raises ValueError."""
+    if not is_whole(k, 2):
+        raise ValueError(f"k, the number of levels, must be a whole number of at least 2, not {k!r}")
+    return int(k)
+
+
+def check_comparator_made(comparator: Comparator) -> None:
+    """Raise TypeError for anything but a comparator, such as the class of one."""
+    if isinstance(comparator, type) or not callable(getattr(comparator, "compare", None)):
+        raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}")
+
+
+def check_answers(answers: Answers, k: int) -> Answers:
+    """Raise TypeError for anything but Answers, and ValueError where they are not about k levels."""
+    if not isinstance(answers, Answers):
+        raise TypeError(f"update takes Answers, not {answers!r}: Answers.of(list_of_answers, k) makes them")
+    if answers.k != k:
+        raise ValueError(f"these answers are about {answers.k} levels, but this comparator has k = {k}")
+    return answers
+
+
+@dataclass(frozen=True)
+class _Unlearning:
+    """Only the order of the levels is known, and no answer changes that."""
+
+    k: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "k", check_levels(self.k))
+
+    @property
+    def values(self) -> Floats:
+        """(k,) the centre of K_0: equal gaps."""
+        return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """Least and greatest d.e (n,) over every ordered scale."""
+        return order_bounds(tail_sums(as_vectors(d, self.k)), 0.0)
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e over every ordered scale, and their confidence, 1."""
+        return self.bounds(d)[1], 1.0
+
+
+class Dominance(_Unlearning):
+    """Eq. (4) alone: decides what holds for every scale, and needs no answers."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) by first-order stochastic dominance."""
+        return dominance(tail_sums(as_vectors(d, self.k)))
+
+    def update(self, answers: Answers) -> Dominance:
+        """Itself: answers teach it nothing."""
+        check_answers(answers, self.k)
+        return self
+
+
+class AlwaysAsk(_Unlearning):
+    """UNKNOWN for every difference but 0. With a truthful tutor it is the oracle baseline."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """EQUAL where the tail sums are all zero, else UNKNOWN (n,)."""
+        t = tail_sums(as_vectors(d, self.k))
+        out: Verdicts = np.where((t == 0).all(axis=1), Verdict.EQUAL, Verdict.UNKNOWN).astype(np.int8)
+        return out
+
+    def update(self, answers: Answers) -> AlwaysAsk:
+        """Itself: answers teach it nothing."""
+        check_answers(answers, self.k)
+        return self

@@ -1,0 +1,259 @@
+"""What passes between learner, tutor and comparator: Verdict, Query, Answer, Answers, and errors."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit.model.scale import Floats, as_vectors
+
+if TYPE_CHECKING:
+    from elicit.model.answers_csv import File
+
+
+class Verdict(IntEnum):
+    """How a left vector compares with a right one."""
+
+    WORSE = -1
+    EQUAL = 0
+    BETTER = 1
+    UNKNOWN = 2
+
+    @property
+    def flipped(self) -> Verdict:
+        """The same statement with left and right exchanged."""
+        return self if self is Verdict.UNKNOWN else Verdict(-self)
+
+
+class StaleAnswer(ValueError):
+    """The caller's fault: there is no such pending query (answered already, or of another run)."""
+
+
+class InconsistentAnswers(ValueError):
+    """No scale satisfies the answers.
+
+    ``answers`` is a minimal contradictory set as (row, id) pairs: drop any one of them and the rest
+    are consistent. ``margin`` says whether the margin eta is a culprit, that is, whether these
+    answers would be consistent with a margin of zero.
+    """
+
+    def __init__(self, message: str, answers: Sequence[tuple[int, str]], margin: bool) -> None:
+        super().__init__(message)
+        self.answers = tuple(answers)
+        self.margin = margin
+
+    def __reduce__(self) -> tuple[type[InconsistentAnswers], tuple[str, tuple[tuple[int, str], ...], bool]]:
+        return InconsistentAnswers, (str(self), self.answers, self.margin)
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """Which of two share vectors is better? ``left`` and ``right`` (k,); ``about`` is for people only."""
+
+    id: str
+    left: Floats
+    right: Floats
+    about: str = ""
+
+    def __post_init__(self) -> None:
+        left, right = np.asarray(self.left, float), np.asarray(self.right, float)
+        if left.ndim != 1 or left.shape != right.shape:
+            raise ValueError(f"a query compares two vectors of shape (k,), not {left.shape} with {right.shape}")
+        pair = as_vectors(np.stack([left, right]), name="a query's vectors")
+        pair.flags.writeable = False
+        object.__setattr__(self, "left", pair[0])
+        object.__setattr__(self, "right", pair[1])
+
+    @property
+    def d(self) -> Floats:
+        """left - right (k,)."""
+        return self.left - self.right
+
+    @staticmethod
+    def make(fingerprint: str, number: int, left: Floats, right: Floats, about: str = "") -> Query:
+        """A query whose id is a hash of the problem, its running number and the two vectors."""
+        digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
+        digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
+        digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
+        return Query(digest.hexdigest(), left, right, about)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A tutor's answer, in terms of ``query.left``; None means "cannot tell". ``swapped`` records
+    that the pair was shown right to left (``verdict`` is already turned back)."""
+
+    query: Query
+    verdict: Verdict | None
+    swapped: bool = False
+
+    def __post_init__(self) -> None:
+        if self.verdict is None:
+            return
+        if self.verdict == Verdict.UNKNOWN:
+            raise ValueError("an answer cannot be UNKNOWN: use None where the tutor cannot tell")
+        object.__setattr__(self, "verdict", Verdict(self.verdict))
+
+
+@dataclass
+class _Room:
+    """Arrays longer than the answers in them."""
+
+    d: Floats
+    y: NDArray[np.int8]
+    used: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row."""
+
+    d: Floats
+    y: NDArray[np.int8]
+    ids: tuple[str, ...] = field(default=())
+
+    def __init__(self, d: ArrayLike, y: ArrayLike, ids: Sequence[str] | None = None) -> None:
+        rows = as_vectors(d).copy() if np.size(d) else np.array(d, dtype=np.float64)
+        if rows.ndim != 2:
+            raise ValueError(f"no answers still need a shape: give d of shape (0, k), not {rows.shape}")
+        signs = np.atleast_1d(np.asarray(y))
+        if signs.shape != (len(rows),):
+            raise ValueError(f"y must have one entry a row of d: {len(rows)} rows, but y has shape {signs.shape}")
+        bad = ~np.isin(signs, (-1, 0, 1))
+        if bad.any():
+            raise ValueError(f"y must be -1, 0 or +1, but row {int(np.argmax(bad))} is {signs[np.argmax(bad)]}")
+        names = tuple(str(i) for i in (ids if ids is not None else range(len(rows))))
+        if len(names) != len(rows):
+            raise ValueError(f"ids must have one entry a row of d: {len(rows)} rows, {len(names)} ids")
+        self._keep(rows, signs.astype(np.int8), names)
+
+    def _keep(self, d: Floats, y: NDArray[np.int8], ids: tuple[str, ...]) -> Answers:
+        """Hold valid parts as they are."""
+        d.flags.writeable = y.flags.writeable = False
+        object.__setattr__(self, "d", d)
+        object.__setattr__(self, "y", y)
+        object.__setattr__(self, "ids", ids)
+        return self
+
+    @staticmethod
+    def none(k: int) -> Answers:
+        """No answers yet, over k levels."""
+        return Answers(np.empty((0, k)), np.empty(0, dtype=np.int8))
+
+    @staticmethod
+    def of(answers: Sequence[Answer], k: int) -> Answers:
+        """The decided ones of a list of answers; "cannot tell" teaches a comparator nothing."""
+        told = [a for a in answers if a.verdict is not None]
+        if not told:
+            return Answers.none(k)
+        for answer in told:
+            if len(answer.query.left) != k:
+                found = len(answer.query.left)
+                raise ValueError(f"query {answer.query.id} is about {found} levels, but the answers are about {k}")
+        d = as_vectors(np.array([a.query.d for a in told]))
+        y = np.array([a.verdict for a in told], dtype=np.int8)  # an Answer's verdict is one of these
+        return object.__new__(Answers)._keep(d, y, tuple(a.query.id for a in told))
+
+    @staticmethod
+    def from_csv(file: File, k: int | None = None) -> Answers:
+        """The answers in a CSV file (a path, or text opened with ``newline=""``), in its order.
+
+        The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k (left - right), answer,
+        in any order and case, and perhaps id; without it an id is "line 7". Other columns and blank lines are passed
+        over. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left. As with ``of``, rows
+        without an answer (empty, none, null, "cannot tell") are left out; ``csv_answers.read_csv`` counts them.
+
+        Raises ValueError that names the line and the column, also where there are not k levels; OSError.
+        """
+        from elicit.model.answers_csv import read_csv
+
+        return Answers(*read_csv(file, k)[:3])
+
+    def to_csv(self, file: File) -> None:
+        """Write the columns id, d_1, ..., d_k, answer to a path or an open text; ``from_csv`` reads the same back."""
+        from elicit.model.answers_csv import write_csv
+
+        write_csv(file, self.d, self.y, self.ids)
+
+    @property
+    def k(self) -> int:
+        """Number of levels."""
+        return int(self.d.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.d)
+
+    def __add__(self, other: Answers) -> Answers:
+        if other.k != self.k:
+            raise ValueError(f"these answers are about {other.k} levels, not {self.k}")
+        # The parts are valid, so checking the whole again would only cost time. A sum keeps room behind its rows, which
+        # the next sum fills if it comes first: to add answers one by one takes time in proportion to them, not squared.
+        n, m = len(self), len(other)
+        room: _Room | None = self.__dict__.get("_room")
+        if room is None or room.used != n or n + m > len(room.d):
+            room = _Room(np.empty((2 * (n + m), self.k)), np.empty(2 * (n + m), np.int8))
+            room.d[:n], room.y[:n] = self.d, self.y
+        room.d[n : n + m], room.y[n : n + m], room.used = other.d, other.y, n + m
+        both = object.__new__(Answers)._keep(room.d[: n + m], room.y[: n + m], self.ids + other.ids)
+        object.__setattr__(both, "_room", room)
+        return both
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_room"}
+
+    def __getitem__(self, rows: slice) -> Answers:
+        return Answers(self.d[rows], self.y[rows], self.ids[rows])
+
+    def without(self, ids: Iterable[str]) -> Answers:
+        """The other answers, in the same order: every row that bears one of these ids is left out.
+
+        Raises ValueError for an id that no row bears, and TypeError for a bare string.
+        """
+        if isinstance(ids, str):
+            raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
+        out = {str(name) for name in ids}
+        if unknown := sorted(out.difference(self.ids)):
+            raise ValueError(
+                f"no answer here has the id {', '.join(map(repr, unknown))}: it was left out already, or belongs to "
+                "another problem; `ids` lists those that are here"
+            )
+        stay = [row for row, name in enumerate(self.ids) if name not in out]
+        return Answers(self.d[stay], self.y[stay], [self.ids[row] for row in stay])
+
+
+def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, ...]:
+    """The answers, each about another one of the pending queries. Raises TypeError for anything but Answers,
+    and StaleAnswer for an unknown id, for other vectors than the query's, and for two answers to one query."""
+    if isinstance(answers, Answer):
+        raise TypeError("tell takes a sequence of answers: put the one Answer into a list")
+    told = tuple(answers)  # a generator can be read only once
+    waiting = {query.id: query for query in pending}
+    seen: set[str] = set()
+    for answer in told:
+        if not isinstance(answer, Answer):
+            raise TypeError(f"a tutor must return elicit.Answer(query, verdict), not {answer!r}")
+        name = answer.query.id
+        if name in seen:
+            raise StaleAnswer(f"two answers to one pending query: {name!r}")
+        if name not in waiting:
+            raise StaleAnswer(
+                f"no pending query has the id {name!r}: it was answered already or belongs to another run; answer "
+                "what ask() returns now"
+            )
+        asked = waiting[name]
+        same = answer.query is asked or (
+            np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)
+        )
+        if not same:
+            raise StaleAnswer(
+                f"the answer with the id {name!r} is about other vectors than the pending query of that id; answer the "
+                "very query that ask() returned (were its numbers rounded on the way?)"
+            )
+        seen.add(name)
+    return told

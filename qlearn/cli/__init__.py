@@ -1,0 +1,1 @@
+"""The command ``qlearn``. Imports from all of qlearn, each command when it is called."""

@@ -1,0 +1,73 @@
+"""Small examples of what runs are made of, for the machine code that they leave behind: nothing but a moment where it
+is there already, else a quarter or half a minute each. Beside each other they are done sooner than one run after
+another would be, for processes that begin together compile the same functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from elicit.asking.choose import choose
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import Comparator
+from elicit.model.scale import Floats
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn.experiments.parallel import do_first
+from qlearn.learners.learner import drive
+from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.problems.random_mdp import random_mdp
+
+__all__ = ["parts"]
+
+
+def parts(cells: Iterable[Mapping[str, Any]]) -> tuple[Callable[[], None], ...]:
+    """What the runs of these cells will need: with two processes, the loops take up what the proofs have compiled."""
+    cells = tuple(cells)
+    comparators = {cell["comparator"] for cell in cells}
+    needed = {
+        proofs: bool(comparators & {"polytope", "relaxed"}),
+        moves: any(name.startswith("posterior") for name in comparators),
+        loops: any(cell["learner"] == "q-learning" for cell in cells),
+    }
+    return tuple(part for part, wanted in needed.items() if wanted)
+
+
+def proofs() -> None:
+    """What a polytope makes of answers."""
+    _choose(PolytopeComparator(5))
+
+
+def moves() -> None:
+    """What the posterior makes of answers."""
+    _choose(PosteriorComparator(5, particles=50, seed=0))
+
+
+def loops() -> None:
+    """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was asked."""
+    mdp, values = random_mdp(6, 3, 5, rng=0)
+    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, rng=0), TruthfulTutor(values))
+    FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
+
+
+def main() -> None:
+    """Compile now, as a step of setting up: ``python -m qlearn.experiments.compile_ahead``."""
+    do_first((proofs, moves, loops))
+
+
+def _choose(comparator: Comparator) -> None:
+    choice, tutor = choose(_rows(20), comparator), TruthfulTutor(np.arange(5))
+    while queries := choice.ask():
+        choice.tell([tutor(query) for query in queries])
+
+
+def _rows(n: int) -> Floats:
+    return np.random.default_rng(0).dirichlet(np.ones(5), size=n)
+
+
+if __name__ == "__main__":
+    from qlearn.experiments import compile_ahead as ahead  # by the name that workers know
+
+    ahead.main()

@@ -1,0 +1,205 @@
+"""What a simulated run can be held to, once the hidden scale is known: questions, wrong verdicts, losses, audits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
+
+from elicit.model.comparator import BY_ANSWERS, Decisions, Tier
+from elicit.model.query import Verdict
+from elicit.model.scale import Floats, dominance, dot, gaps, tail_sums
+from elicit.tutors.simulated import TruthfulTutor
+from qlearn.learners.learner import Result
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import evaluate_policy, value_iteration
+
+if TYPE_CHECKING:
+    from pandas import DataFrame  # only summarise needs pandas, and it is handed a frame
+
+CELL = ("problem", "learner", "comparator", "error_rate", "audit")  # what names a cell of an ablation
+MEASURES = (
+    "asked",
+    "asked_percent_open",
+    "realised_error_rate",
+    "wrong_percent",
+    "wrong_percent_after",
+    "audited",
+    "audits_to_contradiction",
+    "paper_loss_percent",
+    "loss",
+    "loss_initial",
+    "excess_loss",
+    "excess_loss_initial",
+)
+
+_BUFFER = 4096  # verdicts kept before they are judged: one exact judgement costs as much as thousands together
+_BY_ANSWERS = np.isin([*Tier], BY_ANSWERS)  # by tier
+
+
+class VerdictCounts(NamedTuple):
+    """Verdicts a comparator decided, and those among them that are wrong, before and after the tutor's first wrong
+    answer."""
+
+    judged_before: int
+    wrong_before: int
+    judged_after: int
+    wrong_after: int
+
+
+class Watch:
+    """Judges a comparator's verdicts by the hidden scale: give it to a learner's ``watch``.
+
+    Counts BETTER and WORSE that the answers decided (``BY_ANSWERS``; dominance cannot be wrong) on pairs with
+    |d.e| > ``indifference`` (share of the value range; closer pairs do not matter to the learner). ``values`` (k,) is
+    the hidden scale; ``erred()`` says whether the tutor has given a wrong answer yet.
+    """
+
+    def __init__(self, values: ArrayLike, indifference: float = 0.0, erred: Callable[[], bool] = lambda: False) -> None:
+        self._truth = TruthfulTutor(values)
+        self._gaps = gaps(values)
+        self._indifference = indifference
+        self._erred = erred
+        self._d: list[Floats] = []
+        self._said: list[NDArray[np.int8]] = []
+        self._after: list[bool] = []
+        self._waiting = 0
+        self._counts = np.zeros((2, 2), dtype=np.int64)  # before or after; judged, wrong
+
+    def __call__(self, d: Floats, decisions: Decisions) -> None:
+        """Take the differences d (n, k) that a learner compared, and how each was decided."""
+        counted = _BY_ANSWERS[decisions.tiers] & (np.abs(decisions.verdicts) == 1)
+        if counted.any():
+            self._d.append(d[counted])
+            self._said.append(decisions.verdicts[counted])
+            self._after.append(self._erred())
+            self._waiting += len(self._d[-1])
+        if self._waiting >= _BUFFER:
+            self._judge()
+
+    @property
+    def counts(self) -> VerdictCounts:
+        """The counts so far."""
+        self._judge()
+        return VerdictCounts(*self._counts.ravel().tolist())
+
+    def _judge(self) -> None:
+        if not self._d:
+            return
+        d, said = np.concatenate(self._d), np.concatenate(self._said)
+        after = np.repeat(np.array(self._after, dtype=np.int64), [len(rows) for rows in self._d])
+        true = self._truth.signs(d)
+        matters = (true != 0) & (np.abs(dot(tail_sums(d), self._gaps)) > self._indifference)
+        for column, chosen in enumerate((matters, matters & (true != said))):
+            self._counts[:, column] += np.bincount(after[chosen], minlength=2)
+        self._d, self._said, self._after, self._waiting = [], [], [], 0
+
+
+def counts(result: Result) -> dict[str, Any]:
+    """A run's questions and comparisons, for one row of a table.
+
+    ``asked_percent_<denominator>``: questions in percent of "all" comparisons, of the "unequal" (the vectors
+    differ) and of the "open" ones, which dominance does not settle either; nan where there are none. AlwaysAsk
+    does not look for dominance: what is unequal is open for it. Then the comparisons by tier.
+    """
+    unequal = result.compared - result.decided["equal"]
+    denominators = {"all": result.compared, "unequal": unequal, "open": unequal - result.decided["dominance"]}
+    return {
+        "status": result.status.name.lower(),
+        "rounds": result.rounds,
+        "asked": result.asked,
+        "compared": result.compared,
+        **{f"asked_percent_{name}": 100 * result.asked / n if n else np.nan for name, n in denominators.items()},
+        **{tier.name.lower(): result.decided[tier.name.lower()] for tier in Tier},
+    }
+
+
+def audits(result: Result, values: ArrayLike) -> dict[str, Any]:
+    """A run's audits: how many; the number (from 1) of the first that contradicted the answers, nan if none did;
+    and who was wrong then by the hidden scale ``values`` (k,): the "answers" given before (a model's conclusion
+    from them included), the "audit", or on an exact tie "neither"; "" if none."""
+    row: dict[str, Any] = {"audited": result.audited, "audits_to_contradiction": np.nan, "contradiction_due_to": ""}
+    for number, audit in enumerate(result.audits, start=1):
+        if audit.contradicts:
+            true = int(TruthfulTutor(values).signs(audit.query.d)[0])
+            guilty = "neither" if true == 0 else "audit" if true == audit.expected else "answers"
+            return row | {"audits_to_contradiction": number, "contradiction_due_to": guilty}
+    return row
+
+
+def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
+    """v (S,) of figure 4: max over admissible a of sum_i Q(s, a)_i e_i, where Q is the discounted counting
+    vector, that is q (S, A, k) shares over 1 - discount, and e the hidden ``values`` (k,) as they are."""
+    e = np.asarray(values, dtype=np.float64)
+    weighted = np.zeros(q.shape[:2])
+    for i in range(mdp.k):  # summed in order: the same on every machine
+        weighted += q[:, :, i] * e[i]
+    v: Floats = np.where(mdp.admissible, weighted, -np.inf).max(axis=1) / (1 - mdp.discount)
+    return v
+
+
+def paper_loss(mdp: OrdinalMDP, v: Floats, baseline: Floats, values: ArrayLike) -> float:
+    """Figure 4's percentage of loss, signed as printed: 100 sum_s (v(s) - V(s)) / (|S| max r).
+
+    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model. It
+    compares what two runs believe, not what their policies earn (``planning.policy_loss``). nan where
+    the greatest reward is 0.
+    """
+    best = float(np.asarray(values, dtype=np.float64)[mdp.levels[mdp.admissible]].max())
+    return float(100 * np.mean(v - baseline) / best) if best else float("nan")
+
+
+def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
+    """Differences (n, k) to set a noisy tutor's precision by: Q(s, a) - Q(s, a*) in shares under an optimal
+    policy, for every admissible a that the order of the levels alone does not settle."""
+    _, policy = value_iteration(mdp, values)
+    shares = evaluate_policy(mdp, policy)
+    q = (1 - mdp.discount) * mdp.vector_rewards()
+    q += mdp.discount * (mdp.transitions @ shares).reshape(q.shape)
+    d = q - q[np.arange(mdp.n_states), policy][:, None, :]
+    d = d[mdp.admissible & ~mdp.terminal[:, None]]
+    open_rows: Floats = d[dominance(tail_sums(d)) == Verdict.UNKNOWN]
+    return open_rows
+
+
+def summarise(frame: DataFrame) -> DataFrame:
+    """One row a cell, over its seeds: the mean of each of ``MEASURES`` and, as ``<name>_half``, half the width
+    of its 95% t-interval (nan from one seed; runs where a measure is not defined are left out).
+
+    ``wrong_percent`` is in percent of the verdicts that a comparator decided, ``wrong_percent_after`` of those
+    after the tutor's first wrong answer. Excess losses are paired by seed with the oracle. Counted are
+    ``runs`` and those with the budget spent, stopped at the limit of sweeps, with an audit that contradicted
+    the answers, and with an audit that was itself wrong then.
+    """
+    judged = frame.judged_before + frame.judged_after
+    wide = frame.assign(
+        wrong_percent=100 * (frame.wrong_before + frame.wrong_after) / judged.where(judged > 0),
+        wrong_percent_after=100 * frame.wrong_after / frame.judged_after.where(frame.judged_after > 0),
+        budget_spent=frame.guess > 0,
+        sweep_limit=frame.status == "sweep_limit",
+        contradicted=frame.audits_to_contradiction > 0,
+        audit_wrong=frame.contradiction_due_to == "audit",
+        runs=1,
+    )
+    groups = wide.groupby(list(CELL), sort=False)
+    counts = groups[["runs", "budget_spent", "sweep_limit", "contradicted", "audit_wrong"]].sum()
+    summary: DataFrame = counts.join(means(groups, MEASURES)).reset_index()
+    return summary
+
+
+def means(groups: Any, measures: Sequence[str]) -> DataFrame:
+    """Of a grouped frame: the mean of each measure and, as ``<name>_half``, half the width of its 95% t-interval,
+    nan from one number; numbers that are nan are left out."""
+    mean, spread, n = (groups[list(measures)].agg(how) for how in ("mean", "std", "count"))
+    half = spread * stdtrit(n - 1, 0.975).where(n > 1) / np.sqrt(n)
+    table: DataFrame = mean.join(half.add_suffix("_half"))
+    return table[[column for name in measures for column in (name, f"{name}_half")]]
+
+
+def half_width(x: Floats) -> float:
+    """Half the width of the 95% t-interval of the mean of x (n,); nan from one number."""
+    n = len(x)
+    return float(stdtrit(n - 1, 0.975) * np.std(x, ddof=1) / np.sqrt(n)) if n > 1 else float("nan")

@@ -1,0 +1,110 @@
+"""How Q-learning comes to try what it does not think best: the standard remedies, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.validation import is_number
+from elicit.model.scale import Floats
+
+__all__ = ["EXPLORATIONS", "Decay", "Epsilon", "Exploration", "Start", "epsilons"]
+
+Start: TypeAlias = Literal["worst", "zero", "best"]
+
+
+@dataclass(frozen=True)
+class Decay:
+    """A chance of exploring that falls in a straight line from ``first`` to ``last`` over the first ``share`` of the
+    steps, and stays there. All three lie in 0..1, share above 0."""
+
+    first: float = 1.0
+    last: float = 0.05
+    share: float = 0.5
+
+    def __call__(self, steps: NDArray[np.int64]) -> Floats:
+        """The chance in each of the steps 0, 1, ... (n,) of a run of n steps."""
+        over = max(1.0, self.share * len(steps))
+        return np.asarray(self.first + (self.last - self.first) * np.minimum(1.0, steps / over), dtype=np.float64)
+
+    def __post_init__(self) -> None:
+        for name in ("first", "last", "share"):
+            value = getattr(self, name)
+            if not (is_number(value, 0) and value <= 1) or (name == "share" and value == 0):
+                raise ValueError(f"{name} of a Decay must lie in 0..1{' above 0' * (name == 'share')}, not {value!r}")
+
+
+Epsilon: TypeAlias = float | Decay | Callable[[NDArray[np.int64]], Floats]
+"""A constant chance, or a function from the numbers (n,) of all steps of a run to the chance in each."""
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """What ``InteractiveQLearning`` does in order to see enough.
+
+    epsilon         chance of a uniformly drawn action. At 1 the agent never follows what it has learned (Q-learning
+                    learns the best policy all the same), and all comparators see the same transitions
+    start           where all vectors begin. "worst": all mass on the worst level; "best": on the best one, which
+                    makes what has not been tried look good (optimism); "zero": the paper's line 4, whose totals
+                    differ for long, so that early questions are ill-posed
+    episode_length  restart from the MDP's initial distribution after so many steps; None: in terminal states only
+    """
+
+    epsilon: Epsilon
+    start: Start = "worst"
+    episode_length: int | None = None
+
+
+EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
+    {
+        "constant": Exploration(0.1),
+        "decaying": Exploration(Decay()),
+        "restarts": Exploration(0.1, episode_length=20),
+        "optimistic": Exploration(0.1, start="best"),
+        "uniform": Exploration(1.0, start="best"),
+    }
+)
+"""The choices that have a name; ``python -m benchmarks.paper.exploration`` measures what each leads to."""
+
+
+def exploration_of(choice: str | Exploration) -> Exploration:
+    """The choice of that name. Raises ValueError where there is none."""
+    if isinstance(choice, Exploration):
+        return choice
+    if not isinstance(choice, str) or choice not in EXPLORATIONS:
+        raise ValueError(f"exploration must be an Exploration or one of {', '.join(EXPLORATIONS)}, not {choice!r}")
+    return EXPLORATIONS[choice]
+
+
+def epsilons(epsilon: Epsilon, steps: int) -> Floats:
+    """The chance of exploring in each step, (1,) where it is constant, else (steps,), at least one.
+
+    Raises ValueError unless all lie in 0..1.
+    """
+    if callable(epsilon):
+        shape = (max(1, steps),)
+        chances = np.asarray(epsilon(np.arange(shape[0])), dtype=np.float64)
+        if chances.shape != shape:
+            raise ValueError(
+                f"epsilon must be a number in 0..1, or a function from steps (n,) to chances (n,): for {shape[0]} "
+                f"steps it gives shape {chances.shape}"
+            )
+    else:
+        if not is_number(epsilon):
+            raise ValueError(f"epsilon must be a number in 0..1, a Decay, or a function of steps, not {epsilon!r}")
+        chances = np.array([epsilon], dtype=np.float64)
+    wrong = ~((chances >= 0) & (chances <= 1))
+    if wrong.any():
+        raise ValueError(f"epsilon must lie in 0..1, not {float(chances[wrong][0])!r} (in step {int(wrong.argmax())})")
+    return chances
+
+
+def check_start(start: str) -> None:
+    """Raise ValueError for a start that there is not."""
+    if start not in get_args(Start):
+        raise ValueError(f"start must be 'worst', 'zero' or 'best', not {start!r}")

@@ -1,0 +1,217 @@
+"""What every learner has in common: ask and tell, the loop that drives it, and its Result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+from math import nan
+from typing import Literal, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.validation import is_number
+from elicit.model.comparator import AlwaysAsk, Comparator, check_comparator_made
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
+from elicit.model.scale import Floats
+from elicit.tutors.answer_log import AnswerLog
+from elicit.tutors.simulated import Tutor
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+Asking: TypeAlias = Literal["at once", "late"]
+"""When a learner asks: as soon as it meets a pair that it cannot decide, or not before that can matter."""
+OnConflict: TypeAlias = Literal["raise", "drop"]
+Guarantor: TypeAlias = Callable[[], tuple[float, float]]
+"""Computes a bound on a policy's loss and the confidence in it (``qlearn.learners.loss_bound``)."""
+
+
+class Status(Enum):
+    """Where a learner stands, in sentences."""
+
+    WAITING = "not finished: it waits for the tutor; answer what ask() returns"
+    DONE = "finished: all steps are done"
+    CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
+    UNSURE = (
+        "finished, but pairs that the tutor could not tell (cannot_tell) were taken for ties: the policy may lose more "
+        "than the tolerance; loss_bound says how much"
+    )
+    GUESSED = (
+        "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
+        "at the scale; raise max_queries"
+    )
+    CERTIFIED = "finished: no plausible scale lets the policy lose more than max_loss"
+    EXHAUSTED = (
+        "stopped: whatever could still change the policy, the tutor has answered already or could not tell; "
+        "loss_bound says how much that can matter"
+    )
+    SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
+
+
+@dataclass(frozen=True)
+class Audit:
+    """A comparison that the answers had settled, put to the tutor all the same."""
+
+    query: Query
+    expected: Verdict
+    answer: Verdict | None
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the tutor said the opposite of what the answers imply."""
+        return self.answer is not None and self.expected * self.answer == -1
+
+
+def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
+    """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels differ in number."""
+    if not isinstance(mdp, OrdinalMDP):
+        raise TypeError(f"an OrdinalMDP is wanted, not {mdp!r}")
+    check_comparator_made(comparator)
+    if mdp.k != comparator.k:
+        raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
+
+
+def check_asking(asking: Asking) -> bool:
+    """Whether questions are put off. Raises ValueError for no known way to ask."""
+    if asking not in ("at once", "late"):
+        raise ValueError(f'asking must be "at once" or "late", not {asking!r}')
+    return asking == "late"
+
+
+def check_max_loss(max_loss: float | None) -> float | None:
+    """``max_loss``, None or a positive share of the value range; raises ValueError."""
+    if max_loss is not None and not (is_number(max_loss) and max_loss > 0):
+        raise ValueError(f"max_loss must be None or a positive share of the value range, not {max_loss!r}")
+    return max_loss
+
+
+class OnDemand:
+    """A field that may be given as a function: called when the field is first read."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: object, owner: type | None = None) -> Floats:
+        if instance is None:
+            raise AttributeError(self._name)  # says to dataclass: there is no default
+        value: Floats | Callable[[], Floats] = vars(instance)[self._name]
+        if callable(value):
+            value = vars(instance)[self._name] = value()
+        return value
+
+    def __set__(self, instance: object, value: Floats | Callable[[], Floats]) -> None:
+        vars(instance)[self._name] = value
+
+
+def no_guarantee() -> tuple[float, float]:
+    """Nothing can be said."""
+    return nan, nan
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a learner knows so far. ``policy`` (S,) actions; ``q`` (S, A, k) shares, of many states computed when
+    first read; ``asked``: questions to the tutor, audits not counted; ``decided``: comparisons by tier;
+    ``rounds``: steps, sweeps, or policies solved for.
+
+    ``loss_bound`` is an upper bound on what the policy loses against the best, from whatever state, as a share of the
+    value range, and ``confidence`` the probability with which it holds: 1 where every scale that fits the answers
+    allows no more (they must be right), the comparator's level for a posterior, nan where none can be stated. Both are
+    computed from the MDP's transition probabilities when first read, also for learners that only ever sample them."""
+
+    policy: NDArray[np.int64]
+    status: Status
+    asked: int
+    decided: Mapping[str, int]
+    comparator: Comparator
+    answers: Answers
+    audits: tuple[Audit, ...]
+    cannot_tell: int
+    rounds: int
+    q: OnDemand = OnDemand()
+    guarantee: Guarantor = field(default=no_guarantee, repr=False)
+
+    @cached_property
+    def _guaranteed(self) -> tuple[float, float]:
+        return self.guarantee()
+
+    @property
+    def loss_bound(self) -> float:
+        """The policy loses at most this share of the value range from any state; nan where no bound can be given."""
+        return float(self._guaranteed[0])
+
+    @property
+    def confidence(self) -> float:
+        """How certain ``loss_bound`` is: 1 if the answers are right, a comparator's level, or nan."""
+        return float(self._guaranteed[1])
+
+    @property
+    def audited(self) -> int:
+        """How many settled comparisons were put to the tutor."""
+        return len(self.audits)
+
+    @property
+    def compared(self) -> int:
+        """All comparisons, whoever decided them."""
+        return sum(self.decided.values())
+
+
+class Learner(Protocol):
+    """A solver that stops when it needs the tutor."""
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries, the same until told; () when finished."""
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries; returns those that on_conflict="drop" left unused."""
+
+    def result(self) -> Result:
+        """The policy and the counts at any time."""
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged."""
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+
+
+def drive(
+    learner: Learner,
+    tutor: Tutor,
+    log: AnswerLog | None = None,
+    progress: Callable[[Result], None] | None = None,
+    on_conflict: OnConflict = "raise",
+) -> Result:
+    """Ask and tell until the learner has finished.
+
+    Every answer goes to ``log``; one that contradicts the others is marked unused there, and either
+    raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is
+    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor asks
+    so much that only counts are kept.
+    """
+    if on_conflict not in ("raise", "drop"):
+        raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
+    if not callable(tutor):
+        raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
+    signs = getattr(tutor, "signs", None)
+    if isinstance(learner.comparator, AlwaysAsk) and signs is not None:
+        learner.consult(signs)
+    while queries := learner.ask():
+        answers = [tutor(query) for query in queries]
+        try:
+            dropped = learner.tell(answers, on_conflict)
+        except InconsistentAnswers:
+            _write(log, answers, answers)
+            raise
+        _write(log, answers, dropped)
+        if progress is not None:
+            progress(learner.result())
+    return learner.result()
+
+
+def _write(log: AnswerLog | None, answers: Sequence[Answer], unused: Sequence[Answer]) -> None:
+    if log is not None:
+        for answer in answers:
+            log.append(answer, used=not any(answer is other for other in unused))

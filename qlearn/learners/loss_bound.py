@@ -1,0 +1,203 @@
+"""How much a policy can still lose, whatever the plausible scale: an upper bound, and the confidence in it.
+
+For any V (S, k) let A(s, a) = Q(s, a) - V(s), a difference of share vectors. Under a scale e the optimum exceeds V.e by
+the greatest discounted total of A.e that a policy can collect: a scalar MDP with non-negative values.
+
+- Where scales are *proven* plausible (a polytope), each A(s, a).e is bounded over all of them at once
+  (``simultaneous_bounds``), and what can be collected of these bounds is at least the loss. It is at
+  most their greatest over 1 - discount, and mostly far less: few pairs are open, and no run is always at one of them.
+- Where they are *drawn* (a posterior, an ensemble of fits), the loss is bounded under each draw, tightly, and the bound
+  is the quantile of these losses at the comparator's level. No bounds need be combined that hold under different
+  scales, which makes it several times smaller.
+
+Nothing need be exact but these bounds: V's own error is bounded along with the rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+
+from elicit.comparators.bradley_terry.smc import LEVEL_ROUNDING
+from elicit.lp.hit_and_run import Draws
+from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.scale import Floats, tail_sums
+from qlearn.mdp.backup import model_of, q_of
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import Actions, evaluate_policy, policy_iteration
+
+_ROUNDING = 1e-14  # more than the rounding of one advantage
+BLOCK = 48  # draws looked at together
+MOST_SWEEPS = 2000
+
+
+class Guarantee(NamedTuple):
+    """``loss_bound``: the policy loses at most this share of the value range, from whatever state; ``confidence``: the
+    probability of that, 1 where it is proven (if the answers were right), nan where none can be stated."""
+
+    loss_bound: float
+    confidence: float
+
+
+class Advantages(NamedTuple):
+    """What a policy of vector value ``v`` (S, k) forgoes: of each admissible (state, action) that it does not take, in
+    order, Q(s, a) - V(s) as a row of ``d`` (n, k)."""
+
+    policy: Actions  # (S,)
+    v: Floats
+    q: Floats  # (S, A, k)
+    states: NDArray[np.int64]  # (n,)
+    actions: NDArray[np.int64]  # (n,)
+    d: Floats
+    doubt: float  # no ordered scale sees the policy's own advantages, which should be 0, farther from it
+
+
+def advantages(mdp: OrdinalMDP, policy: ArrayLike) -> Advantages:
+    """The advantages over a deterministic policy (S,). Raises ValueError as ``evaluate_policy`` does."""
+    taken = np.asarray(policy)
+    v = evaluate_policy(mdp, taken)
+    q = q_of(np.arange(mdp.n_states), v, model_of(mdp))
+    wanted = mdp.admissible & ~mdp.terminal[:, None]
+    live = np.flatnonzero(~mdp.terminal)
+    own = np.abs(tail_sums(q[live, taken[live]] - v[live])).max(initial=0.0)
+    wanted[live, taken[live]] = False
+    states, actions = np.nonzero(wanted)
+    return Advantages(taken, v, q, states, actions, q[states, actions] - v[states], float(own) + _ROUNDING)
+
+
+def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Guarantee:
+    """An upper bound on what ``policy`` (S,) loses from any state, in shares of the value range, over all scales that
+    the comparator holds plausible. It reads the MDP's transition probabilities. Raises ValueError."""
+    return guarantee(mdp, advantages(mdp, policy), comparator)
+
+
+def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None) -> Guarantee:
+    """The same from a policy's advantages. With ``enough`` only whether the bound exceeds it need be right: a bound
+    above may come out as inf."""
+    drawn = drawn_set(comparator)
+    if drawn is not None:
+        draws, level = drawn
+        return Guarantee(loss_over_draws(mdp, over, draws, level, enough), level)
+    high, confidence = simultaneous_bounds(comparator, over.d)
+    return Guarantee(float(collected(mdp, over, high).max(initial=0.0)), confidence)
+
+
+def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
+    """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
+    is not draws that its bounds rest on."""
+    level, draws = getattr(comparator, "level", None), getattr(comparator, "draws", None)
+    return None if level is None or draws is None else (Draws(*draws), float(level))
+
+
+def loss_over_draws(
+    mdp: OrdinalMDP, over: Advantages, draws: Draws, level: float, enough: float | None = None
+) -> float:
+    """The ``level`` quantile, over the draws, of an upper bound on the policy's loss: to about a
+    hundredth of itself, unless ``MOST_SWEEPS`` end it before.
+
+    Draws are taken in the order of a first bound, their greatest advantage over 1 - discount, so that most need no
+    closer look. With ``enough`` it stops where the quantile is certain to exceed it, and returns inf.
+    """
+    gain = np.maximum(tail_sums(over.d) @ draws.gaps, -1.0) + _ROUNDING
+    doubt = over.doubt / (1 - mdp.discount)
+    first = np.minimum(gain.max(axis=0, initial=0.0) / (1 - mdp.discount), 1.0)
+    game, order, upper = _Game.of(mdp, over), np.argsort(-first, kind="stable"), first.copy()
+    lower = np.zeros_like(first)
+    spare, target = 1.0 - level + LEVEL_ROUNDING, -1.0 if enough is None else enough - doubt
+    beyond = 0.0  # weight of the draws that are certain to lose more than the target
+    for start in range(0, len(order), BLOCK):
+        if first[order[start]] <= max(target, _quantile(upper[order[:start]], draws.weights[order[:start]], spare)):
+            break
+        block = order[start : start + BLOCK]
+        weights = draws.weights[block]
+        room = np.inf if enough is None else spare - beyond
+        small = _quantile(lower, draws.weights, spare)  # losses up to it do not matter to the quantile
+        lower[block], upper[block] = game.losses(np.ascontiguousarray(gain[:, block]), target, weights, room, small)
+        beyond += float(weights[lower[block] > target].sum())
+        if enough is not None and beyond > spare:
+            return np.inf
+    return min(1.0, _quantile(upper, draws.weights, spare) + doubt)
+
+
+def _quantile(x: Floats, weights: Floats, spare: float) -> float:
+    """The least of x (m,) such that those above weigh at most ``spare``; 0 for none."""
+    order = np.argsort(-x, kind="stable")
+    above = np.cumsum(weights[order])
+    i = int(np.searchsorted(above, spare, side="right"))
+    return float(x[order[i]]) if i < len(x) else 0.0
+
+
+class _Game(NamedTuple):
+    """The scalar MDP of what can be collected: rows are the alternatives of live states, in order of states."""
+
+    chain: sparse.csr_array  # (n, S) of the alternatives
+    own: sparse.csr_array  # (live, S) of the policy's actions, which gain nothing
+    live: NDArray[np.int64]
+    starts: NDArray[np.int64]  # where the alternatives of each state with any begin
+    owners: NDArray[np.int64]  # (j,) which of the live states these are
+    discount: float
+
+    @staticmethod
+    def of(mdp: OrdinalMDP, over: Advantages) -> _Game:
+        live, m = np.flatnonzero(~mdp.terminal), mdp.n_actions
+        states, starts = np.unique(over.states, return_index=True)
+        return _Game(
+            chain=mdp.transitions[over.states * m + over.actions],
+            own=mdp.transitions[live * m + over.policy[live]],
+            live=live,
+            starts=starts,
+            owners=np.searchsorted(live, states),
+            discount=mdp.discount,
+        )
+
+    def losses(self, gain: Floats, target: float, weights: Floats, room: float, small: float) -> tuple[Floats, Floats]:
+        """Lower and upper bounds (b,) on the greatest total, from whatever state, of gains (n, b), until all are on
+        one side of the target, or ``small``, or within a hundredth of each other, or more weight than there is room for
+        is certain to exceed the target: sweeps from zero, with MacQueen's (1966) bounds."""
+        b = gain.shape[1]
+        total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)
+        low, high = np.zeros(b), np.full(b, np.inf)
+        for _ in range(MOST_SWEEPS):
+            new = self.discount * (self.own @ total)
+            if len(self.starts):
+                others = gain + self.discount * (self.chain @ total)
+                new[self.owners] = np.maximum(new[self.owners], np.maximum.reduceat(others, self.starts, axis=0))
+            change = (new - total[self.live]).max(axis=0, initial=0.0)
+            total[self.live] = new
+            low = total.max(axis=0)
+            high = np.minimum(high, low + ratio * change + _ROUNDING)
+            if target >= 0 and weights[low > target].sum() > room:
+                break
+            close = high - low <= 0.01 * high + 1e-9
+            if ((low > target) & (target >= 0) | (high <= max(target, small)) | close).all():
+                break
+        return low, high
+
+
+def collected(mdp: OrdinalMDP, over: Advantages, high: Floats) -> Floats:
+    """Upper bounds (S,), at most 1, on the discounted total of advantages that any policy collects from each state,
+    if each is at most ``high`` (n,)."""
+    gain = np.full(mdp.levels.shape, -np.inf)
+    live = np.flatnonzero(~mdp.terminal)
+    gain[live, over.policy[live]] = 0.0
+    gain[over.states, over.actions] = high
+    gain[live] += _ROUNDING
+    total = np.zeros(mdp.n_states)
+    if gain.max() > _ROUNDING:
+        total = _greatest_total(mdp, gain)
+    total[live] += over.doubt / (1 - mdp.discount)
+    return np.clip(total, 0.0, 1.0)
+
+
+def _greatest_total(mdp: OrdinalMDP, gain: Floats) -> Floats:
+    """The greatest expected discounted total (S,) of gain (S, A), rounded up: policy iteration proposes, a sweep
+    certifies. -inf: no such action; terminal states gain nothing."""
+    live, ends = ~mdp.terminal, np.zeros(mdp.n_states)
+    gain = np.where(live[:, None], gain, 0.0)
+    v, _ = policy_iteration(mdp, gain, ends, gain.argmax(axis=1))
+    swept = (gain + mdp.discount * (mdp.transitions @ v).reshape(gain.shape)).max(axis=1)
+    change = max(0.0, float((swept - v)[live].max(initial=0.0)))
+    return np.where(live, v + (change + _ROUNDING) / (1 - mdp.discount), 0.0)

@@ -1,0 +1,222 @@
+"""Certify first: solve for one central scale, then ask only about what could still change the policy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.hashing import Seed
+from elicit._support.validation import is_number
+from elicit.asking.bags import Bags
+from elicit.model.comparator import Comparator, Decisions, Tier, decide, simultaneous_bounds
+from elicit.model.query import Answer, Query, Verdict
+from elicit.model.scale import Floats, tail_sums
+from qlearn.learners.desk import AUDIT, Desk, Watch, place
+from qlearn.learners.learner import OnConflict, Result, Status, check_problem
+from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
+from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import optimal_policy
+
+_TIE = 1e-13
+_ABOUT = 12  # advantages, the best to ask about, whose signs a simple question should tell
+_MATTERS = 0.5
+"""Of the tolerance: what an advantage must exceed to count for a strategy. In one state, taken once, it costs as much;
+with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
+
+
+class InteractivePolicyIteration:
+    """Solves the MDP for the comparator's central scale, bounds what the policy can lose under every plausible scale
+    (``loss_bound``), and stops once that is within ``tolerance``, a share of the value range at every state: for
+    every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
+    advantage Q(s, a) - V(s) that could still change the policy, takes in the answer, and solves again.
+
+    ``strategy`` picks the question (``qlearn.strategies``); the default weighs what an answer tells by how likely it is
+    to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as they tell enough of the signs of the
+    advantages in question (``elicit.Bags``), one at a time. ``indifference`` (default tolerance (1 - discount)): an
+    advantage that no plausible scale puts above it is not asked about; above the default, the tolerance may be out of
+    reach. ``max_loss``: stop there even if the tolerance is smaller. ``max_queries``: beyond it the policy for the
+    central scale stands, with what can be said of its loss. ``audit``: share of the pairs decided by answers, among
+    those that the finished policy rests on, that is put to the tutor all the same; ``rng`` picks them. ``batch``: the
+    best so many questions at once.
+
+    Every round solves linear systems in all states: made for models of up to some thousands of states.
+    """
+
+    def __init__(
+        self,
+        mdp: OrdinalMDP,
+        comparator: Comparator,
+        *,
+        tolerance: float = 0.001,
+        max_loss: float | None = None,
+        strategy: Strategy = telling_violation,
+        bags: Bags | None = None,
+        rng: Seed = 0,
+        max_queries: int | None = None,
+        indifference: float | None = None,
+        audit: float = 0.0,
+        batch: int = 1,
+    ) -> None:
+        check_problem(mdp, comparator)
+        for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
+            if not (is_number(value) and value > 0):
+                raise ValueError(f"{name} must be a positive share of the value range, not {value!r}")
+        self._mdp = mdp
+        self._enough = max(tolerance, max_loss or 0.0)
+        if bags is not None and not isinstance(bags, Bags):
+            raise ValueError(f"bags must be None or an elicit.Bags, such as Bags(days=10), not {bags!r}")
+        self._limit = self._enough * (1 - mdp.discount) if indifference is None else indifference
+        self._strategy, self._bags = check_strategy(strategy), bags
+        self._desk = Desk(
+            comparator,
+            f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
+            indifference=self._limit,
+            max_queries=max_queries,
+            audit=audit,
+            batch=batch,
+            seed=rng,
+        )
+        self._rounds = 0
+        self._end: Status | None = None
+        self._found: tuple[Comparator, Advantages, Guarantee] | None = None
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries, or () when finished."""
+        if self._desk.pending or self._end is not None:
+            return self._desk.ask()
+        over, found = self._round()
+        if found.loss_bound <= self._enough:
+            return self._audit(over)
+        if self._desk.spent:
+            self._end = Status.GUESSED
+            return ()
+        rows = self._open_pairs(over)
+        if not len(rows):
+            self._end = Status.EXHAUSTED
+            return ()
+        candidates = Candidates(
+            over.d[rows], over.states[rows], over.actions[rows], _MATTERS * self._enough, self._desk.comparator
+        )
+        order = rows[best(self._strategy, candidates, len(rows))]
+        if self._bags is not None and (simple := self._simple(candidates, over.d[order[:_ABOUT]], self._bags)):
+            return simple
+        return self._open(over, order[self._desk.next_batch(over.d[order])], Tier.TUTOR)
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
+        ``on_conflict="drop"`` (then such an answer is left unused, and is returned)."""
+        return self._desk.tell(answers, on_conflict)[1]
+
+    def result(self) -> Result:
+        """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
+        policy's alternatives by what settled them, and the questions."""
+        over, found = self._round()
+        high = simultaneous_bounds(self._desk.comparator, over.d)[0]
+        tiers = self._desk.counts + np.bincount(self._settled_by(over, high), minlength=len(Tier))
+        return self._desk.result(
+            policy=over.policy.copy(),
+            q=over.q,
+            status=self._end or Status.WAITING,
+            tiers=tiers,
+            rounds=self._rounds,
+            guarantee=partial(_in_full, found, self._mdp, over, self._desk.comparator),
+        )
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Has no effect: each question is asked and logged, also by a comparator that never learns."""
+
+    def watch(self, watcher: Watch) -> None:
+        """Call ``watcher(d, decisions)`` with every question answered."""
+        self._desk.watch = watcher
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+        return self._desk.comparator
+
+    def _round(self) -> tuple[Advantages, Guarantee]:
+        """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
+        comparator = self._desk.comparator
+        if self._found is None or self._found[0] is not comparator:
+            over = self._solved_for(comparator.values)
+            found = guarantee(self._mdp, over, comparator, self._enough)
+            self._found = comparator, over, found
+            self._rounds += 1
+        return self._found[1:]
+
+    def _simple(self, candidates: Candidates, about: Floats, bags: Bags) -> tuple[Query, ...]:
+        """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
+        asked = bags.questions(self._mdp.k)
+        skip = np.flatnonzero(~self._desk.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
+        lapse = float(getattr(candidates.comparator, "lapse", 0.0))
+        row, _ = bags.best(candidates.draws, about, lapse, skip.tolist())
+        if row < 0:
+            return ()
+        pair = (asked.left[row] / bags.days, asked.right[row] / bags.days, *_nowhere(row))
+        verdict = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
+        return self._desk.open([pair], verdict, bags.sentence(asked.left[row], asked.right[row], self._mdp.labels))
+
+    def _solved_for(self, values: Floats) -> Advantages:
+        """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
+        over = self._found[1] if self._found is not None else None
+        if over is None or (over.d @ values > _TIE).any():
+            start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
+            over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
+        return over
+
+    def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
+        """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
+        scale puts above the limit; of drawn scales, where no draw is left out, if there are none else."""
+        comparator = self._desk.comparator
+        rows = np.flatnonzero(simultaneous_bounds(comparator, over.d)[0] > self._limit)
+        rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        if not len(rows) and drawn_set(comparator) is not None:
+            rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > 0).any(axis=1))
+            rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        return rows
+
+    def _settled_by(self, over: Advantages, high: Floats) -> NDArray[np.int8]:
+        """The tiers (n,) by which the policy's alternatives are no better; those still open are left out, but for a
+        budget that is spent."""
+        verdicts, tiers = decide(self._desk.comparator, over.d)
+        tiers = np.where(
+            verdicts != Verdict.UNKNOWN, tiers, np.where(high <= self._limit, Tier.INDIFFERENT, Tier.GUESS)
+        )
+        return np.asarray(tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8)
+
+    def _audit(self, over: Advantages) -> tuple[Query, ...]:
+        """The certificate stands: audit some of what it rests on."""
+        if not self._desk.audits_any:
+            self._end = Status.CONVERGED
+            return ()
+        decisions = self._desk.judge(over.d, lambda row: self._place(over, row))
+        rows = np.flatnonzero(decisions.tiers >= AUDIT)[: self._desk.batch]
+        if len(rows):
+            return self._open(over, rows, decisions.tiers[rows])
+        self._end = Status.CONVERGED
+        return ()
+
+    def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: NDArray[np.int8] | Tier) -> tuple[Query, ...]:
+        s, a = over.states[rows], over.actions[rows]
+        own = over.policy[s]
+        pairs = [(over.q[i, j], over.v[i], int(i), int(j), int(b)) for i, j, b in zip(s, a, own, strict=True)]
+        verdicts = np.full(len(rows), Verdict.UNKNOWN, np.int8)
+        return self._desk.open(pairs, Decisions(verdicts, np.broadcast_to(np.int8(tiers), len(rows))))
+
+    def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
+        state = over.states[row]
+        return place(state, over.actions[row], over.policy[state])
+
+
+def _nowhere(row: int) -> tuple[int, int, int]:
+    """The place of a question of bags, which is about no state: each has its own."""
+    return -1, row, row
+
+
+def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
+    """A guarantee whose bound was needed only as far as "too much"."""
+    return found if np.isfinite(found.loss_bound) else guarantee(mdp, over, comparator)

@@ -1,0 +1,143 @@
+"""Which question next: small functions that score pending candidates; the greatest score is asked about.
+
+A strategy is any function from ``Candidates`` to scores (n,); of equal scores the first is taken. Your own:
+
+    def closest_to_even_odds(candidates):
+        left_better = (candidates.scores > 0) @ candidates.weights
+        return -abs(left_better - 0.5)
+
+``candidates.scores`` (n, m) holds d.e of each candidate under each of m plausible scales, ``weights`` (m,) how
+plausible these are; ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and the comparator are there too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.asking.bags import entropy, says_left
+from elicit.lp.dual_simplex import Region
+from elicit.lp.hit_and_run import Draws, draws_within
+from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.scale import Floats, tail_sums
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Differences d (n, k) that may be asked about: of a challenger at ``states`` (n,), ``actions`` (n,), left, and
+    the incumbent, right. ``limit``: what d.e must exceed to matter."""
+
+    d: Floats
+    states: NDArray[np.int64]
+    actions: NDArray[np.int64]
+    limit: float
+    comparator: Comparator
+
+    @cached_property
+    def draws(self) -> Draws:
+        """Plausible scales: the comparator's ``draws``; of one that has none, scales drawn from all ordered ones."""
+        return draws_of(self.comparator)
+
+    @property
+    def weights(self) -> Floats:
+        """(m,) of the draws, in total 1."""
+        return self.draws.weights
+
+    @cached_property
+    def scores(self) -> Floats:
+        """d.e (n, m) of each candidate under each of the draws."""
+        return np.asarray(tail_sums(self.d) @ self.draws.gaps)
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper bounds (n,) on d.e that hold for all candidates at once."""
+        both = simultaneous_bounds(self.comparator, np.concatenate([self.d, -self.d]))[0]
+        return -both[len(self.d) :], both[: len(self.d)]
+
+    @cached_property
+    def agreement(self) -> Floats:
+        """(n, m) the chance that the tutor says "left is better", under each of the draws."""
+        return says_left(self.scores, self.draws.precision, float(getattr(self.comparator, "lapse", 0.0)))
+
+    def __len__(self) -> int:
+        return len(self.d)
+
+
+Strategy: TypeAlias = Callable[[Candidates], Floats]
+
+
+def first_come(candidates: Candidates) -> Floats:
+    """The paper's: in order of states and actions."""
+    return -np.arange(len(candidates), dtype=np.float64)
+
+
+def widest_bound(candidates: Candidates) -> Floats:
+    """The one about which least is known: the greatest distance between the bounds on d.e."""
+    low, high = candidates.bounds
+    return np.asarray(high - low)
+
+
+def max_regret(candidates: Candidates) -> Floats:
+    """The one that could be worth most: the greatest upper bound on d.e."""
+    return candidates.bounds[1]
+
+
+def most_even_cut(candidates: Candidates) -> Floats:
+    """The one whose answer, right or left, takes most of the plausible scales away at the least."""
+    better, worse = (candidates.scores > 0) @ candidates.weights, (candidates.scores < 0) @ candidates.weights
+    return np.asarray(np.minimum(better, worse))
+
+
+def mutual_information(candidates: Candidates) -> Floats:
+    """What the answer is expected to tell of the scale, in bits, by the comparator's own model of the tutor (Houlsby et
+    al. 2011; Biyik et al. 2019): the entropy of the answer, less its mean entropy were the scale known."""
+    chance = candidates.agreement
+    return np.asarray(entropy(chance @ candidates.weights) - entropy(chance) @ candidates.weights)
+
+
+def violated_weight(candidates: Candidates) -> Floats:
+    """The probability that the difference matters: the weight of the scales with d.e beyond the limit."""
+    return np.asarray((candidates.scores > candidates.limit) @ candidates.weights)
+
+
+def telling_violation(candidates: Candidates) -> Floats:
+    """Mutual information times the weight of the scales under which the difference matters, one draw's weight added so
+    that there is a best question also where no draw says that it does."""
+    spare = 1.0 / len(candidates.weights)
+    return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
+
+
+def check_strategy(strategy: Strategy) -> Strategy:
+    """The strategy itself; raises ValueError for what cannot be called, such as a name."""
+    if not callable(strategy):
+        raise ValueError(
+            "strategy must be a function from Candidates to scores (n,), such as qlearn.strategies.max_regret, "
+            f"not {strategy!r}"
+        )
+    return strategy
+
+
+def draws_of(comparator: Comparator) -> Draws:
+    """A comparator's ``draws``, or draws from all ordered scales where it has none."""
+    own: Any = getattr(comparator, "draws", None)
+    if own is not None:
+        return Draws(*own)
+    p = comparator.k - 1
+    return draws_within(Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, np.int64)), np.full(p, 1.0 / p))
+
+
+def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[int]:
+    """The candidates with the greatest scores, first ones first among equals. Raises ValueError for scores that are
+    no numbers (n,)."""
+    scores = np.asarray(strategy(candidates), dtype=np.float64)
+    if scores.shape != (len(candidates),) or np.isnan(scores).any():
+        raise ValueError(
+            f"a strategy must return one number for each of {len(candidates)} candidates, not "
+            f"{'nan' if scores.shape == (len(candidates),) else f'shape {scores.shape}'}"
+        )
+    return [int(i) for i in np.argsort(-scores, kind="stable")[:how_many]]

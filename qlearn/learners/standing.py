@@ -1,0 +1,64 @@
+"""What the desk would say of a pair, as far as that needs no Python: its part in the learners' compiled loops."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.hashing_kernel import pair_code, unit
+from elicit._support.jit import compiled
+from elicit.decision.judge import judge, within
+from elicit.lp.sign import BETTER, BY_EQUAL, EQUAL, UNKNOWN, UNSETTLED, WORSE
+from elicit.model.comparator import Tier
+
+INDIFFERENT, GUESS = int(Tier.INDIFFERENT), int(Tier.GUESS)
+
+
+class Standing(NamedTuple):
+    """How the desk stands, as plain arrays. Pairs are named by their hash with its key."""
+
+    indifference: float
+    audit: float  # share of the pairs settled by answers that the tutor is to confirm
+    key: Any  # np.uint64
+    binding: NDArray[np.uint64]  # sorted: pairs whose answer no model may overrule
+    said: NDArray[np.uint64]  # sorted: all pairs that were answered
+    plain: bool  # no audits and nothing binding: what the comparator says, goes
+    unclear: bool  # whether somewhere the tutor could not tell
+    guess: NDArray[np.float64]  # (p,) gaps to go by once the budget is spent; else (0,)
+
+
+@compiled
+def among(code: Any, codes: Any) -> bool:
+    """Whether ``code`` is in the sorted ``codes``."""
+    i = np.searchsorted(codes, code)
+    return bool(i < len(codes) and codes[i] == code)
+
+
+@compiled
+def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, floor: Any) -> tuple[int, int]:
+    """Verdict and tier of a pair on which dominance is silent, as ``Desk.judge`` has them; UNSETTLED where only
+    the desk can tell, UNKNOWN where only the tutor can."""
+    for j in range(len(t)):
+        work[0, j] = t[j]
+    if len(standing.binding) > 0 and among(pair_code(standing.key, t, work[1]), standing.binding):
+        return UNSETTLED, BY_EQUAL
+    verdict, tier = judge(d, t, 0.0, floor, rule)
+    if verdict == UNKNOWN:
+        if standing.unclear or (
+            len(standing.said) > 0 and among(pair_code(standing.key, work[0], work[1]), standing.said)
+        ):
+            return UNSETTLED, BY_EQUAL
+        if standing.indifference > 0.0:
+            for j in range(len(t)):
+                work[1, j] = work[0, j]
+            verdict, tier = within(d, work[1], standing.indifference, rule), INDIFFERENT
+        if verdict == UNKNOWN and len(standing.guess) > 0:
+            at = 0.0
+            for j in range(len(t)):
+                at += work[0, j] * standing.guess[j]
+            return (BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL), GUESS
+    elif verdict != EQUAL and standing.audit > 0.0 and unit(pair_code(standing.key, work[0], work[1])) < standing.audit:
+        return UNSETTLED, BY_EQUAL
+    return verdict, tier

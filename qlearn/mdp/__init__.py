@@ -1,0 +1,1 @@
+"""MDPs whose rewards are levels, and their ground truth: tables, backups, planning. Imports from elicit."""

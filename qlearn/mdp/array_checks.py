@@ -1,0 +1,152 @@
+"""Checks of an MDP's arrays, a block of states at a time: what is checked may fill most of the memory there is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit.model.scale import Floats
+
+Indices = NDArray[np.int32]
+Flags = NDArray[np.bool_]
+
+BLOCK = 1 << 20  # numbers checked at once
+_SUM_TOLERANCE = 1e-9  # farther from 1 than this, a row is no distribution
+_ROUNDING = 1e-12  # nearer to 1 than this, a row is kept bit for bit, so that copies are identical
+
+
+def clean(
+    targets: NDArray[Any], probabilities: Floats, terminal: Flags, admissible: Flags
+) -> tuple[NDArray[np.integer[Any]], Floats]:
+    """Successors (S, A, b) int32 and probabilities (S, A, b) as ``OrdinalMDP`` stores them: what is never read
+    overwritten, every row checked and, beyond rounding, divided by its sum. Arrays that need no change
+    come back themselves; read-only ones are never written to. Raises ValueError."""
+    n, _, b = probabilities.shape
+    step = max(1, BLOCK // max(1, probabilities[0].size))
+    for start in range(0, n, step):
+        part = slice(start, min(n, start + step))
+        t, p = before = targets[part], probabilities[part]
+        unread = (~admissible[part] | terminal[part, None])[:, :, None]
+        if unread.any():
+            t = np.where(unread, np.arange(part.start, part.stop)[:, None, None], t)
+            p = np.where(unread, 0.0, p)
+            p[terminal[part], :, 0] = admissible[part][terminal[part]]
+        padding = p == 0
+        if padding.any():
+            last = b - 1 - np.argmin(padding[:, :, ::-1], axis=2, keepdims=True)
+            t = np.where(padding, np.take_along_axis(t, last, axis=2), t)
+        whole = integers("successors", t, start)
+        reject("successors", whole, (whole < 0) | (whole >= n), f"must be a state in 0..{n - 1}", start)
+        p = distributions("probabilities", p, needed=admissible[part], start=start)
+        if p is not before[1] and not np.array_equal(p, before[1]):
+            probabilities = _writeable(probabilities)
+            probabilities[part] = p
+        if whole is not before[0] and not np.array_equal(whole, before[0]):
+            targets = _writeable(targets)
+            targets[part] = whole
+    return targets.astype(np.int32, copy=False), probabilities
+
+
+def _writeable(array: NDArray[Any]) -> NDArray[Any]:
+    return array if array.flags.writeable else array.copy()
+
+
+def reject(name: str, array: NDArray[Any], bad: Flags, rule: str, start: int = 0) -> None:
+    """Raise ValueError naming the first bad entry; ``start`` is the index of the array's first row."""
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        named = (index[0] + start, *index[1:])
+        raise ValueError(f"{name}[{', '.join(map(str, named))}] is {array[index]}, but {rule}")
+
+
+def numbers(name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, whole: bool = False) -> NDArray[Any]:
+    """A copy of ``given`` as floats; of integers (``whole``) as int32 where they fit. An array of just that
+    type that is read-only and owns its memory is taken as it is. Raises TypeError, ValueError."""
+    kind: Any = np.float64
+    if whole and isinstance(given, np.ndarray) and given.dtype.kind in "iu":
+        fits = given.dtype.itemsize < 4 or given.dtype == np.int32
+        fits = fits or not given.size or (given.min() >= -(2**31) and given.max() < 2**31)
+        kind = np.int32 if fits else np.float64
+    if isinstance(given, np.ndarray) and given.dtype == kind and given.base is None:
+        array: NDArray[Any] = given if _frozen(given) else given.copy(order="C")
+    else:
+        try:
+            array = np.array(given, dtype=kind, order="C")
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"{name} must be an array of numbers: {error}") from None
+    if shape is not None and array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, not {array.shape}")
+    return array
+
+
+def _frozen(array: NDArray[Any]) -> bool:
+    return bool(type(array) is np.ndarray and array.flags.c_contiguous and not array.flags.writeable)
+
+
+def integers(name: str, array: NDArray[Any], start: int = 0) -> Indices:
+    """The array as int32; ``start`` as for ``reject``. Raises ValueError."""
+    if array.dtype == np.int32:
+        return array
+    bad = ~(array == np.floor(array)) | (np.abs(array) > 2**31 - 1)
+    reject(name, array, bad, "must be a 32-bit whole number", start)
+    return array.astype(np.int32)
+
+
+def flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: bool) -> Flags:
+    """A copy of ``given`` as bools, everywhere ``default`` where it is None. Raises TypeError, ValueError."""
+    if given is None:
+        return np.full(shape, default)
+    if isinstance(given, np.ndarray) and given.dtype == np.bool_ and given.shape == shape:
+        return given if _frozen(given) and given.base is None else given.copy(order="C")
+    array = numbers(name, given, shape)
+    reject(name, array, (array != 0) & (array != 1), "must be True or False; a list of indices is not taken")
+    return array.astype(np.bool_)
+
+
+def names(given: Sequence[str]) -> tuple[str, ...]:
+    """The labels as plain strings. Raises TypeError, ValueError."""
+    if isinstance(given, str) or not all(isinstance(label, str) for label in given):
+        raise TypeError(f"labels must be a sequence of strings, worst level first, not {given!r}")
+    labels = tuple(str(label) for label in given)  # plain strings, also of a numpy array
+    if len(labels) < 2:
+        raise ValueError(f"labels must name at least 2 levels, not {labels}: with one, all policies are equal")
+    twice = next((label for i, label in enumerate(labels) if label in labels[:i]), None)
+    if twice is not None:
+        raise ValueError(f"labels must differ, but {twice!r} appears twice in {labels}")
+    return labels
+
+
+def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -> None:
+    """Raise ValueError where a terminal state has two levels."""
+    ends = np.flatnonzero(terminal)
+    levels, admissible = levels[ends], admissible[ends]
+    lowest = np.where(admissible, levels, np.iinfo(np.int32).max).min(axis=1)
+    highest = np.where(admissible, levels, -1).max(axis=1)
+    bad = lowest != highest
+    if bad.any():
+        i = int(np.argmax(bad))
+        raise ValueError(
+            f"terminal state {ends[i]} has levels {levels[i][admissible[i]].tolist()} over its admissible actions, "
+            "but its value is one level for ever: give them all the same level"
+        )
+
+
+def distributions(name: str, p: Floats, needed: Flags | None = None, start: int = 0) -> Floats:
+    """p (..., b) with every row a distribution, except the rows of zeros that are not ``needed``; p itself where
+    nothing need change. Raises ValueError."""
+    reject(name, p, ~np.isfinite(p), "must be finite", start)
+    reject(name, p, p < 0, "must not be negative", start)
+    total = p.sum(axis=-1)
+    off = np.abs(total - 1) if needed is None else np.where(needed, np.abs(total - 1), 0.0)
+    if (off > _SUM_TOLERANCE).any():
+        index = tuple(int(i) for i in np.argwhere(off > _SUM_TOLERANCE)[0])
+        named = (index[0] + start, *index[1:]) if index else index
+        row = f"{name}[{', '.join(map(str, named))}]" if index else name
+        raise ValueError(f"{row} sums to {float(total[index])!r}, not 1: divide it by its sum if this is only rounding")
+    if not (off > _ROUNDING).any():
+        return p
+    scaled: Floats = p / np.where(off > _ROUNDING, total, 1.0)[..., None]
+    return scaled

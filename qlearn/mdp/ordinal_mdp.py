@@ -1,0 +1,284 @@
+"""Ordinal reward MDPs (section 2.2): transitions are numbers, rewards are named levels."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+
+from elicit._support.validation import is_number, require
+from elicit.model.scale import Floats, normalise
+from qlearn.mdp import array_checks as rows
+from qlearn.mdp.array_checks import Flags, Indices
+
+if TYPE_CHECKING:
+    from qlearn.mdp import transition_tables as tables
+
+_DEFAULT: Any = None  # the fields below are never None once constructed, whatever was passed
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OrdinalMDP:
+    """An MDP whose reward is one of k named levels, worst first; what a level is worth is unknown.
+
+    ``successors`` (S, A, b) state indices and ``probabilities`` (S, A, b): the next state after
+    action a in state s is ``successors[s, a, j]`` with probability ``probabilities[s, a, j]``.
+    A successor may appear twice in a row; its probabilities add. Shorter rows are padded with
+    probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0, 1), ``labels`` the k names.
+    ``initial`` (S,) is where episodes start (default: uniform over the states that are not
+    terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A)
+    bool which actions there are (default: all). Array-likes are accepted and copied, but for arrays of the
+    stored type that are read-only and own their memory; the stored arrays are read-only.
+
+    A terminal state's value is its level for ever, so its levels must agree over its admissible
+    actions. What is never read needs no valid entries and is overwritten: the rows of a terminal
+    state by a self-loop, those of an inadmissible action by probability 0 throughout, and the
+    successors of padding by the row's last real one, where a sampler that runs off the end by
+    rounding then lands. Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are
+    divided by their sum.
+
+    Raises ValueError (or TypeError for what is no array of numbers), naming the index and the value.
+    """
+
+    successors: NDArray[np.integer[Any]]  # int32 once stored
+    probabilities: Floats
+    levels: NDArray[np.integer[Any]]  # int32 once stored
+    discount: float
+    labels: tuple[str, ...]
+    initial: Floats = _DEFAULT
+    terminal: Flags = _DEFAULT
+    admissible: Flags = _DEFAULT
+
+    def __post_init__(self) -> None:
+        probabilities = rows.numbers("probabilities", self.probabilities)
+        if probabilities.ndim != 3 or 0 in probabilities.shape:
+            raise ValueError(
+                f"probabilities must have shape (S, A, b), each at least 1, not {probabilities.shape}; "
+                "OrdinalMDP.from_dense takes a table (S, A, S), from_sparse a sparse one"
+            )
+        n, m, b = probabilities.shape
+        targets = rows.numbers("successors", self.successors, (n, m, b), whole=True)
+        levels = rows.integers("levels", rows.numbers("levels", self.levels, (n, m), whole=True))
+        labels = rows.names(self.labels)
+        holds = is_number(self.discount, 0) and float(self.discount) < 1
+        require(holds, "discount", "a number in [0, 1)", self.discount)
+        discount = float(self.discount)
+        terminal = rows.flags("terminal", self.terminal, (n,), default=False)
+        admissible = rows.flags("admissible", self.admissible, (n, m), default=True)
+        if terminal.all():
+            raise ValueError(f"all {n} states are terminal: there is nothing to decide; clear at least one")
+        if not admissible.any(axis=1).all():
+            s = int(np.argmin(admissible.any(axis=1)))
+            raise ValueError(f"state {s} has no admissible action; set at least one of admissible[{s}]")
+        rows.reject("levels", levels, (levels < 0) | (levels >= len(labels)), f"must be in 0..{len(labels) - 1}")
+        rows.check_terminal_levels(levels, terminal, admissible)
+        successors, probabilities = rows.clean(targets, probabilities, terminal, admissible)
+
+        if self.initial is None:
+            initial = ~terminal / np.count_nonzero(~terminal)
+        else:
+            initial = rows.distributions("initial", rows.numbers("initial", self.initial, (n,)))
+            rows.reject(
+                "initial", initial, terminal & (initial != 0), "must be 0: an episode cannot start in a terminal state"
+            )
+
+        stored = (successors, probabilities, levels, discount, labels, initial, terminal, admissible)
+        for field, value in zip(fields(self), stored, strict=True):
+            object.__setattr__(self, field.name, value)
+        self._freeze()
+
+    def _freeze(self) -> None:
+        for value in vars(self).values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._freeze()  # unpickled arrays are writeable
+
+    @classmethod
+    def from_dense(
+        cls,
+        transitions: ArrayLike,
+        levels: ArrayLike,
+        discount: float,
+        labels: Sequence[str],
+        *,
+        initial: ArrayLike | None = None,
+        terminal: ArrayLike | None = None,
+        admissible: ArrayLike | None = None,
+    ) -> OrdinalMDP:
+        """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s')."""
+        from qlearn.mdp import transition_tables as tables
+
+        return cls(**tables.dense(transitions, levels, discount, labels, initial, terminal, admissible))
+
+    @classmethod
+    def from_sparse(
+        cls,
+        transitions: tables.Matrix | Sequence[tables.Matrix],
+        levels: ArrayLike,
+        discount: float,
+        labels: Sequence[str],
+        *,
+        initial: ArrayLike | None = None,
+        terminal: ArrayLike | None = None,
+        admissible: ArrayLike | None = None,
+    ) -> OrdinalMDP:
+        """The same from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as
+        in ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
+
+        Rows are stored at the length of the longest, so one state with very many successors costs
+        memory for all. Raises ValueError.
+        """
+        from qlearn.mdp import transition_tables as tables
+
+        return cls(**tables.sparse_rows(transitions, levels, discount, labels, initial, terminal, admissible))
+
+    @classmethod
+    def from_pairs(
+        cls,
+        levels: ArrayLike,
+        transitions: tables.Matrix | ArrayLike,
+        s_indices: ArrayLike,
+        a_indices: ArrayLike,
+        discount: float,
+        labels: Sequence[str],
+        *,
+        initial: ArrayLike | None = None,
+        terminal: ArrayLike | None = None,
+    ) -> OrdinalMDP:
+        """The same from its L state-action pairs, as QuantEcon's DiscreteDP takes them: ``levels`` (L,) in place
+        of its rewards R, ``transitions`` (L, S) for its Q, sparse or not, and the state and the action of each
+        pair, ``s_indices`` and ``a_indices`` (L,), in any order. A pair that is not listed is inadmissible.
+
+        Raises ValueError for pairs out of range or listed twice, and for a state without any.
+        """
+        from qlearn.mdp import transition_tables as tables
+
+        pairs = tables.pairs(levels, transitions, s_indices, a_indices, discount, labels, initial, terminal)
+        return cls(**pairs)
+
+    @classmethod
+    def from_environment(
+        cls,
+        env: Any,
+        discount: float,
+        *,
+        levels: Mapping[float, str] | Sequence[float] | None = None,
+        labels: Sequence[str] | None = None,
+        initial: ArrayLike | None = None,
+        after: float = 0.0,
+    ) -> OrdinalMDP:
+        """The same from an environment that carries its tables, such as Gymnasium's toy texts: ``env.unwrapped.P``
+        with ``P[s][a]`` a list of (probability, next state, reward, terminated).
+
+        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to the name
+        of its level, several rewards to one name if need be; ``labels`` then are these names, worst first
+        (default: as they first appear in the mapping). By default the distinct rewards in increasing order are
+        the levels. Once an episode has ended, every further step counts as one of reward ``after``, which
+        needs a level too.
+
+        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it; what is
+        appended are states after the end. Where a reward depends on the next state, it is counted on
+        arrival, one step later: this changes no preference between two policies, and scales their differences by
+        ``discount``. A state that can be entered with different rewards is appended once for each further one.
+        ``initial`` is by default ``env.unwrapped.initial_state_distrib`` where there is one.
+        Raises TypeError where there are no tables, ValueError for a reward without a level.
+        """
+        from qlearn.mdp import gymnasium_tables as environment_tables
+
+        return cls(**environment_tables.read(env, discount, levels, labels, initial, after))
+
+    @property
+    def n_states(self) -> int:
+        """S."""
+        return int(self.levels.shape[0])
+
+    @property
+    def n_actions(self) -> int:
+        """A."""
+        return int(self.levels.shape[1])
+
+    @property
+    def k(self) -> int:
+        """The number of levels."""
+        return len(self.labels)
+
+    @cached_property
+    def final_level(self) -> Indices:
+        """(S,) a terminal state's level; -1 where the state is not terminal."""
+        first = np.argmax(self.admissible, axis=1)
+        level: Indices = np.where(self.terminal, self.levels[np.arange(self.n_states), first], -1).astype(np.int32)
+        level.flags.writeable = False
+        return level
+
+    @cached_property
+    def transitions(self) -> sparse.csr_array:
+        """p as CSR (S*A, S); row s*A + a belongs to (s, a). An admissible action of a terminal
+        state loops; the row of an inadmissible action is empty. Do not write to it."""
+        n, m, b = self.probabilities.shape
+        p, column = self.probabilities.reshape(-1), self.successors.reshape(-1)
+        used = p != 0
+        if used.all():  # the arrays themselves: at a million states a copy would be a gigabyte
+            ends = np.arange(0, p.size + 1, b, dtype=np.int32 if p.size < 2**31 else np.int64)
+        else:
+            counts = np.count_nonzero(used.reshape(n * m, b), axis=1)
+            ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32 if p.size < 2**31 else np.int64)
+            p, column = p[used], column[used]
+        matrix = sparse.csr_array((p, column.astype(ends.dtype, copy=False), ends), shape=(n * m, n))
+        if not matrix.has_canonical_format:
+            matrix = matrix.copy()
+            matrix.sum_duplicates()
+        matrix.data.flags.writeable = False
+        return matrix
+
+    def normalise(self, values: ArrayLike) -> Floats:
+        """values (k,), one a level and increasing, as a scale from 0 to 1. Raises ValueError."""
+        scale = normalise(values)
+        if scale.size != self.k:
+            raise ValueError(f"values must be {self.k} numbers, one a level, not {scale.size}")
+        return scale
+
+    def rewards(self, values: ArrayLike) -> Floats:
+        """Numeric rewards r(s, a) (S, A) if level i were worth values[i], in the unit of ``values``.
+
+        values (k,) must increase; they are used as they are. Any solver for standard MDPs takes the
+        result, together with ``transitions`` and ``discount``. Raises ValueError.
+        """
+        self.normalise(values)
+        r: Floats = np.asarray(values, dtype=np.float64)[self.levels]
+        return r
+
+    def vector_rewards(self) -> Floats:
+        """(S, A, k) one-hot: component i is 1 where the level of (s, a) is i (section 2.2)."""
+        one_hot: Floats = np.eye(self.k)[self.levels]
+        return one_hot
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash (32 hex digits) of everything stored, the same on every machine and in every process."""
+        digest = hashlib.blake2b(repr((self.discount, self.labels)).encode(), digest_size=16)
+        arrays = ("successors", "probabilities", "levels", "initial", "terminal", "admissible")
+        for name, kind in zip(arrays, ("<i4", "<f8", "<i4", "<f8", "?", "?"), strict=True):
+            array = np.ascontiguousarray(getattr(self, name), dtype=kind)
+            digest.update(f"{name}{array.shape}".encode())
+            digest.update(array.data)
+        return digest.hexdigest()
+
+    def __repr__(self) -> str:
+        scale = " < ".join(self.labels if self.k <= 7 else (*self.labels[:3], "...", self.labels[-1]))
+        parts = [
+            f"{self.n_states} states, {self.n_actions} actions, {self.k} levels: {scale}, discount {self.discount:g}"
+        ]
+        if self.terminal.any():
+            parts.append(f"{np.count_nonzero(self.terminal)} terminal")
+        if not self.admissible.all():
+            parts.append(f"{self.admissible.sum(axis=1).mean():.1f} admissible actions a state")
+        return f"OrdinalMDP({', '.join(parts)})"

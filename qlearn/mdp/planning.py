@@ -1,0 +1,264 @@
+"""Ground truth: solving an MDP whose scale is known, and valuing a given policy.
+
+Values are in shares: v = (1 - discount) times the discounted sum of rewards on a scale from 0 to 1,
+so v is between 0 and 1 whatever the discount, and a policy's vector value is a distribution.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import breadth_first_order
+from scipy.sparse.linalg import bicgstab, splu
+
+from elicit._support.validation import is_number
+from elicit.model.scale import Floats
+from qlearn.mdp.array_checks import Flags
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+Actions = NDArray[np.int64]
+
+_DENSE = 400  # up to this many states LAPACK is faster than an iteration
+_SPARSE = 50_000  # up to this many, factors of a sparse matrix that fills up still fit into memory
+_TIE = 1e-13  # two actions' values differ by less than this through rounding alone
+_RESIDUAL = 1e-14  # leaves an error of at most this over 1 - discount
+_FLOOR = 2.0**-50  # a sweep's change below this is rounding
+
+
+def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10) -> tuple[Floats, Actions]:
+    """Optimal value v (S,) in shares and an optimal policy (S,), eq. (2), if the scale is ``values`` (k,).
+
+    v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s') over admissible a, with
+    ``values`` normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal state's v is
+    its normalised value exactly. Policy iteration finds the solution, Bellman sweeps then certify it:
+    |v - v*| <= discount / (1 - discount) * (last change). The policy is greedy for v; actions within
+    1e-13 of the best tie, and the lowest index is taken. Raises ValueError for bad ``values``, or
+    a ``tolerance`` that floats cannot certify.
+    """
+    e = mdp.normalise(values)
+    if not (is_number(tolerance) and tolerance > 0):
+        raise ValueError(f"tolerance must be a positive number (a share of the value range), not {tolerance!r}")
+    v = policy_iteration(mdp, *_rewarded(mdp, e))[0]
+    while True:
+        previous, q = v, _action_values(mdp, e, v)
+        v = q.max(axis=1)
+        change = float(np.abs(v - previous).max())
+        bound = change * mdp.discount / (1 - mdp.discount)
+        if bound <= tolerance:
+            return np.clip(v, 0.0, 1.0), _first_best(q)  # rounding may leave 1 + 1e-15
+        if change <= _FLOOR:
+            raise ValueError(
+                f"tolerance {tolerance:g} is finer than floats can certify at discount {mdp.discount:g}; "
+                f"{2 * _FLOOR / (1 - mdp.discount):.1g} can be"
+            )
+
+
+def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
+    """Vector value of a policy, eq. (3), as shares (S, k): row s is how the discounted time of a
+    run from s divides among the levels, and sums to 1.
+
+    ``policy`` is (S,) action indices or (S, A) probabilities; its entries at terminal states are not
+    read, and a terminal state's row is the unit vector of its level. By proposition 1 the
+    scalar value is ``evaluate_policy(mdp, policy) @ e`` for every scale e, in the unit of e.
+    Raises ValueError for a policy of wrong shape or one that takes an inadmissible action.
+    """
+    rule = _rule(mdp, policy)
+    pairs = mdp.levels.size
+    levels = sparse.csr_array((np.ones(pairs), mdp.levels.ravel(), np.arange(pairs + 1)), shape=(pairs, mdp.k))
+    hits = rule @ levels
+    shares: Floats = np.zeros((mdp.n_states, mdp.k))
+    shares[mdp.terminal, mdp.final_level[mdp.terminal]] = 1.0
+    live = ~mdp.terminal
+    chain = (rule @ mdp.transitions)[live]
+    inflow = (1 - mdp.discount) * hits[live].toarray() + mdp.discount * (chain @ shares)
+    solved = np.maximum(_solve(chain[:, live], inflow, mdp.discount), 0.0)  # rounding may leave -1e-20
+    shares[live] = solved / solved.sum(axis=1, keepdims=True)
+    return shares
+
+
+def policy_loss(
+    mdp: OrdinalMDP, policy: ArrayLike, values: ArrayLike, tolerance: float = 1e-10, optimum: Floats | None = None
+) -> Floats:
+    """What following ``policy`` from each state loses against an optimal policy, (S,): a share of the
+    value range e_k - e_1, from 0 to 1, that is (1 - discount)(v* - v^policy) on the scale ``values`` (k,).
+
+    Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. ``optimum`` is v* (S,), where
+    ``value_iteration`` has found it before. Raises ValueError
+    as ``value_iteration`` and ``evaluate_policy`` do.
+    """
+    e, rule, live = mdp.normalise(values), _rule(mdp, policy), ~mdp.terminal
+    v = value_iteration(mdp, values, tolerance)[0] if optimum is None else optimum
+    # of one scale: k times cheaper than the policy's vector value
+    worth = np.where(live, 0.0, e[mdp.final_level])
+    chain = (rule @ mdp.transitions)[live]
+    inflow = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel())[live] + mdp.discount * (chain @ worth)
+    worth[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
+    loss: Floats = np.maximum(v - worth, 0.0)
+    return loss
+
+
+def absorption_probability(mdp: OrdinalMDP, policy: ArrayLike, state: int) -> Floats:
+    """Probability (S,) that a run of ``policy`` (as in ``evaluate_policy``) ever ends in the terminal
+    ``state``; the discount plays no part. Raises ValueError."""
+    _check_terminal(mdp, state)
+    return _absorption(mdp, _rule(mdp, policy) @ mdp.transitions, state)
+
+
+def best_absorption_probability(mdp: OrdinalMDP, state: int) -> tuple[Floats, Actions]:
+    """The greatest ``absorption_probability`` (S,) over all policies, and a policy (S,) attaining it.
+
+    Undiscounted policy iteration: an action is changed only for a strictly better one, so that
+    no policy is chosen that puts off its promise for ever. Raises ValueError.
+    """
+    _check_terminal(mdp, state)
+    rows = np.arange(mdp.n_states)
+    policy = _first_best(np.where(mdp.admissible, 0.0, -np.inf))
+    reached = np.zeros(mdp.n_states)
+    while True:
+        before, reached = reached, _absorption(mdp, mdp.transitions[rows * mdp.n_actions + policy], state)
+        q = (mdp.transitions @ reached).reshape(mdp.levels.shape)
+        q[~mdp.admissible] = -np.inf
+        better = q.max(axis=1) > q[rows, policy] + 1e-12
+        # every change raises the total, or else it was rounding that called for it
+        if not better.any() or reached.sum() <= before.sum():
+            return reached, policy
+        policy = np.where(better, q.argmax(axis=1), policy)
+
+
+def _action_values(mdp: OrdinalMDP, e: Floats, v: Floats) -> Floats:
+    """Q (S, A) in shares from v (S,); -inf for inadmissible actions."""
+    return _backed_up(mdp, *_rewarded(mdp, e), v)
+
+
+def _rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
+    """What each action gains (S, A) and what each terminal state is worth (S,), in shares."""
+    gain: Floats = (1 - mdp.discount) * e[mdp.levels]
+    return gain, np.where(mdp.terminal, e[mdp.final_level], 0.0)
+
+
+def _backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
+    q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(mdp.levels.shape)
+    q[mdp.terminal] = ends[mdp.terminal, None]
+    q[~mdp.admissible] = -np.inf
+    return q
+
+
+def _first_best(q: Floats) -> Actions:
+    best: Actions = np.argmax(q >= q.max(axis=1, keepdims=True) - _TIE, axis=1)
+    return best
+
+
+def policy_iteration(
+    mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Actions | None = None
+) -> tuple[Floats, Actions]:
+    """The greatest discounted total v (S,) of what actions gain (S, A), a terminal state's being ``ends`` (S,), and a
+    policy (S,) for it, by Howard's algorithm; where the actions of ``start`` (S,) are as good, they are kept. It need
+    not be exact, only good: whoever needs certainty certifies the result."""
+    rows, live = np.arange(mdp.n_states), ~mdp.terminal
+    v = np.where(mdp.terminal, ends, 0.0)
+    policy = _first_best(_backed_up(mdp, gain, ends, v)) if start is None else start
+    for _ in range(100):
+        chain = mdp.transitions[rows * mdp.n_actions + policy][live]
+        inflow = gain[rows, policy][live] + mdp.discount * (chain[:, mdp.terminal] @ v[mdp.terminal])
+        v[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
+        q = _backed_up(mdp, gain, ends, v)
+        better = live & (q.max(axis=1) > q[rows, policy] + _TIE)
+        if not better.any():
+            break
+        policy = np.where(better, q.argmax(axis=1), policy)
+    return v, policy
+
+
+def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
+    """An optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1, found from ``start`` (S,), whose actions are
+    kept where they are as good."""
+    return policy_iteration(mdp, *_rewarded(mdp, np.asarray(values)), start)[1]
+
+
+def _solve(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
+    """x (n, m) with x = inflow + discount * chain @ x, for a (sub)stochastic chain (n, n)."""
+    n = chain.shape[0]
+    matrix = sparse.eye_array(n, format="csr") - discount * chain
+    if n <= _DENSE:
+        dense: Floats = np.linalg.solve(matrix.toarray(), inflow)
+        return dense
+    # Krylov steps are quick on chains that mix, where factors fill up; factors are quick on the rest
+    step = partial(bicgstab, matrix, rtol=1e-6, maxiter=100)
+    x = inflow.copy()
+    for column in x.T:
+        target = column.copy()
+        for _ in range(6):
+            residual = target - matrix @ column
+            if np.abs(residual).max() <= _RESIDUAL * max(1.0, np.abs(column).max()):
+                break
+            column += step(residual)[0]
+        else:
+            if n > _SPARSE and discount < 1:
+                return _swept(chain, inflow, discount)
+            factors = splu(matrix.tocsc())
+            return np.asarray(factors.solve(inflow), dtype=np.float64)
+    return x
+
+
+def _swept(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
+    """``_solve`` by sweeps, each of which takes the error to ``discount`` times what it was: slow, but in no memory."""
+    x = inflow.copy()
+    for _ in range(int(np.ceil(np.log(_RESIDUAL) / np.log(discount))) if discount > 0 else 1):
+        before, x = x, inflow + discount * (chain @ x)
+        if np.abs(x - before).max() <= _RESIDUAL * max(1.0, np.abs(x).max()):
+            break
+    return x
+
+
+def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
+    """The policy as CSR (S, S*A): row s holds the probability of a in column s*A + a."""
+    n, m = mdp.levels.shape
+    given, live = np.asarray(policy), ~mdp.terminal
+    weights = np.zeros((n, m))
+    if given.shape == (n,) and given.dtype.kind in "iu":
+        _refuse(live & ((given < 0) | (given >= m)), given, f"must be an action in 0..{m - 1}")
+        weights[live, given[live]] = 1.0
+    elif given.shape == (n, m) and given.dtype.kind in "iuf":
+        weights[live] = given[live]
+        proper = (weights >= 0).all(axis=1) & (np.abs(weights.sum(axis=1) - 1) <= 1e-9)
+        _refuse(live & ~proper, given, "must be probabilities that sum to 1")
+        weights[live] /= weights[live].sum(axis=1, keepdims=True)
+    else:
+        raise ValueError(
+            f"policy must be ({n},) integers, one action a state, or ({n}, {m}) probabilities of the actions, "
+            f"not {given.shape} of type {given.dtype}"
+        )
+    stray: Flags = np.any((weights > 0) & ~mdp.admissible, axis=1)
+    offered = np.flatnonzero(mdp.admissible[np.argmax(stray)]).tolist()
+    _refuse(stray, given, f"must take admissible actions only, which are {offered}")
+    weights[mdp.terminal, np.argmax(mdp.admissible[mdp.terminal], axis=1)] = 1.0
+    state, action = np.nonzero(weights)
+    return sparse.csr_array((weights[state, action], (state, state * m + action)), shape=(n, n * m))
+
+
+def _refuse(bad: Flags, policy: NDArray[Any], rule: str) -> None:
+    if bad.any():
+        s = int(np.argmax(bad))
+        raise ValueError(f"policy[{s}] is {policy[s]}, but {rule}")
+
+
+def _check_terminal(mdp: OrdinalMDP, state: int) -> None:
+    if not 0 <= state < mdp.n_states or not mdp.terminal[state]:
+        raise ValueError(f"state {state} is not terminal; terminal states: {np.flatnonzero(mdp.terminal).tolist()}")
+
+
+def _absorption(mdp: OrdinalMDP, chain: sparse.csr_array, state: int) -> Floats:
+    """Probability (S,) of reaching terminal ``state`` in the chain (S, S)."""
+    ways = np.zeros(mdp.n_states, dtype=np.bool_)
+    ways[breadth_first_order(chain.T.tocsr(), state, return_predecessors=False)] = True
+    ways[state] = False  # the states left all lead to it, so the system below is regular
+    reached: Floats = np.zeros(mdp.n_states)
+    reached[state] = 1.0
+    if ways.any():
+        inflow = chain[ways][:, [state]].toarray()
+        reached[ways] = np.clip(_solve(chain[ways][:, ways], inflow, 1.0)[:, 0], 0.0, 1.0)
+    return reached

@@ -1,0 +1,180 @@
+"""What the rows of ``series`` say, with intervals over runs: means, trends, and whether a loss is below 1%."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import spearmanr
+
+from elicit.model.scale import Floats
+from qlearn.experiments.metrics import half_width, means
+from qlearn.paper.series import ORDER
+
+__all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_page", "claims_text", "series_of", "summarise_series"]
+
+DENOMINATORS = ("all", "unequal", "open", "fresh")
+LOSSES = ("paper_loss_percent", "paper_abs_percent", "excess_loss_percent")
+MEASURES = (
+    "asked",
+    *(f"asked_percent_{name}" for name in DENOMINATORS),
+    *LOSSES,
+    "loss_percent",
+    "realised_error_rate",
+)
+_ARM = ["comparator", "error_rate"]
+_STEP = {"levels": 5, "states": 100}  # slopes are told for this much more, the step of the paper's series
+_BOUND = 1.0  # percent: "the average percentage of loss is lower than 1%"
+
+
+def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
+    """The rows of the series over ``name``, "levels" or "states": those with the commonest number of the other one."""
+    other = "states" if name == "levels" else "levels"
+    points = frame[["states", "levels"]].drop_duplicates()
+    fixed = points.groupby(other, sort=True)[name].nunique().idxmax()
+    rows = _wide(frame[frame[other] == fixed])
+    place = rows.comparator.map(ORDER.index)
+    return rows.assign(place=place).sort_values(["place", "error_rate", name, "seed"]).drop(columns="place")
+
+
+def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
+    """One row a point of a series and comparator: the mean over runs of each of ``MEASURES`` and, as ``<name>_half``,
+    half the width of its 95% t-interval (nan from one run)."""
+    parts = []
+    for name in ("levels", "states"):
+        rows = series_of(frame, name)
+        groups = rows.groupby([name, *_ARM], sort=False)
+        table = groups.size().rename("runs").to_frame().join(means(groups, MEASURES)).reset_index()
+        parts.append(table.rename(columns={name: "x"}).assign(series=name))
+    whole: pd.DataFrame = pd.concat(parts, ignore_index=True)
+    return whole[["series", "x", *(name for name in whole.columns if name not in ("series", "x"))]]
+
+
+def claims(frame: pd.DataFrame) -> pd.DataFrame:
+    """The paper's claims, one row each for every comparator and way of measuring, with a 95% t-interval over seeds.
+
+    Figures 2 and 3: ``estimate`` is the mean over seeds of the least squares slope of the percentage asked, in
+    percentage points for 5 levels, or 100 states, more; ``agreeing`` counts the seeds whose own slope has its sign,
+    ``spearman`` is the mean rank correlation. ``answer``: "rises", "falls", or "not told" where the interval holds 0.
+    Figure 4: the mean loss over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an end
+    of the interval at one size. ``answer``: "below 1%" if ``worst`` is; "above 1%" if the interval of every size lies
+    beyond 1% on one side; else "not told".
+    The oracle, with nothing to compare, is left out. What is not defined (one seed, one point) is nan.
+    """
+    found: list[dict[str, Any]] = []
+    for figure, name in ((2, "levels"), (3, "states")):
+        for arm, rows in series_of(frame, name).groupby(_ARM, sort=False):
+            if arm[0] != "always":
+                found += [_trend(figure, name, arm, rows, f"asked_percent_{each}") for each in DENOMINATORS]
+    for arm, rows in series_of(frame, "states").groupby(_ARM, sort=False):
+        if arm[0] != "always":
+            found += [_below(arm, rows, measure) for measure in LOSSES]
+    return pd.DataFrame(found)
+
+
+def claims_text(told: pd.DataFrame) -> str:
+    """``claims`` as text of at most 120 columns, without the unequal pairs (nearly all of all)."""
+    lines = [f"{'figure':<8}{'comparator':<14}{'tutor errs':<12}{'measured':<32}{'estimate, 95% interval':<31}answer"]
+    lines += ["-" * 104]
+    row: Any
+    for row in told[told.measure != "asked_percent_unequal"].itertuples():
+        measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
+        what = f"{measure}, {row.statistic!s}" if row.figure == 4 else measure
+        numbers = f"{row.estimate:+.3f} ({row.low:+.3f} to {row.high:+.3f})"
+        note = f" ({row.agreeing} of {row.runs} runs)" if row.figure != 4 else ""
+        rate = f"{100 * row.error_rate:g}%"
+        lines.append(f"{row.figure:<8}{row.comparator:<14}{rate:<12}{what:<32}{numbers:<31}{row.answer}{note}")
+    lines += [
+        "",
+        "figure 2: slope per 5 levels; figure 3: slope per 100 states, both in percentage points; figure 4: %",
+    ]
+    return "\n".join(lines)
+
+
+def claims_page(frame: pd.DataFrame) -> str:
+    """The claims of these runs as a page of Markdown."""
+    runs, steps = frame.seed.nunique(), frame.rounds.max()
+    lines = [
+        "# The claims of figures 2, 3 and 4",
+        "",
+        f"{runs} runs a point, {steps:,} steps each; 95% t-intervals over the runs. Written by `qlearn figures`.",
+        "",
+        "- figure 2: slope of the percentage asked, in percentage points for 5 levels more; figure 3: for 100 states",
+        "  more. In brackets, how many runs' own slopes have that sign.",
+        "- figure 4: its formula signed as printed (paper loss), the same with |v(s) - V(s)| (paper abs), and true",
+        "  policy loss beyond the oracle's (excess loss), in percent, mean over the sizes; `worst` is the farthest end",
+        "  of the interval at one size.",
+        "",
+        "| figure | comparator | tutor errs | measured | estimate | 95% interval | answer |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    row: Any
+    for row in claims(frame).itertuples():
+        measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
+        note = f"worst {row.worst:.2f}" if row.figure == 4 else f"{row.agreeing} of {row.runs}"
+        cells = (row.figure, row.comparator, f"{100 * row.error_rate:g}%", measure, f"{row.estimate:+.3f}")
+        lines.append(f"| {' | '.join(map(str, cells))} | {row.low:+.3f} to {row.high:+.3f} | {row.answer} ({note}) |")
+    return "\n".join(lines) + "\n"
+
+
+def _wide(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.assign(excess_loss_percent=100 * rows.excess_loss, loss_percent=100 * rows.loss)
+
+
+def _trend(figure: int, name: str, arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
+    table = rows.pivot(index="seed", columns=name, values=measure)
+    x = table.columns.to_numpy(dtype=float)
+    slopes, ranks = np.full(len(table), np.nan), np.full(len(table), np.nan)
+    if len(x) > 1:
+        centred = x - x.mean()
+        slopes = table.to_numpy() @ centred / (centred @ centred) * _STEP[name]
+        ranks = np.array([_spearman(x, row) for row in table.to_numpy()])
+    mean, low, high = _interval(slopes)
+    answer = "rises" if low > 0 else "falls" if high < 0 else "not told"
+    return {
+        **_head(figure, arm, measure),
+        "statistic": f"slope per {_STEP[name]} {name}",
+        "estimate": mean,
+        "low": low,
+        "high": high,
+        "runs": len(slopes),
+        "agreeing": int((np.sign(slopes) == np.sign(mean)).sum()),
+        "spearman": float(np.mean(ranks)),
+        "worst": np.nan,
+        "answer": answer,
+    }
+
+
+def _spearman(x: Floats, y: Floats) -> float:
+    return float(spearmanr(x, y).statistic) if np.ptp(y) else np.nan  # of what does not change: not defined
+
+
+def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
+    table = rows.pivot(index="seed", columns="states", values=measure).to_numpy()
+    mean, low, high = _interval(table.mean(axis=1))
+    ends = np.array([_interval(column)[1:] for column in table.T])
+    worst = float(np.abs(ends).max())
+    beyond = (ends > _BOUND).all() or (ends < -_BOUND).all()
+    return {
+        **_head(4, arm, measure),
+        "statistic": "mean over sizes",
+        "estimate": mean,
+        "low": low,
+        "high": high,
+        "runs": len(table),
+        "agreeing": int((np.abs(table.mean(axis=1)) < _BOUND).sum()),
+        "spearman": np.nan,
+        "worst": worst,
+        "answer": "below 1%" if worst < _BOUND else "above 1%" if beyond else "not told",
+    }
+
+
+def _head(figure: int, arm: Any, measure: str) -> dict[str, Any]:
+    return {"figure": figure, "comparator": arm[0], "error_rate": arm[1], "measure": measure}
+
+
+def _interval(x: Floats) -> tuple[float, float, float]:
+    """Mean, and the ends of the 95% t-interval; nan from one number."""
+    mean, half = float(np.mean(x)), half_width(x)
+    return mean, mean - half, mean + half

@@ -1,0 +1,155 @@
+"""The paper's figures 2, 3 and 4, drawn from the table of ``qlearn.paper.claims.summarise_series``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.markers import CARETDOWN
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from qlearn.experiments.ablation_plot import NAMES, STYLES
+
+__all__ = ["plot_asked", "plot_loss", "save"]
+
+_X = {"levels": "number of levels k", "states": "number of states |S|"}
+_ASKED = {
+    "asked_percent_all": "of all comparisons",
+    "asked_percent_open": "of those that dominance leaves open",
+    "asked_percent_fresh": "of the open ones not asked before",
+}
+_LOSSES = {
+    "paper_loss_percent": ("figure 4's formula, signed as printed", "estimated v less the oracle's\n(% of max r)"),
+    "paper_abs_percent": ("the same, |v(s) - V(s)|", "distance from the oracle's v\n(% of max r)"),
+    "excess_loss_percent": ("true policy loss", "loss beyond the oracle's\n(% of the value range)"),
+}
+
+
+def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
+    """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators, on a log scale, with
+    95% t-intervals over the runs; an arrow at the axis' lower end where one reaches further down. The unequal pairs,
+    the fourth denominator, are all but a few of all comparisons."""
+    rows = summary[(summary.series == series) & (summary.comparator != "always")]
+    figure, panels = _panels(rows, len(_ASKED), sharey=True)
+    means = rows[list(_ASKED)].to_numpy(dtype=float)
+    least = float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0  # a log axis has no 0: it ends here
+    cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, _ASKED, strict=True)]
+    for axes, title in zip(panels, _ASKED.values(), strict=True):
+        axes.set_title(title, fontsize=10)
+        axes.set_xlabel(_X[series])
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.set_ylim(bottom=least)
+    arrows = "\narrows: further down, or 0" if any(cut) else ""
+    panels[0].set_ylabel(f"questions to the tutor (%, log scale){arrows}")
+    number = {"levels": 2, "states": 3}[series]
+    _title(figure, f"Figure {number}: how often the tutor is asked, by {_X[series]}", rows)
+    return figure
+
+
+def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
+    """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the paper's bound."""
+    rows = summary[(summary.series == series) & (summary.comparator != "always")]
+    figure, panels = _panels(rows, len(_LOSSES), sharey=False)
+    for axes, (measure, (title, unit)) in zip(panels, _LOSSES.items(), strict=True):
+        axes.axhline(0, color="0.5", linewidth=0.8, zorder=0)
+        for bound in (1,) if measure == "paper_abs_percent" else (-1, 1):
+            axes.axhline(bound, color="0.35", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0)
+        axes.annotate(
+            "1%", (0.995, 1), xycoords=("axes fraction", "data"), xytext=(0, -2), textcoords="offset points",
+            fontsize=8, color="0.35", horizontalalignment="right", verticalalignment="top",
+        )  # fmt: skip
+        _lines(axes, rows, measure, 0.0 if measure == "paper_abs_percent" else -math.inf)
+        axes.set_title(title, fontsize=10)
+        axes.set_yscale("symlog", linthresh=1, linscale=0.8)
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.set_ylabel(unit)
+        axes.set_xlabel(_X[series])
+    title = f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond ±1%)"
+    _title(figure, title, rows)
+    return figure
+
+
+def save(figure: Figure, folder: Path, name: str) -> None:
+    """``name``.png and ``name``.svg in the folder, the same bytes for the same figure."""
+    figure.savefig(folder / f"{name}.png", dpi=150, metadata={"Software": None})
+    with mpl.rc_context({"svg.hashsalt": "qlearn"}):
+        figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+
+
+def _panels(rows: pd.DataFrame, n: int, sharey: bool) -> tuple[Figure, Sequence[Axes]]:
+    figure = Figure(figsize=(4.1 * n, 4.3), layout="constrained")
+    panels = figure.subplots(1, n, sharex=True, sharey=sharey)
+    for axes in panels:
+        axes.grid(True, which="major", color="0.92", linewidth=0.7)
+        axes.set_axisbelow(True)
+        axes.set_xticks(sorted(rows.x.unique()))
+        axes.tick_params(labelleft=True)
+        axes.margins(x=0.09)
+    return figure, panels
+
+
+def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False) -> bool:
+    """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below ``least``; ``arrows``
+    show what was cut off there. Returns whether anything was."""
+    cut = False
+    arms = list(rows.groupby(["comparator", "error_rate"], sort=False))
+    span = (rows.x.max() - rows.x.min()) or 1
+    for i, ((comparator, rate), arm) in enumerate(arms):
+        style: dict[str, Any] = STYLES[str(comparator)]
+        aside = 0.012 * span * (i - (len(arms) - 1) / 2)  # intervals beside each other, not on each other
+        half, mean = arm[f"{measure}_half"].fillna(0), arm[measure].clip(lower=least)
+        below = arm[measure] - half < least
+        cut = cut or bool(below.any())
+        if arrows and below.any():
+            axes.plot(
+                arm.x[below] + aside,
+                np.full(int(below.sum()), least),
+                color=style["color"],
+                marker=CARETDOWN,
+                markersize=8,
+                linestyle="none",
+                clip_on=False,
+                zorder=3,
+            )
+        axes.errorbar(
+            arm.x + aside,
+            mean,
+            yerr=[half.clip(upper=mean - least), half],
+            color=style["color"],
+            marker=style["marker"],
+            linestyle=style["linestyle"],
+            markerfacecolor=style["color"] if rate else "white",
+            markersize=7,
+            linewidth=1.3,
+            elinewidth=1,
+            capsize=3,
+            label=f"{NAMES[str(comparator)]}, {_tutor(rate)}",
+        )
+    return cut
+
+
+def _tutor(rate: Any) -> str:
+    return f"tutor errs ({100 * rate:g}%)" if rate else "truthful tutor"
+
+
+def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
+    runs = rows.runs.unique()
+    count = f"{runs[0]}" if len(runs) == 1 else f"{runs.min()} to {runs.max()}"
+    figure.suptitle(
+        f"{title}\nmean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise he errs as "
+        "in eq. (6), most where it is close",
+        fontsize=11,
+    )
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    columns = math.ceil(len(labels) / math.ceil(len(labels) / 3))  # at most three, in rows of about equal length
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.4)

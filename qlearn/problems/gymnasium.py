@@ -1,0 +1,121 @@
+"""Two known tasks, FrozenLake and deep-sea-treasure: their packages' own dynamics, and levels in place of rewards."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from typing import Any
+
+import numpy as np
+
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+__all__ = ["deep_sea_treasure", "frozen_lake"]
+
+_ACTIONS = 4
+_SEA = 0.0  # on the map of deep-sea-treasure: open water; rocks are below it, treasures above
+
+
+def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
+    """Gymnasium's FrozenLake-v1, 8 x 8 and slippery: 64 states, 4 actions, each going aside two times in three.
+
+    State 8 * row + column; transitions and the initial distribution are those of ``env.unwrapped.P``. The holes and the
+    goal are terminal. Levels, worst first, are those of the cell: hole < ice < goal. The package rewards the
+    goal with 1 and nothing else, so that a hole costs as much as going round in circles; here a hole is worse than
+    ice, for ever after, and how much worse, next to what the goal is worth, is for the tutor to say. Raises
+    ImportError without the package, ValueError for a bad ``discount``.
+    """
+    env = _make("gymnasium", "FrozenLake-v1", map_name="8x8", is_slippery=True)
+    table, cells = env.P, env.desc.ravel()
+    n = len(cells)
+    transitions = np.zeros((n, _ACTIONS, n))
+    for s in range(n):
+        for a in range(_ACTIONS):
+            for probability, following, _, _ in table[s][a]:
+                transitions[s, a, following] += probability
+    level = np.select([cells == b"H", cells == b"G"], [0, 2], 1)
+    return OrdinalMDP.from_dense(
+        transitions,
+        np.repeat(level[:, None], _ACTIONS, axis=1),
+        discount,
+        ("hole", "ice", "goal"),
+        initial=env.initial_state_distrib,
+        terminal=level != 1,
+    )
+
+
+def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
+    """MO-Gymnasium's deep-sea-treasure-v0 (the convex map): a submarine, 4 actions; farther treasures are better.
+
+    States are the cells that can be reached, in the order of the map's rows; the start is the first. Where each action
+    leads is found by stepping the environment from every cell. The ten treasures are terminal. Levels, worst first:
+    at sea < the treasures by their value. The package gives two rewards, -1 a step and the treasure's value:
+    both are in the order of the levels, since a step more is one more share at sea and one less at the
+    treasure, which counts for ever once it is reached. How many steps a better treasure is worth is what two numeric
+    rewards leave to weights, and levels leave to the tutor. Raises ImportError without the package, RuntimeError if it
+    moves otherwise than described, ValueError for a bad ``discount``.
+
+    Source: Vamplew, Dazeley, Berry, Issabekov and Dekker, "Empirical evaluation methods for multiobjective
+    reinforcement learning algorithms", Machine Learning 84 (2011); the map of Yang, Sun and Narasimhan (2019).
+    """
+    env = _make("mo_gymnasium", "deep-sea-treasure-v0")
+    moves = _moves(env)
+    cells = sorted(moves)
+    number = {cell: i for i, cell in enumerate(cells)}
+    value = np.array([float(env.sea_map[cell]) for cell in cells])
+    treasures = np.unique(value[value != _SEA])
+    level = np.searchsorted(treasures, value, side="right")
+    successors = np.array([[[number[to]] for to in moves[cell]] for cell in cells])
+    start = np.zeros(len(cells))
+    start[number[_cell(env.reset(seed=0)[0])]] = 1.0
+    return OrdinalMDP(
+        successors,
+        np.ones(successors.shape),
+        np.repeat(level[:, None], _ACTIONS, axis=1),
+        discount,
+        ("at sea", *(f"treasure {treasure:g}" for treasure in treasures)),
+        initial=start,
+        terminal=value != _SEA,
+    )
+
+
+def _moves(env: Any) -> dict[tuple[int, int], list[tuple[int, int]]]:
+    """Where each action leads, for every cell that can be reached; a treasure's are to itself."""
+    moves: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    waiting = [_cell(env.reset(seed=0)[0])]
+    while waiting:
+        cell = waiting.pop()
+        if cell in moves:
+            continue
+        moves[cell] = [cell] * _ACTIONS
+        if env.sea_map[cell] != _SEA:
+            continue
+        for a in range(_ACTIONS):
+            env.current_state = np.array(cell, dtype=np.int32)
+            observed, reward, ended, cut, _ = env.step(a)
+            to = moves[cell][a] = _cell(observed)
+            if ended != (env.sea_map[to] != _SEA) or cut or reward[1] != -1:
+                raise RuntimeError(
+                    f"action {a} in cell {cell} of deep-sea-treasure gives {reward} and ended = {ended}, which is not "
+                    "what mo-gymnasium 1.3 does: install that version"
+                )
+            waiting.append(to)
+    return moves
+
+
+def _cell(observed: Any) -> tuple[int, int]:
+    return int(observed[0]), int(observed[1])
+
+
+def _make(package: str, name: str, **settings: Any) -> Any:
+    """The environment without its wrappers."""
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # or its import prints an advertisement
+    try:
+        module: Any = __import__(package)
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] not in (package, "gymnasium", "pygame"):
+            raise
+        raise ImportError(f"{error.name} is not installed: pip install 'elicit-qlearn[gym]'") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about the precision of observation spaces, which nothing here reads
+        return module.make(name, **settings).unwrapped

@@ -1,0 +1,182 @@
+"""Compiled or not, the same numbers to the last bit; and the machine code on disk is that of today's sources."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit._support import jit
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.lp.vertices import CERTAIN_POINT, USED, Known
+from elicit.model.query import Answers
+from tests.lp_cases import cases
+
+ROOT = Path(__file__).parents[3]
+HIDE_NUMBA = "import sys; sys.modules['numba'] = None\n"
+
+
+def bits(known: Known) -> Iterator[bytes]:
+    """Everything known, to the last bit, but for places that were never written: those of no corner."""
+    used = int(known.counts[USED])
+    known = known._replace(
+        points=known.points[:, :used],
+        inverses=known.inverses[:used][known.kind[:used] != CERTAIN_POINT],
+        active=known.active[:used],
+        kind=known.kind[:used],
+        age=known.age[:used][known.kind[:used] != CERTAIN_POINT],
+    )
+    for part in known:
+        yield np.ascontiguousarray(part).tobytes()
+
+
+def report() -> list[str]:
+    """One line a case: its kind, verdicts, tiers, and a hash of all that is known, to the last bit."""
+    lines = []
+    for i, case in enumerate(cases(97, 32, asks=10, most_levels=10, most_answers=40)):
+        comparator = PolytopeComparator(case.k, case.margin, case.prior)
+        verdicts, tiers, digest = [], [], hashlib.blake2b(digest_size=8)
+        for rows in np.array_split(np.arange(len(case.y)), 1 + i % 4):
+            comparator = comparator.update(Answers(case.d[rows], case.y[rows]))
+            decided = comparator.decide(case.ask)
+            verdicts += decided.verdicts.tolist()
+            tiers += decided.tiers.tolist()
+            for part in bits(comparator._set._known):
+                digest.update(part)
+        lines.append(f"{case.kind} {verdicts} {tiers} {digest.hexdigest()}")
+    return lines
+
+
+def run(code: str, **environment: str) -> list[str]:
+    """The lines that a fresh interpreter prints; its warnings are errors."""
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert not done.returncode, done.stderr
+    return done.stdout.splitlines()
+
+
+# ---- the same numbers -------------------------------------------------------------------------------------------
+
+
+def test_with_and_without_numba() -> None:
+    pytest.importorskip("numba")
+    ours = report()
+    assert len({line.split()[0] for line in ours}) > 10
+    assert {tier for line in ours for tier in line.split("] [")[1].split("]")[0].split(", ")} >= set("012345")
+    show = "from tests.elicit._support import test_jit; print(*test_jit.report(), sep='\\n')"
+    interpreted = run(show, NUMBA_DISABLE_JIT="1")
+    assert interpreted == ours
+    assert run(HIDE_NUMBA + show) == interpreted
+
+
+def test_without_numba_functions_stay_what_they_are() -> None:
+    code = HIDE_NUMBA + "from elicit._support.jit import compiled; f = lambda x: x; print(compiled(f) is f)"
+    assert run(code) == ["True"]
+
+
+def test_numba_is_imported_only_when_a_comparator_needs_it() -> None:
+    code = "import sys, elicit; print('numba' in sys.modules); elicit.PolytopeComparator; print('numba' in sys.modules)"
+    assert run(code) == ["False", "True" if has_numba() else "False"]
+
+
+def has_numba() -> bool:
+    try:
+        import numba  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+# ---- the machine code on disk -----------------------------------------------------------------------------------
+
+HELPER = "from elicit._support.jit import compiled\n@compiled\ndef helper(x):\n    return x + {}\n"
+CALLER = """from elicit._support.jit import compiled
+from helper import helper
+@compiled
+def caller(x):
+    return 2 * helper(x)
+"""
+
+
+def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
+    """numba keeps ``caller`` as it was compiled while its own file stays the same."""
+    pytest.importorskip("numba")
+    (tmp_path / "caller.py").write_text(CALLER)
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from caller import caller; print(caller(1))"
+    for summand, result in ((1, "4"), (10, "22"), (1, "4")):
+        (tmp_path / "helper.py").write_text(HELPER.format(summand))
+        assert run(code, NUMBA_CACHE_DIR=str(tmp_path / "kept"), PYTHONDONTWRITEBYTECODE="1") == [result]
+    assert len(list((tmp_path / "kept").iterdir())) == 2
+
+
+def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
+    def place(usual: str, folder: Path) -> str:
+        return jit._cache_of.__wrapped__(usual, folder, frozenset({tmp_path}))
+
+    (tmp_path / "one.py").write_text("@compiled\n")
+    (tmp_path / "room").mkdir()
+    before = place("", tmp_path)
+    assert Path(before).parent == tmp_path / "__pycache__"
+    assert Path(place("/elsewhere", tmp_path)).parent == Path("/elsewhere")
+    (tmp_path / "two.py").write_text("nothing is made of this")
+    assert place("", tmp_path) == before
+    (tmp_path / "room" / "two.py").write_text("@compiled\n")
+    assert place("", tmp_path) != before
+    (tmp_path / "room" / "two.py").unlink()
+    assert place("", tmp_path) == before
+
+
+def test_the_first_call_says_what_it_waits_for(tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.stderr = sys.stdout; import helper; helper.helper(1)"
+    )
+    again = "; helper.helper(1.5)"
+    kept = str(tmp_path / "kept")
+    said = run(code + again, NUMBA_CACHE_DIR=kept)
+    assert len(said) == 1
+    assert "compiling" in said[0]
+    assert run(code + again, NUMBA_CACHE_DIR=kept) == []
+
+
+def test_numbas_own_settings_are_left_as_they_were() -> None:
+    numba = pytest.importorskip("numba")
+    before = str(numba.config.CACHE_DIR)
+    twice: Any = jit.compiled(_twice)
+    after = str(numba.config.CACHE_DIR)
+    assert after == before
+    assert twice(4) == 8
+
+
+def _twice(x: int) -> int:
+    return 2 * x
+
+
+def test_where_nothing_can_be_written_it_works_all_the_same() -> None:
+    """A read-only installation, and no home."""
+    pytest.importorskip("numba")
+    code = """if True:
+        import numba.core.caching as caching
+        def refuse(self): raise OSError("read-only file system")
+        for kind in vars(caching).values():
+            if isinstance(kind, type) and hasattr(kind, "ensure_cache_path"):
+                kind.ensure_cache_path = refuse
+        from elicit._support.jit import compiled
+        def half(x): return x / 2
+        print(compiled(half)(4.0))
+    """
+    assert run(code.replace("def half", "import elicit._support.jit\n        def half")) == ["2.0"]

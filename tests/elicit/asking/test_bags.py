@@ -1,0 +1,124 @@
+"""Questions of simple bags: what there are, how easy they are said to be, and what their answers tell."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from elicit.asking.bags import Bags, ease, entropy, information, says_left
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.scale import tail_sums
+
+
+def test_there_is_one_for_every_triple_of_levels_and_every_number_of_days():
+    asked = Bags(days=10).questions(5)
+    assert len(asked.ease) == 10 * 9
+    for left, right in zip(asked.left, asked.right, strict=True):
+        assert left.sum() == right.sum() == 10
+        assert (
+            sorted(np.flatnonzero(left).tolist() * 2 + np.flatnonzero(right).tolist())[1:3]
+            == [int(np.argmax(left))] * 2
+        )  # the certain level lies between the two others
+    assert (np.diff(asked.ease) <= 0).all()
+    assert Bags(days=4).questions(2).ease.size == 0  # two levels leave nothing to weigh
+
+
+def test_halves_are_easier_than_tenths_and_the_ends_than_the_middle():
+    assert ease(10, 5, True) == 1.0
+    assert ease(10, 5, True) > ease(10, 4, True) > ease(10, 3, True)
+    assert ease(10, 5, True) > ease(10, 5, False)
+
+
+def test_information_is_that_of_the_joint_table():
+    rng = np.random.default_rng(0)
+    chance, events, weights = rng.random((4, 30)), rng.random((3, 30)) > 0.5, rng.dirichlet(np.ones(30))
+    expected = np.zeros(4)
+    for n in range(4):
+        for event in events:
+            table = np.array([[(weights * p * b).sum() for b in (event, ~event)] for p in (chance[n], 1 - chance[n])])
+            outer = table.sum(axis=1, keepdims=True) * table.sum(axis=0)
+            expected[n] += (table * np.log2(table / outer)).sum() / 3
+    np.testing.assert_allclose(information(chance, events, weights), expected, atol=1e-10)
+    assert information(chance, np.ones((2, 30), bool), weights).tolist() == [0.0] * 4
+    np.testing.assert_allclose(entropy(np.array([0.0, 0.5, 1.0])), [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_a_tutor_says_left_by_the_model():
+    chance = says_left(np.array([[0.1, -0.1, 0.0, 0.2]]), np.array([10.0, 10.0, 10.0, np.inf]), 0.2)
+    np.testing.assert_allclose(chance, [[0.1 + 0.8 / (1 + np.exp(-1)), 0.1 + 0.8 / (1 + np.exp(1)), 0.5, 0.9]])
+    assert says_left(np.zeros((1, 1)), np.array([np.inf]), 0.0)[0, 0] == 0.5
+
+
+def test_simplicity_trades_information_for_ease():
+    comparator = PolytopeComparator(5)
+    about = np.array([[0.1, -0.35, 0.2, 0.0, 0.05], [0.0, 0.4, -0.7, 0.0, 0.3]])
+    eases, bits = [], []
+    for simplicity in (0.0, 0.3, 0.6, 1.0):
+        bags = Bags(simplicity=simplicity)
+        row, told = bags.best(comparator.draws, about)
+        assert told[row] >= (1 - simplicity) * told.max() - 1e-12
+        eases.append(bags.questions(5).ease[row])
+        bits.append(told[row])
+    assert eases == sorted(eases)
+    assert bits == sorted(bits, reverse=True)
+    assert bits[0] == told.max()
+    row, _ = Bags(simplicity=0.0).best(comparator.draws, about)
+    assert Bags(simplicity=0.0).best(comparator.draws, about, skip=[row])[0] != row
+
+
+def test_where_all_is_known_there_is_no_question():
+    comparator = PolytopeComparator(4)
+    dominated = np.array([[-0.5, 0.2, 0.2, 0.1]])
+    assert Bags().best(comparator.draws, dominated)[0] == -1
+    assert Bags().best(comparator.draws, dominated)[1].max() == 0.0
+    assert Bags().best(PolytopeComparator(2).draws, np.array([[1.0, -1.0]]))[0] == -1
+
+
+def test_a_sentence_that_a_person_can_read():
+    asked = Bags().questions(3)
+    labels = ("critical", "stable", "well")
+    assert Bags().sentence(asked.left[0], asked.right[0], labels) == (
+        "of 10 days: 10 stable (left), or 5 critical and 5 well (right)?"
+    )
+    # and its answer is a cut of the scale: 10 e_2 against 5 e_1 + 5 e_3
+    d = (asked.left[0] - asked.right[0]) / 10
+    np.testing.assert_allclose(tail_sums(d), [0.5, -0.5])
+
+
+@pytest.mark.parametrize("bad", [{"days": 1}, {"days": 2.5}, {"simplicity": -0.1}, {"simplicity": 1.1}])
+@pytest.mark.parametrize("worse", [None, "ten", float("nan"), float("inf")])
+def test_settings_that_make_no_sense_are_refused(bad, worse):
+    (name,) = bad
+    for value in (bad[name], worse):
+        with pytest.raises(ValueError, match=f"{name}.* must .*, not {value!r}"):
+            Bags(**{name: value})
+
+
+@pytest.mark.parametrize("skip", [[999], [-1], ["a"], [0.5], [None]])
+def test_rows_to_skip_that_there_are_not_are_refused(skip):
+    draws, about = PolytopeComparator(3).draws, np.array([[0.5, -1.0, 0.5]])
+    with pytest.raises(ValueError, match=r"skip holds .* rows of questions\(3\), whole numbers .* below 9"):
+        Bags().best(draws, about, skip=skip)
+    row, _ = Bags().best(draws, about, skip=np.arange(8))
+    assert row == 8
+
+
+def test_a_lapse_that_is_none_is_refused():
+    with pytest.raises(ValueError, match=r"lapse must be a number in 0\.\.1, not 'a'"):
+        Bags().best(PolytopeComparator(3).draws, np.array([[0.5, -1.0, 0.5]]), lapse="a")
+
+
+def test_more_questions_than_can_be_looked_through_are_refused():
+    with pytest.raises(ValueError, match=r"1000 days over k = 20 levels make 1,138,860 .* days to 176 or fewer"):
+        Bags(days=1000).questions(20)
+    with pytest.raises(ValueError, match=r"177 days over k = 20"):
+        Bags(days=177).questions(20)
+    with pytest.raises(ValueError, match=r"k = 200 levels .* take fewer levels"):
+        Bags(days=2).questions(200)
+    assert len(Bags(days=1000).questions(5).ease) == 9990  # fewer levels leave room for more days
+
+
+@pytest.mark.parametrize("about", [np.zeros((2, 5)), np.array([[np.nan, 0.0, 0.0]]), "all"])
+def test_differences_that_are_none_are_refused(about):
+    with pytest.raises(ValueError, match="d must"):
+        Bags().best(PolytopeComparator(3).draws, about)

@@ -1,0 +1,456 @@
+"""The best of a list, or its order: right, with few questions, and unharmed by bad answers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elicit.asking.choose import ChoiceStatus, choose
+from elicit.model.comparator import AlwaysAsk, Dominance, Tier, verdicts_from
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.scale import as_vectors, dominance, dot, gaps, tail_sums, values_of
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+
+K = 5
+HIDDEN = np.array([0, 8, 20, 25, 80])
+
+
+def shares(seed, n, k=K):
+    return np.random.default_rng(seed).dirichlet(np.ones(k), n)
+
+
+def run(choice, tutor):
+    asked = []
+    while queries := choice.ask():
+        asked += queries
+        choice.tell([tutor(query) for query in queries])
+    return asked
+
+
+def true_order(vectors, values=HIDDEN):
+    return np.argsort(-dot(tail_sums(vectors), gaps(values)), kind="stable").tolist()
+
+
+@dataclass(frozen=True)
+class Finite:
+    """Knows that the scale is one of a few: a small comparator that learns, and contradicts."""
+
+    scales: np.ndarray  # (m, k)
+
+    @property
+    def k(self):
+        return self.scales.shape[1]
+
+    @property
+    def values(self):
+        return values_of(np.diff(self.scales, axis=1).mean(axis=0))
+
+    def _products(self, d):
+        t = tail_sums(as_vectors(d, self.k))
+        return np.stack([dot(t, np.diff(e)) for e in self.scales])
+
+    def bounds(self, d):
+        x = self._products(d)
+        return x.min(axis=0), x.max(axis=0)
+
+    def compare(self, d):
+        low, high = self.bounds(d)
+        codes = dominance(tail_sums(as_vectors(d, self.k)))
+        return np.where(codes == 2, verdicts_from(low, high), codes).astype(np.int8)
+
+    def update(self, answers: Answers):
+        fits = (self._products(answers.d) * answers.y >= 0).all(axis=1)
+        if not fits.any():
+            raise InconsistentAnswers("none is left", [(0, answers.ids[0])], False)
+        return replace(self, scales=self.scales[fits])
+
+
+def finite(seed=0, m=200, k=K, hidden=HIDDEN):
+    rng = np.random.default_rng(seed)
+    g = rng.dirichlet(np.ones(k - 1), m)
+    e = np.concatenate([np.zeros((m, 1)), np.cumsum(g, axis=1)], axis=1)
+    return Finite(np.concatenate([e, TruthfulTutor(hidden).values[None]]))
+
+
+COMPARATORS = [AlwaysAsk(K), Dominance(K), finite()]
+
+
+# --- right
+
+
+@pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
+@pytest.mark.parametrize("order", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 3, 17])
+def test_a_truthful_tutor_leads_to_the_truth(comparator, order, n):
+    for seed in range(6):
+        vectors = shares(seed, n)
+        choice = choose(vectors, comparator, order)
+        asked = run(choice, TruthfulTutor(HIDDEN))
+        result = choice.result()
+        assert result.best == true_order(vectors)[0]
+        assert result.order == (tuple(true_order(vectors)) if order else None)
+        assert result.asked == len(asked) == len(result.answers)
+        assert result.decided.get("tutor", 0) == len(asked)
+        assert result.status is ChoiceStatus.FINISHED
+        assert choice.ask() == ()
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), min_size=1, max_size=9), st.booleans(), st.booleans())
+@settings(max_examples=150, deadline=None)
+def test_ties_keep_the_order_of_the_list(counts, order, guessed):
+    """Small integer vectors on a scale whose gaps are exact: ties and copies everywhere."""
+    vectors = np.array(counts, dtype=float)
+    values = [0, 1, 2] if guessed else [0, 1, 4]
+    for comparator in (AlwaysAsk(3), Dominance(3)):
+        choice = choose(vectors, comparator, order, check_totals=False)
+        run(choice, TruthfulTutor(values))
+        wanted = np.argsort(-(vectors @ values), kind="stable").tolist()
+        result = choice.result()
+        assert result.best == wanted[0]
+        if order:
+            assert list(result.order) == wanted
+
+
+def test_one_vector_needs_nothing():
+    choice = choose([[0.5, 0.5, 0, 0, 0]], AlwaysAsk(K), order=True)
+    assert choice.ask() == ()
+    result = choice.result()
+    assert (result.best, result.order, result.asked, result.decided) == (0, (0,), 0, {})
+
+
+def test_identical_vectors_need_no_question():
+    choice = choose(np.tile(shares(0, 1), (6, 1)), AlwaysAsk(K))
+    assert choice.ask() == ()
+    assert choice.result().best == 0
+    assert choice.result().decided == {"equal": 5}
+
+
+def test_dominated_vectors_need_no_question():
+    vectors = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0]])
+    choice = choose(vectors, Dominance(3), order=True)
+    assert choice.ask() == ()
+    assert choice.result().order == (2, 1, 3, 0)
+    assert set(choice.result().decided) == {"dominance"}
+
+
+# --- few questions
+
+
+def test_the_number_of_questions():
+    for seed in range(5):
+        vectors = shares(seed, 30)
+        tutor = TruthfulTutor(HIDDEN)
+        always = run(choose(vectors, AlwaysAsk(K)), tutor)
+        by_order = run(choose(vectors, Dominance(K)), tutor)
+        learning = run(choose(vectors, finite()), tutor)
+        assert len(always) == 29
+        assert len(learning) <= len(by_order) < 20
+        assert len(learning) <= 8
+        ordering = run(choose(vectors, finite(), order=True), tutor)
+        assert len(ordering) < len(run(choose(vectors, Dominance(K), order=True), tutor)) <= 30 * np.log2(30)
+
+
+@pytest.mark.parametrize("order", [False, True])
+def test_what_the_comparator_can_decide_is_not_asked(order):
+    vectors, comparator = shares(3, 25), finite()
+    choice = choose(vectors, comparator, order)
+    while queries := choice.ask():
+        (query,) = queries
+        assert choice.result().comparator.compare(query.d)[0] == Verdict.UNKNOWN
+        choice.tell([TruthfulTutor(HIDDEN)(query)])
+
+
+def pair_of(query):
+    d = query.d + 0.0
+    return min(d.tobytes(), (0.0 - d).tobytes())
+
+
+@pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
+@pytest.mark.parametrize("order", [False, True])
+def test_no_pair_is_asked_twice(comparator, order):
+    steps = np.arange(12)[:, None] * np.array([[0.25, -0.5, 0, 0.25, 0]]) / 32 + np.array([[0.2, 0.4, 0.1, 0.2, 0.1]])
+    grid = np.round(steps * 1024) / 1024  # equal steps, so differences repeat to the last bit
+    for vectors in (grid, shares(2, 12)):
+        for tutor in (TruthfulTutor(HIDDEN), lambda q: Answer(q, None), lambda q: Answer(q, Verdict.EQUAL)):
+            asked = run(choose(vectors, comparator, order), tutor)
+            assert max(Counter(map(pair_of, asked)).values(), default=0) <= 1
+
+
+def test_a_known_pair_is_counted_as_known():
+    base, step = np.array([0.25, 0.5, 0.25]), np.array([0.125, -0.25, 0.125])
+    choice = choose([base, base + step, base - step], AlwaysAsk(3), order=True)
+    asked = run(choice, TruthfulTutor([0, 3, 4]))
+    assert choice.result().order == (2, 0, 1)
+    assert len(asked) == 2
+    assert choice.result().decided == {"tutor": 2, "known": 1}
+    equal = choose([base, base + step, base - step], AlwaysAsk(3), order=True)
+    assert len(run(equal, TruthfulTutor([0, 1, 2]))) == 1
+    assert equal.result().order == (0, 1, 2)
+
+
+def test_equal_is_equal_from_then_on():
+    """Whatever the comparator makes of it later, and for another pair with the same difference too."""
+
+    class Waking(Dominance):
+        def update(self, answers):
+            return Finite(np.array([[0.0, 0.9, 1.0]]))
+
+    base, step = np.array([0.25, 0.5, 0.25]), np.array([0.125, -0.25, 0.125])
+    choice = choose([base, base + step, base - step], Waking(3), order=True)
+    (query,) = choice.ask()
+    assert abs(query.d[0]) == 0.125
+    choice.tell([Answer(query, Verdict.EQUAL)])
+    assert choice.ask() == ()
+    assert choice.result().order == (0, 2, 1), "the comparator would say 2, 0, 1"
+    assert choice.result().decided["known"] == 1
+
+
+def test_a_wrong_guess_costs_little():
+    """The best guess has the whole order upside down: still far from the 496 pairs."""
+    lengths = np.cumsum(np.random.default_rng(0).random(32) / 32)[:, None] + 0.1
+    vectors = np.array([[0.2, 0.6, 0.2]]) + lengths * np.array([[0.1, -0.21, 0.11]])
+    hidden = [0, 90, 100]
+    assert true_order(vectors, hidden) == true_order(vectors, AlwaysAsk(3).values)[::-1]
+    choice = choose(vectors, AlwaysAsk(3), order=True)
+    asked = run(choice, TruthfulTutor(hidden))
+    assert list(choice.result().order) == true_order(vectors, hidden)
+    assert len(asked) < 160
+
+
+def test_what_the_tutor_settled_is_not_counted_again():
+    vectors = np.array([[0.25, 0.5, 0.25], [0.375, 0.25, 0.375]])
+    choice = choose(vectors, Finite(np.array([[0, 0.1, 1], [0, 0.9, 1]])), order=True)
+    run(choice, TruthfulTutor([0, 1, 10]))
+    assert choice.result().decided == {"tutor": 1}
+
+
+# --- ask and tell
+
+
+def test_ask_repeats_itself_until_told():
+    choice = choose(shares(0, 30), Dominance(K), labels=[f"ward {i}" for i in range(30)])
+    (query,) = choice.ask()
+    assert choice.ask() == (query,)
+    assert query.about.count("ward") == 2
+    choice.tell([])
+    assert choice.ask() == (query,)
+    choice.tell([TruthfulTutor(HIDDEN)(query)])
+    assert choice.ask()[0].id != query.id
+
+
+def test_the_same_problem_asks_the_same_queries():
+    ids = [[q.id for q in run(choose(shares(0, 10), Dominance(K)), TruthfulTutor(HIDDEN))] for _ in range(2)]
+    assert ids[0] == ids[1]
+    assert len(set(ids[0])) == len(ids[0])
+    assert set(ids[0]).isdisjoint(q.id for q in run(choose(shares(1, 10), Dominance(K)), TruthfulTutor(HIDDEN)))
+
+
+def test_stale_answers():
+    choice = choose(shares(0, 10), Dominance(K))
+    (query,) = choice.ask()
+    tutor = TruthfulTutor(HIDDEN)
+    stranger = Query("stranger", query.left, query.right)
+    for answers in ([tutor(stranger)], [tutor(query), tutor(stranger)], [tutor(query), tutor(query)]):
+        with pytest.raises(StaleAnswer, match="pending"):
+            choice.tell(answers)
+        assert choice.ask() == (query,)
+        assert choice.result().asked == 0
+    choice.tell([tutor(query)])
+    with pytest.raises(StaleAnswer, match=query.id):
+        choice.tell([tutor(query)])
+    assert choice.result().asked == 1
+
+
+class Refusing(Dominance):
+    """Finds a contradiction in every second answer."""
+
+    count = 0
+
+    def update(self, answers):
+        Refusing.count += 1
+        if Refusing.count % 2:
+            raise InconsistentAnswers("no", [(0, answers.ids[0])], False)
+        return self
+
+
+@pytest.mark.parametrize("order", [False, True])
+def test_a_contradiction_changes_nothing(order):
+    vectors, tutor = shares(0, 12), TruthfulTutor(HIDDEN)
+    choice, plain = choose(vectors, Refusing(K), order), choose(vectors, Dominance(K), order)
+    while queries := choice.ask():
+        before = choice.result()
+        with pytest.raises(InconsistentAnswers):
+            choice.tell([tutor(q) for q in queries])
+        after = choice.result()
+        assert choice.ask() == queries
+        assert (after.best, after.order, after.asked, after.decided) == (
+            before.best,
+            before.order,
+            before.asked,
+            before.decided,
+        )
+        assert after.answers is before.answers
+        assert [q.id for q in plain.ask()] == [q.id for q in queries]
+        choice.tell([tutor(q) for q in queries])
+        plain.tell([tutor(q) for q in queries])
+    assert choice.result().order == plain.result().order
+
+
+def test_an_error_after_the_update_changes_nothing_either():
+    class Breaking(Dominance):
+        broken = False
+
+        def compare(self, d):
+            if Breaking.broken:
+                raise RuntimeError("broken")
+            return super().compare(d)
+
+        def update(self, answers):
+            return Breaking(self.k)
+
+    choice = choose(shares(0, 30), Breaking(K))
+    (query,) = choice.ask()
+    Breaking.broken = True
+    with pytest.raises(RuntimeError):
+        choice.tell([Answer(query, Verdict.EQUAL)])
+    Breaking.broken = False
+    assert choice.ask() == (query,)
+    assert choice.result().asked == 0
+    run(choice, TruthfulTutor(HIDDEN))
+    assert choice.result().best == true_order(shares(0, 30))[0]
+
+
+def test_the_comparator_learns_and_the_given_one_does_not():
+    comparator = finite()
+    choice = choose(shares(0, 12), comparator)
+    run(choice, TruthfulTutor(HIDDEN))
+    assert len(comparator.scales) == 201
+    assert len(choice.result().comparator.scales) < 201
+    again = comparator.update(choice.result().answers)
+    assert (again.scales == choice.result().comparator.scales).all()
+
+
+# --- cannot tell, budget, errors
+
+
+@pytest.mark.parametrize("order", [False, True])
+@pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
+def test_cannot_tell_leaves_the_best_guess(comparator, order):
+    vectors = shares(4, 15)
+    choice = choose(vectors, comparator, order)
+    asked = run(choice, lambda q: Answer(q, None))
+    result = choice.result()
+    assert result.status is ChoiceStatus.UNSURE
+    assert result.asked == result.cannot_tell == len(asked) > 0
+    assert len(result.answers) == 0
+    assert "tutor" not in result.decided
+    guess = true_order(vectors, comparator.values)
+    assert result.best == guess[0]
+    if order:
+        assert list(result.order) == guess
+
+
+@pytest.mark.parametrize("order", [False, True])
+def test_the_budget(order):
+    vectors, tutor = shares(5, 20), TruthfulTutor(HIDDEN)
+    full = len(run(choose(vectors, Dominance(K), order), tutor))
+    for budget in (0, 1, full // 2, full - 1, full, full + 5):
+        choice = choose(vectors, Dominance(K), order, max_queries=budget)
+        asked = run(choice, tutor)
+        result = choice.result()
+        assert len(asked) == result.asked == min(budget, full)
+        if budget < full:
+            assert result.status is ChoiceStatus.GUESSED
+            assert result.decided["guess"] > 0
+        else:
+            assert result.status is ChoiceStatus.FINISHED
+            assert "guess" not in result.decided
+            assert result.best == true_order(vectors)[0]
+    guess = true_order(vectors, Dominance(K).values)
+    unasked = choose(vectors, Dominance(K), order, max_queries=0).result()
+    assert unasked.best == guess[0]
+    assert unasked.order == (tuple(guess) if order else None)
+
+
+def test_a_result_at_any_time():
+    vectors = shares(6, 20)
+    for order in (False, True):
+        choice = choose(vectors, finite(), order)
+        while queries := choice.ask():
+            result = choice.result()
+            assert result.status is ChoiceStatus.WAITING
+            budgeted = choose(vectors, finite(), order, max_queries=result.asked)
+            run(budgeted, TruthfulTutor(HIDDEN))
+            assert (budgeted.result().best, budgeted.result().order) == (result.best, result.order)
+            choice.tell([TruthfulTutor(HIDDEN)(q) for q in queries])
+
+
+@pytest.mark.parametrize("order", [False, True])
+@pytest.mark.parametrize("rate", [0.05, 0.15, 0.5])
+def test_an_erring_tutor_ends_it_all_the_same(order, rate):
+    """Answers may run in circles; the questions end, and the result is an order of all vectors."""
+    for seed in range(5):
+        vectors = shares(seed, 15)
+        choice = choose(vectors, Dominance(K), order)
+        asked = run(choice, FlippingTutor(HIDDEN, rate, seed))
+        assert len(asked) <= 15 * 14 / 2
+        result = choice.result()
+        assert result.status is ChoiceStatus.FINISHED
+        if order:
+            assert sorted(result.order) == list(range(15))
+            assert result.order[0] == result.best
+
+
+def test_the_result_names_tiers_and_labels():
+    names = [f"ward {i}" for i in range(20)]
+    choice = choose(shares(7, 20), Dominance(K), labels=names)
+    run(choice, TruthfulTutor(HIDDEN))
+    result = choice.result()
+    assert result.label == names[result.best]
+    assert set(result.decided) <= {tier.name.lower() for tier in Tier}
+    assert {type(count) for count in result.decided.values()} == {int}
+    for status in ChoiceStatus:
+        assert status.value.endswith(".")
+
+
+# --- what is wrong
+
+
+@pytest.mark.parametrize(
+    ("vectors", "more", "complaint"),
+    [
+        (np.ones((2, 4)) / 4, {}, r"\(n, 5\)"),
+        (np.empty((0, 5)), {}, "nothing to choose"),
+        ([[0, 0, 0, 0, np.inf]], {}, "finite"),
+        (np.ones((2, 5)), {"labels": ["a"]}, "labels"),
+        (np.ones((2, 5)), {"max_queries": -1}, "max_queries"),
+        (np.ones((2, 5)), {"max_queries": "a"}, "max_queries .* not 'a'"),
+        ([[1, 0, 0, 0, 0], [0, 0, 0, 0, 0]], {}, "equal totals"),
+        ([[1, 0, 0, 0, 0], [0, 0, 0, 0, 1 + 1e-8]], {}, "check_totals"),
+    ],
+)
+def test_bad_arguments(vectors, more, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        choose(vectors, Dominance(K), **more)
+
+
+def test_totals():
+    uneven = [[1, 0, 0, 0, 0], [0, 0, 0, 0, 2]]
+    assert choose(uneven, Dominance(K), check_totals=False).result().best == 1
+    assert choose([[1, 0, 0, 0, 0], [0, 0, 0, 0, 1 + 1e-12]], Dominance(K)).result().best == 1
+    assert choose(np.array(uneven) * [[2], [1]] * 1e6, Dominance(K)).result().best == 1
+
+
+def test_the_callers_array_is_not_kept():
+    vectors = shares(0, 5)
+    choice = choose(vectors, Dominance(K))
+    best = choice.result().best
+    vectors[:] = 0
+    run(choice, TruthfulTutor(HIDDEN))
+    assert choice.result().best == true_order(shares(0, 5))[0]
+    assert best in range(5)

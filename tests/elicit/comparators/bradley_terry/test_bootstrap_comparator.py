@@ -1,0 +1,415 @@
+"""The Bradley-Terry comparator: what it may decide, on what, and what it must not depend on."""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged, refit_point
+from elicit.comparators.bradley_terry.likelihood import sigmoid
+from elicit.model.comparator import Comparator, Tier, decide
+from elicit.model.query import Answers, Verdict
+from elicit.model.scale import Floats, dominance, order_bounds, tail_sums
+
+REGIONS = ["ensemble", "box"]
+
+
+def pairs(rng: np.random.Generator, k: int, n: int) -> Floats:
+    """n differences of share vectors that dominance leaves open."""
+    d = rng.dirichlet(np.ones(k), 20 * n + 20) - rng.dirichlet(np.ones(k), 20 * n + 20)
+    return d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n]
+
+
+def told(seed: int, k: int, n: int, *, sd: float = 2.0, alpha: float = 1.0) -> tuple[Answers, Floats, float, Floats]:
+    """n answers of a noisy tutor, fresh pairs (500, k), the precision, and the hidden scale (k,)."""
+    rng = np.random.default_rng(seed)
+    e = np.concatenate([[0.0], np.cumsum(rng.dirichlet(np.full(k - 1, alpha)))])
+    d, fresh = pairs(rng, k, n), pairs(rng, k, 500)
+    precision = sd / float(np.std(fresh @ e))
+    y = np.where(rng.random(n) < sigmoid(precision * (d @ e)), 1, -1)
+    return Answers(d, y), fresh, precision, e
+
+
+@cache
+def taught(k: int = 5, n: int = 40, **kwargs: Any) -> BradleyTerryComparator:
+    answers, _, precision, _ = told(0, k, n)
+    return BradleyTerryComparator(k, precision=precision, n_boot=30, **kwargs).update(answers)
+
+
+def same(a: BradleyTerryComparator, b: BradleyTerryComparator, d: Floats) -> bool:
+    (lo, hi), (lo2, hi2) = a.bounds(d), b.bounds(d)
+    return bool(
+        (a.values == b.values).all()
+        and (lo == lo2).all()
+        and (hi == hi2).all()
+        and (a.compare(d) == b.compare(d)).all()
+    )
+
+
+# What it says with little to go on
+
+
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize("n", [0, 1])
+def test_nothing_beyond_dominance_without_answers_or_after_one(region: str, n: int) -> None:
+    answers, fresh, precision, _ = told(1, 6, 1)
+    a = BradleyTerryComparator(6, precision=precision, region=region).update(answers[:n])
+    assert isinstance(a, Comparator)
+    assert (a.compare(fresh) == Verdict.UNKNOWN).all()
+    assert (a.compare(answers.d) == Verdict.UNKNOWN).all()
+    assert a.values == pytest.approx(np.linspace(0, 1, 6))
+    assert all((x == y).all() for x, y in zip(a.bounds(fresh), order_bounds(tail_sums(fresh), 0.0), strict=True))
+    low, high, point = a.probability(fresh)
+    assert (low == 0).all()
+    assert (high == 1).all()
+    assert ((point > 0) & (point < 1)).all()
+
+
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize("n", [0, 40])
+def test_dominance_comes_first(region: str, n: int) -> None:
+    a = taught(5, n, region=region)
+    d = np.array([[0, 0, 0, 0, 0], [-1, 0, 0, 0, 1], [-0.5, 0.5, 0, 0, 0], [0, 0, 0, 0.5, -0.5], [7, 0, 0, 0, 0]])
+    verdicts, tiers = decide(a, d)
+    assert verdicts.tolist() == [Verdict.EQUAL, Verdict.BETTER, Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL]
+    assert tiers.tolist() == [Tier.EQUAL, Tier.DOMINANCE, Tier.DOMINANCE, Tier.DOMINANCE, Tier.EQUAL]
+    lo, hi = a.bounds(d)
+    assert (lo[verdicts == Verdict.BETTER] >= 0).all()
+    assert (hi[verdicts == Verdict.WORSE] <= 0).all()
+    assert lo[0] == hi[0] == 0
+    low, high, point = a.probability(d)
+    assert low[0] == high[0] == point[0] == 0.5
+    assert (low[1:3] >= 0.5).all()
+    assert high[3] <= 0.5
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_many_equal_answers_about_one_pair_leave_the_rest_open(region: str) -> None:
+    """No false certainty: every resample is the same, so spread can only come from the prior."""
+    d = np.array([0.3, -0.5, 0.2, 0.0, 0.0, 0.0])
+    a = BradleyTerryComparator(6, precision=20.0, region=region).update(Answers(np.tile(d, (200, 1)), np.ones(200)))
+    untouched = np.array([[0.0, 0.0, 0.0, 0.5, -1.0, 0.5], [0.0, 0.0, 0.3, -0.6, 0.0, 0.3], [0, 0, 0.5, -1, 0.5, 0]])
+    assert (a.compare(untouched) == Verdict.UNKNOWN).all()
+    lo, hi = a.bounds(untouched)
+    assert (lo < -0.01).all()
+    assert (hi > 0.01).all()
+    if region == "ensemble":
+        assert a.compare(d).tolist() == [Verdict.BETTER]
+
+
+def test_answers_of_no_size_teach_nothing() -> None:
+    answers, fresh, precision, _ = told(2, 5, 40)
+    tiny = Answers(answers.d * 1e-12, answers.y)
+    a = BradleyTerryComparator(5, precision=precision, prior_shape=(1.0, 1.0)).update(tiny)
+    prior = BradleyTerryComparator(5, precision=1e-12, prior_shape=(1.0, 1.0)).update(answers)
+    assert a.converged
+    assert np.allclose(a.values, np.linspace(0, 1, 5), atol=1e-6)
+    assert np.allclose(a.bounds(fresh), prior.bounds(fresh), atol=1e-6)
+    assert (a.compare(fresh) == Verdict.UNKNOWN).mean() > 0.5
+
+
+def test_precision_zero_learns_nothing() -> None:
+    answers, fresh, _, _ = told(3, 5, 60)
+    a = BradleyTerryComparator(5, precision=0).update(answers)
+    assert (a.compare(fresh) == Verdict.UNKNOWN).all()
+    assert a.converged
+    assert a.values == pytest.approx(np.linspace(0, 1, 5))
+    assert (a.probability(fresh)[2] == 0.5).all()
+
+
+# What it says of answers that fit no scale, or too many
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_separable_answers_without_a_prior_are_no_fit(region: str) -> None:
+    answers, fresh, precision, e = told(4, 5, 30)
+    truthful = Answers(answers.d, np.sign(answers.d @ e))
+    a = BradleyTerryComparator(5, precision=precision, prior_strength=0, region=region).update(truthful)
+    with pytest.warns(NotConverged, match="no maximum found for 100 of 100 resamples of 29 answers, nor"):
+        assert not a.converged
+    assert (a.compare(fresh) == Verdict.UNKNOWN).all()
+    assert a.values == pytest.approx(np.linspace(0, 1, 5))
+    b = BradleyTerryComparator(5, precision=precision, region=region).update(truthful)
+    assert b.converged
+
+
+def test_without_a_prior_many_noisy_answers_still_decide() -> None:
+    answers, fresh, precision, e = told(5, 4, 400)
+    a = BradleyTerryComparator(4, precision=precision, prior_strength=0, n_boot=50).update(answers)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotConverged)  # a resample or two may still be separable
+        verdicts = a.compare(fresh)
+    decided = verdicts != Verdict.UNKNOWN
+    assert decided.mean() > 0.5
+    assert (verdicts == np.sign(fresh @ e))[decided].mean() > 0.97
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_a_pair_answered_both_ways_a_thousand_times_stays_open(region: str) -> None:
+    d = np.array([0.0, 0.5, -1.0, 0.5])
+    answers = Answers(np.tile(d, (2000, 1)), np.tile([1, -1], 1000))
+    a = BradleyTerryComparator(4, precision=15.0, region=region).update(answers)
+    assert a.compare(d).tolist() == [Verdict.UNKNOWN]
+    lo, hi = a.bounds(d)
+    assert lo[0] < 0 < hi[0]
+    assert a.probability(d)[2][0] == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_ties_everywhere(region: str) -> None:
+    answers, fresh, precision, _ = told(6, 5, 300)
+    a = BradleyTerryComparator(5, precision=precision, region=region).update(Answers(answers.d, np.zeros(300)))
+    assert a.converged
+    assert np.isfinite(a.values).all()
+    assert a.values[0] == 0
+    assert a.values[-1] == 1
+    assert (a.compare(fresh) != Verdict.EQUAL).all()  # a statistical rule never says EQUAL
+
+
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize("rescale", [False, True])
+def test_a_tutor_against_the_order_ends_in_silence(region: str, rescale: bool) -> None:
+    """Every dominated vector is called better: all gaps shrink to 0, and no verdict may come of it."""
+    rng = np.random.default_rng(7)
+    d = np.sort(rng.dirichlet(np.ones(4), 400), axis=1) - 0.25
+    a = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale).update(Answers(d, -np.ones(400)))
+    assert (a.compare(pairs(rng, 4, 50)) == Verdict.UNKNOWN).all()
+    assert (a.compare(d) == Verdict.BETTER).all()
+    literal = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale, monotone=False)
+    assert (literal.update(Answers(d, -np.ones(400))).compare(d) == Verdict.BETTER).all()
+
+
+# How well it decides
+
+
+@pytest.mark.parametrize(("k", "n", "alpha"), [(5, 100, 1.0), (5, 20, 0.2), (10, 100, 1.0), (10, 40, 0.2)])
+def test_few_of_the_decided_are_wrong(k: int, n: int, alpha: float) -> None:
+    decided = wrong = box = box_wrong = 0
+    for seed in range(12):
+        answers, fresh, precision, e = told(100 + seed, k, n, alpha=alpha)
+        truth = np.sign(fresh @ e)
+        for region in REGIONS:
+            v = BradleyTerryComparator(k, precision=precision, region=region, seed=seed).update(answers).compare(fresh)
+            count, errors = int((v != Verdict.UNKNOWN).sum()), int(((v != Verdict.UNKNOWN) & (v != truth)).sum())
+            if region == "box":
+                box, box_wrong = box + count, box_wrong + errors
+            else:
+                decided, wrong = decided + count, wrong + errors
+    assert decided > 0.4 * 12 * 500
+    assert wrong < 0.05 * decided
+    assert box < 0.8 * decided  # the box is blunt
+    assert box_wrong <= 0.05 * box
+    if k == 10:
+        assert box < 0.3 * decided
+
+
+def test_the_estimate_approaches_the_scale() -> None:
+    answers, _, precision, e = told(8, 5, 3000)
+    a = BradleyTerryComparator(5, precision=precision, n_boot=20).update(answers)
+    assert np.abs(a.values - e).max() < 0.06
+
+
+def test_the_estimate_lies_within_its_interval() -> None:
+    answers, fresh, precision, _ = told(9, 8, 25)
+    for region in REGIONS:
+        for rescale in (False, True):
+            for monotone in (False, True):
+                a = BradleyTerryComparator(
+                    8, precision=precision, n_boot=3, level=0.1, region=region, rescale=rescale, monotone=monotone
+                ).update(answers)
+                lo, hi = a.bounds(fresh)
+                assert (lo <= hi).all()
+                estimate = np.clip(fresh @ a.values, *order_bounds(tail_sums(fresh), 0.0))  # the literal fit may stray
+                assert (lo - 1e-12 <= estimate).all()
+                assert (estimate <= hi + 1e-12).all()
+                low, high, point = a.probability(fresh)
+                assert (low <= point).all()
+                assert (point <= high).all()
+
+
+def test_the_literal_fit_may_break_the_order_and_rescaling_pins_the_top() -> None:
+    answers, fresh, precision, _ = told(10, 8, 40)
+    settings_ = {"precision": precision, "region": "box"}
+    literal = BradleyTerryComparator(8, monotone=False, **settings_).update(answers)
+    assert (np.diff(literal.values) < 0).any()
+    assert (np.diff(BradleyTerryComparator(8, **settings_).update(answers).values) >= 0).all()
+    top = np.array([-1.0, 0, 0, 0, 0, 0, 0, 1.0])
+    plain, pinned = (BradleyTerryComparator(8, rescale=r, **settings_).update(answers) for r in (False, True))
+    assert pinned.bounds(top) == (1.0, 1.0)
+    assert (pinned.compare(fresh) != Verdict.UNKNOWN).sum() > (plain.compare(fresh) != Verdict.UNKNOWN).sum()
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_verdicts_bounds_and_probabilities_agree(region: str) -> None:
+    a = taught(5, 60, region=region)
+    fresh = told(0, 5, 60)[1]
+    v, (lo, hi), (low, high, _) = a.compare(fresh), a.bounds(fresh), a.probability(fresh)
+    assert ((v == Verdict.BETTER) == (lo > 0)).all()
+    assert ((v == Verdict.WORSE) == (hi < 0)).all()
+    assert ((v == Verdict.BETTER) == (low > 0.5)).all()
+    assert ((v == Verdict.WORSE) == (high < 0.5)).all()
+    assert {*v.tolist()} >= {Verdict.BETTER, Verdict.WORSE, Verdict.UNKNOWN}
+    assert set(decide(a, fresh).tiers.tolist()) == {Tier.MODEL}
+
+
+# What it must not depend on
+
+
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize("growth", [0.0, 0.05, 0.4])
+def test_one_update_of_n_is_n_updates_of_one(region: str, growth: float) -> None:
+    answers, fresh, precision, _ = told(11, 5, 45)
+    start = BradleyTerryComparator(5, precision=precision, n_boot=20, region=region, refit_growth=growth)
+    at_once, one_by_one, looked_at = start.update(answers), start, start
+    for i in range(45):
+        row = answers[i : i + 1]
+        one_by_one, looked_at = one_by_one.update(row), looked_at.update(row)
+        looked_at.compare(fresh)
+        looked_at.bounds(fresh[:3])
+    assert same(at_once, one_by_one, fresh)
+    assert same(at_once, looked_at, fresh)
+    assert at_once.answers.ids == answers.ids
+
+
+def test_the_old_comparator_still_answers_as_before() -> None:
+    answers, fresh, precision, _ = told(12, 5, 60)
+    a = BradleyTerryComparator(5, precision=precision, n_boot=20).update(answers[:20])
+    before = a.bounds(fresh)
+    b = a.update(answers[20:])
+    b.compare(fresh)
+    untouched = BradleyTerryComparator(5, precision=precision, n_boot=20).update(answers[:20])
+    untouched.update(answers[20:]).compare(fresh)
+    assert all((x == y).all() for x, y in zip(before, a.bounds(fresh), strict=True))
+    assert same(a, untouched, fresh)
+    a.values[:] = 7.0
+    assert a.values[-1] == 1.0
+    assert same(a.update(Answers.none(5)), a, fresh)
+
+
+def test_refits_follow_the_schedule() -> None:
+    for growth in (0.0, 0.01, 0.05, 0.1, 1 / 3, 0.5, 1.0, 10.0):
+        points, r = [0, 1], 1
+        while r < 400:
+            r = max(r + 1, r + int(np.ceil(r * growth)))
+            points.append(r)
+        assert [refit_point(n, growth) for n in range(400)] == [max(p for p in points if p <= n) for n in range(400)]
+    answers, fresh, precision, _ = told(13, 5, 100)
+    a = BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers)
+    assert a.fitted_answers == 97
+    assert same(a, BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers[:97]), fresh)
+
+
+def test_the_same_seed_gives_the_same_result() -> None:
+    answers, fresh, precision, _ = told(14, 5, 30)
+
+    def make(seed: Any) -> BradleyTerryComparator:
+        return BradleyTerryComparator(5, precision=precision, seed=seed).update(answers)
+
+    assert same(make(3), make(3), fresh)
+    assert same(make(np.random.default_rng(1)), make(np.random.default_rng(1)), fresh)
+    assert same(make(np.random.SeedSequence(1)), make(np.random.SeedSequence(1)), fresh)
+    assert not same(make(3), make(4), fresh)
+    assert (make(3).values == make(4).values).all()  # the point estimate is not resampled
+    drawn = BradleyTerryComparator(5, seed=np.random.default_rng(1))
+    assert drawn.update(answers).seed == drawn.seed
+
+
+numbers = st.one_of(
+    st.just(0.0), st.floats(1e-60, 1e3, allow_subnormal=False), st.floats(-1e3, -1e-60, allow_subnormal=False)
+)
+
+
+@pytest.mark.parametrize("region", REGIONS)
+@settings(deadline=None, max_examples=120)
+@given(d=arrays(np.float64, (4, 5), elements=numbers), power=st.integers(-700, 700))
+def test_turning_and_scaling_a_difference(region: str, d: Floats, power: int) -> None:
+    a = taught(region=region)
+    verdicts, (lo, hi) = a.compare(d), a.bounds(d)
+    turned = np.where(verdicts == Verdict.UNKNOWN, Verdict.UNKNOWN, -verdicts)
+    assert (a.compare(-d) == turned).all()
+    back = a.bounds(-d)
+    assert (back[0] == -hi).all()
+    assert (back[1] == -lo).all()
+    assert (a.compare(2.0**power * d) == verdicts).all()
+    shifted = d + 0.0
+    shifted[:, 0] += 1.0  # level 1 never enters
+    assert (a.compare(shifted) == verdicts).all()
+
+
+@pytest.mark.parametrize("region", REGIONS)
+@pytest.mark.parametrize("rescale", [False, True])
+def test_a_row_alone_is_the_row_in_a_batch(region: str, rescale: bool) -> None:
+    a = taught(10, 80, region=region, rescale=rescale)
+    d = np.concatenate([told(0, 10, 80)[1], np.zeros((1, 10)), np.eye(10), np.full((1, 10), 1e-310)])
+    verdicts, (lo, hi), probabilities = a.compare(d), a.bounds(d), a.probability(d)
+    for i, row in enumerate(d):
+        assert a.compare(row) == verdicts[i]
+        assert a.bounds(row) == (lo[i], hi[i])
+        assert tuple(x[0] for x in a.probability(row)) == tuple(x[i] for x in probabilities)
+    assert len(a.compare(np.empty((0, 10)))) == 0
+    assert all(len(x) == 0 for x in (*a.bounds(np.empty((0, 10))), *a.probability(np.empty((0, 10)))))
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_the_largest_and_smallest_numbers(region: str) -> None:
+    a = taught(region=region)
+    fresh = told(0, 5, 40)[1][:100]
+    for factor in (2.0**1020, 2.0**-1000, 2.0**950):
+        assert (a.compare(factor * fresh) == a.compare(fresh)).all()
+        assert np.isfinite(a.bounds(factor * fresh)).all()
+
+
+def test_two_levels_need_no_model() -> None:
+    a = BradleyTerryComparator(2).update(Answers([[-0.1, 0.1]] * 10, [1, -1] * 5))
+    assert a.compare([[-0.1, 0.1], [0.1, -0.1]]).tolist() == [Verdict.BETTER, Verdict.WORSE]
+    assert a.values.tolist() == [0.0, 1.0]
+
+
+# Bad input
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ({"k": 1}, "at least 2, not 1"),
+        ({"precision": -1.0}, r"precision .* not -1.0"),
+        ({"precision": float("nan")}, "precision .* not nan"),
+        ({"precision": float("inf")}, "precision .* not inf"),
+        ({"n_boot": 0}, "n_boot .* not 0"),
+        ({"n_boot": 2.5}, "n_boot .* not 2.5"),
+        ({"min_answers": 0}, "min_answers .* not 0"),
+        ({"level": 1.0}, "level .* not 1.0"),
+        ({"level": 0.0}, "level .* not 0.0"),
+        ({"region": "ball"}, "region .* not 'ball'"),
+        ({"prior_strength": -0.1}, "prior_strength .* not -0.1"),
+        ({"prior_shape": (0.0, 1.0)}, "prior_shape .* not "),
+        ({"prior_shape": (2.0, 1.0)}, "prior_shape .* not "),
+        ({"refit_growth": -1}, "refit_growth .* not -1"),
+        ({"precision": "a"}, "precision .* not 'a'"),
+        ({"n_boot": "a"}, "n_boot .* not 'a'"),
+        ({"min_answers": None}, "min_answers .* not None"),
+        ({"level": None}, "level .* not None"),
+        ({"prior_shape": "ab"}, "prior_shape .* not 'ab'"),
+        ({"prior_shape": 1.0}, "prior_shape .* not 1.0"),
+    ],
+)
+def test_bad_settings_are_named(bad: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        BradleyTerryComparator(**({"k": 5} | bad))
+
+
+def test_bad_differences_and_answers_are_named() -> None:
+    a = taught()
+    with pytest.raises(ValueError, match=r"shape \(n, 5\)"):
+        a.compare(np.zeros((2, 4)))
+    with pytest.raises(ValueError, match="finite"):
+        a.bounds([[0, 0, np.nan, 0, 0]])
+    with pytest.raises(ValueError, match="about 4 levels"):
+        a.update(Answers.none(4))

@@ -1,0 +1,491 @@
+"""The particles' parts, each against another way to the same number, and the moves against laws they must keep."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from itertools import pairwise, permutations
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.special import expit, gammaln, logsumexp
+from scipy.stats import ks_2samp, kstest
+
+from elicit._support.hashing import fold
+from elicit.comparators.bradley_terry import density as D
+from elicit.comparators.bradley_terry import density_float32 as R
+from elicit.comparators.bradley_terry import mcmc as M
+from elicit.comparators.bradley_terry import smc as P
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.model.query import Verdict
+from elicit.model.scale import dominance, tail_sums
+
+Floats = np.ndarray[Any, Any]
+Rng = np.random.Generator
+
+
+def default(p: int) -> tuple[float, float]:
+    """The shapes of the default prior."""
+    return 0.2 / p, 2.0 / p
+
+
+def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] | None = None) -> Floats:
+    """x (m, p) straight from the stated prior."""
+    shape = shape or default(p)
+    a = np.exp(rng.uniform(np.log(shape[0]), np.log(shape[1]), (m, 1)))
+    log_gamma = np.log(rng.standard_gamma(a + 1.0, (m, p))) + np.log(rng.random((m, p))) / a
+    log_g = log_gamma - logsumexp(log_gamma, axis=1, keepdims=True)
+    return np.ascontiguousarray(log_g + rng.normal(math.log(30.0), 2.5, (m, 1)))
+
+
+def direct_log_prior(x: Floats, shape: tuple[float, float]) -> float:
+    """The log density of x by adaptive quadrature over the shape: a Dirichlet density of g, a normal one of log c, and
+    the Jacobian of (log c, g) to x, which is prod g."""
+    p, log_c = len(x), float(logsumexp(x))
+    log_g = x - log_c
+
+    def density(u: float) -> float:
+        a = math.exp(u)
+        return float(gammaln(p * a) - p * gammaln(a) + (a - 1.0) * log_g.sum())
+
+    low, high = math.log(shape[0]), math.log(shape[1])
+    grid = np.linspace(low, high, 2001)
+    top = max(density(u) for u in grid)
+    peak = grid[int(np.argmax([density(u) for u in grid]))]
+    ends = [low, *(p for p in (peak - 0.1, peak, peak + 0.1) if low < p < high), high]
+    parts = [quad(lambda u: math.exp(density(u) - top), a, b, epsabs=0, epsrel=1e-12)[0] for a, b in pairwise(ends)]
+    normal = -0.5 * ((log_c - math.log(30.0)) / 2.5) ** 2 - math.log(2.5 * math.sqrt(2 * math.pi))
+    return top + math.log(sum(parts) / (high - low)) + float(log_g.sum()) + normal
+
+
+def direct_log_likelihood(theta: Floats, rows: Floats, tied: Floats, lapse: float) -> float:
+    eta = rows.T @ theta
+    yes, no = (lapse / 2 + (1 - lapse) * expit(s * eta) for s in (1, -1))
+    if lapse == 0:
+        log_yes, log_no = -np.logaddexp(0, -eta), -np.logaddexp(0, eta)
+    else:
+        log_yes, log_no = np.log(yes), np.log(no)
+    return float(np.where(tied, (log_yes + log_no) / 2, log_yes).sum())
+
+
+def pairs(rng: Rng, k: int, n: int) -> Floats:
+    d = rng.dirichlet(np.ones(k), 20 * n + 20) - rng.dirichlet(np.ones(k), 20 * n + 20)
+    d = d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n]
+    return np.asarray(d)
+
+
+def rows_of(rng: Rng, k: int, n: int, logit_sd: float = 2.0, ties: bool = True) -> tuple[Floats, Floats]:
+    """Rows (p, n) as ``update`` makes them, of a tutor with equal gaps, and which are ties."""
+    d = rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
+    logit = d @ np.linspace(0, 1, k)
+    logit *= logit_sd / max(1e-300, float(np.std(logit)))
+    y = np.where(rng.random(n) < expit(logit), 1, -1)
+    y[:: 7 if ties else n + 1] = 0
+    t = tail_sums(d) * np.where(y == 0, 1, y)[:, None]
+    return np.ascontiguousarray(t.T), y == 0
+
+
+# ---- numbers ----------------------------------------------------------------------------------------------------
+
+
+def test_small_exp_is_exp() -> None:
+    u = np.concatenate([np.linspace(0.0, 64.0, 4001), 10.0 ** np.linspace(-300, 0, 301)])
+    found = np.array([D.small_exp(float(x)) for x in u])
+    off = np.abs(found / np.exp(-u) - 1.0)
+    assert off[np.exp(-u) > 1e-6].max() < 1e-13
+    assert off.max() < 1e-6
+    assert D.small_exp(0.0) == 1.0
+    assert (np.diff(found[:4001]) < 0).all()
+    assert ((found > 0) & (found <= 1)).all()
+
+
+def test_the_hash_is_that_of_the_seeds() -> None:
+    key = np.uint64(2**63 + 12345)
+    with np.errstate(over="ignore"):
+        for counter in (0, 1, 499, 10**12):
+            assert P.mix(key, counter) == fold(key, counter)
+            assert 0.0 < M.unit(np.uint64(P.mix(key, counter))) < 1.0
+        assert M.unit(np.uint64(2**64 - 1)) <= 1.0
+        u = np.array([M.unit(np.uint64(P.mix(key, i))) for i in range(5000)])
+    assert kstest(u, "uniform").pvalue > 1e-3
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    k=st.integers(2, 12),
+    n=st.integers(1, 150),
+    lapse=st.sampled_from([0.0, 1e-30, 0.05, 0.5, 0.99]),
+    size=st.floats(-6, 8),
+)
+def test_the_likelihood_is_the_formula_and_gives_up_only_below_the_least(
+    seed: int, k: int, n: int, lapse: float, size: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    rows, tied = rows_of(rng, k, n)
+    theta, work = 10.0**size * rng.dirichlet(np.ones(k - 1)), np.empty((2, D.BLOCK))
+    first, end = sorted(int(i) for i in rng.integers(0, n + 1, 2))
+    wanted = direct_log_likelihood(theta, rows[:, first:end], tied[first:end], lapse)
+    found = D.log_likelihood(theta, rows, tied, first, end, lapse, -math.inf, work)
+    # beyond 60 logits the logistic function counts as 1e-26, which only a tiny lapse can tell from 0
+    clipped = 0.0 < lapse < 1e-20 and np.abs(rows.T @ theta).max() > D.FARTHEST
+    if clipped:
+        assert wanted - 1e-9 * abs(wanted) <= found <= 0.0
+    else:
+        assert found == pytest.approx(wanted, rel=1e-11, abs=1e-11 * (end - first + 1))
+    assert found <= 1e-12
+    for least in (found * (1 + 1e-9) - 1e-9, found * 2 - 1.0):
+        assert D.log_likelihood(theta, rows, tied, first, end, lapse, least, work) == found
+    if end > first and found < -1e-6:
+        assert D.log_likelihood(theta, rows, tied, first, end, lapse, found * (1 - 1e-9), work) == -math.inf
+
+
+def test_pieces_of_the_likelihood_add_up() -> None:
+    rng = np.random.default_rng(0)
+    rows, tied = rows_of(rng, 6, 300)
+    theta, work = 30.0 * rng.dirichlet(np.ones(5)), np.empty((2, D.BLOCK))
+    whole = D.log_likelihood(theta, rows, tied, 0, 300, 0.05, -math.inf, work)
+    cut = [D.log_likelihood(theta, rows, tied, a, a + 50, 0.05, -math.inf, work) for a in range(0, 300, 50)]
+    assert sum(cut) == pytest.approx(whole, rel=1e-12)
+
+
+@pytest.mark.parametrize("k", [2, 3, 5, 10, 20])
+@pytest.mark.parametrize("shape", [(0.1, 2.0), (1.0, 1.0), (0.5, 0.6)])
+def test_the_prior_is_the_stated_one(k: int, shape: tuple[float, float]) -> None:
+    prior = PosteriorComparator(k, shape=shape)._prior
+    rng, theta, constants = np.random.default_rng(k), np.empty(k - 1), []
+    for x in prior_draws(rng, k - 1, 12, shape):
+        found = D.log_prior(x, prior, theta, np.empty((2, D.BLOCK)))
+        constants.append(found - (direct_log_prior(x, shape) if shape[0] < shape[1] else _uniform_log_prior(x)))
+        assert theta == pytest.approx(np.exp(np.maximum(x, x.max() - D.FARTHEST)), rel=1e-7)
+    assert np.ptp(constants) < 1e-4  # 16 nodes
+
+
+def _uniform_log_prior(x: Floats) -> float:
+    log_c = float(logsumexp(x))
+    return float((x - log_c).sum()) - 0.5 * ((log_c - math.log(30.0)) / 2.5) ** 2
+
+
+def test_a_given_precision_scales_theta_and_inequalities_bound_it() -> None:
+    rng, theta = np.random.default_rng(0), np.empty(3)
+    fixed = PosteriorComparator(4, precision=7.0)._prior
+    bounded = PosteriorComparator(4, prior="e2 >= 0.5")._prior
+    for x in prior_draws(rng, 3, 50):
+        D.log_prior(x, fixed, theta, np.empty((2, D.BLOCK)))
+        assert theta.sum() == pytest.approx(7.0)
+        g = np.exp(x - logsumexp(x))
+        assert theta == pytest.approx(7.0 * g, rel=1e-6)
+        if abs(g[0] - 0.5) > 1e-9:
+            assert (D.log_prior(x, bounded, theta, np.empty((2, D.BLOCK))) > -math.inf) == (g[0] > 0.5)
+
+
+# ---- weights ----------------------------------------------------------------------------------------------------
+
+
+def test_the_effective_size_counts_weights() -> None:
+    logs = np.random.default_rng(0).normal(size=100) * 2.0
+    w = np.exp(logs)
+    assert P.effective_size(logs) == pytest.approx(w.sum() ** 2 / (w**2).sum())
+    assert P.effective_size(logs - 1e4) == pytest.approx(P.effective_size(logs), rel=1e-9)
+    assert P.effective_size(np.zeros(50)) == 50.0
+    assert P.effective_size(np.array([0.0, -np.inf, -np.inf])) == 1.0
+
+
+def test_resampling_is_unbiased_and_even() -> None:
+    rng = np.random.default_rng(0)
+    weights = rng.gamma(0.3, size=40)
+    weights[7] = 0.0
+    wanted = 40 * weights / weights.sum()
+    total, out, turns = np.zeros(40), np.empty(40, dtype=np.int64), 2000
+    for u in (np.arange(turns) + 0.5) / turns:
+        P.resample(weights, u, out)
+        counts = np.bincount(out, minlength=40)
+        assert (np.abs(counts - wanted) < 1.0 + 1e-9).all()  # systematic: never off by one or more
+        assert (np.diff(out) >= 0).all()
+        total += counts
+    assert total / turns == pytest.approx(wanted, abs=2.0 / turns)
+    assert total[7] == 0
+
+
+def test_tempering_takes_as_much_of_a_surprise_as_the_weights_can_bear() -> None:
+    rng = np.random.default_rng(0)
+    logs, found = np.zeros(200), -50.0 * rng.random(200)
+    power = P.tempered(logs, found, 1.0)
+    assert 0 < power < 1
+    assert P.effective_size(power * found) >= P.FAIR * 200
+    assert P.effective_size(1.01 * power * found) < P.FAIR * 200
+    assert P.tempered(logs, 0.01 * found, 1.0) == 1.0
+    assert P.tempered(logs, 0.01 * found, 0.25) == 0.25
+
+
+@pytest.mark.parametrize("level", [0.6, 0.9, 0.95])
+def test_weighing_is_the_share_of_weight_on_either_side(level: float) -> None:
+    rng = np.random.default_rng(1)
+    gaps, weights = rng.dirichlet(np.ones(4), 150).T.copy(), rng.dirichlet(np.full(150, 0.7))
+    d = np.concatenate([pairs(rng, 5, 400), np.zeros((1, 5)), np.eye(5)[1:2] - np.eye(5)[:1]])
+    verdicts = np.empty(len(d), dtype=np.int8)
+    P.weigh(d, gaps, weights, level, verdicts)
+    scores = tail_sums(d) @ gaps
+    up, down = (scores > 0) @ weights, (scores < 0) @ weights
+    sure = (np.abs(up - level) > 1e-9) & (np.abs(down - level) > 1e-9)
+    wanted = np.where(up >= level, 1, np.where(down >= level, -1, 2))
+    assert sure.sum() > 300
+    assert (verdicts == wanted)[:-2][sure[:-2]].all()
+    assert {1, -1, 2} <= set(verdicts[:-2].tolist())
+    assert verdicts[-2:].tolist() == [Verdict.EQUAL, Verdict.BETTER]
+
+
+# ---- moves ------------------------------------------------------------------------------------------------------
+
+
+def moved(x: Floats, rows: Floats, tied: Floats, prior: D.Prior, sweeps: int, key: int, last: float = 1.0) -> Floats:
+    x = x.copy()
+    accepted = M.move(x, rows, tied, rows.shape[1], last, prior, np.uint64(key), sweeps)
+    assert accepted > 0.05 * sweeps * len(x)
+    return x
+
+
+def in_double(x: Floats, rows: Floats, tied: Floats, last: float, prior: D.Prior, key: Any, turns: int) -> int:
+    """``move`` as it would be without single precision."""
+    theta, work, proposal = np.empty(x.shape[1]), np.empty((2, D.BLOCK)), np.empty(x.shape[1])
+    accepted, n = 0, rows.shape[1]
+    logs = [D.log_prior(at, prior, theta, work) + D.powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)
+            for at in x]  # fmt: skip
+    for turn in range(turns):
+        for i in range(len(x)):
+            h = fold(key, 1 + turn, i)[()]
+            swaps = x.shape[1] > 1 and M.unit(fold(h, 0)[()]) < M.SWAPS
+            away = (M.swap if swaps else M.step)(x, i, proposal, h)
+            density = D.log_prior(proposal, prior, theta, work)
+            least = logs[i] + math.log(M.unit(fold(h, 1)[()])) - density
+            if density == -math.inf or least > 0.0:
+                continue
+            found = D.powered(theta, rows, tied, n, last, prior.lapse, least, work)
+            if found >= least:
+                x[i], logs[i], accepted = proposal, density + found, accepted + away
+    return accepted
+
+
+@pytest.mark.parametrize("lapse", [0.0, 1e-9, 1e-4, 0.1])
+@pytest.mark.parametrize(("n", "last", "size"), [(1, 1.0, 1.0), (70, 1.0, 0.2), (200, 0.3, 0.2), (400, 1.0, 30.0)])
+def test_single_precision_changes_no_decision(lapse: float, n: int, last: float, size: float) -> None:
+    p, rng = 6, np.random.default_rng(n)
+    prior = PosteriorComparator(p + 1, lapse=lapse)._prior
+    rows, tied = size * rng.normal(size=(p, n)), rng.random(n) < 0.1
+    start = prior_draws(rng, p, 40)
+    start[10:20] = start[9]  # copies
+    one, other = start.copy(), start.copy()
+    with np.errstate(all="ignore"):
+        accepted = M.move(one, rows, tied, n, last, prior, np.uint64(5), 12)
+        assert in_double(other, rows, tied, last, prior, np.uint64(5), 12) == accepted > 0
+    assert (one == other).all()
+    assert (one != start).any()
+
+
+@pytest.mark.parametrize(
+    ("lapse", "c", "far"), [(0.0, 20.0, 20.65), (1e-10, 20.0, 18.0), (0.0, 1e39, 5.0), (0.1, 1e39, 5.0)]
+)
+def test_single_precision_changes_no_decision_where_it_ends(lapse: float, c: float, far: float) -> None:
+    p, n, rng = 3, 640, np.random.default_rng(1)
+    prior = PosteriorComparator(p + 1, lapse=lapse, precision=c)._prior
+    rows = rng.normal(size=(p, n)) * min(far, 6.0) / c
+    rows[:, ::2] = -far / c if far > 6.0 else rows[:, ::2]
+    start = prior_draws(rng, p, 40)
+    one, other = start.copy(), start.copy()
+    with np.errstate(all="ignore"):
+        accepted = M.move(one, rows, np.zeros(n, bool), n, 1.0, prior, np.uint64(5), 30)
+        assert in_double(other, rows, np.zeros(n, bool), 1.0, prior, np.uint64(5), 30) == accepted > 0
+    assert (one == other).all()
+
+
+@given(st.integers(0, 10**6))
+def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    p, n = int(rng.integers(1, 20)), int(rng.integers(1, 300))
+    rows = rng.normal(size=(p, n)) * 10.0 ** rng.uniform(-4, 2)
+    tied, lapse = rng.random(n) < rng.choice([0.0, 0.1]), float(rng.choice([0.0, 1e-6, 1e-4, 0.05, 0.9]))
+    theta = np.exp(rng.normal(size=p) * 2.0)
+    small, work = np.empty((2, D.BLOCK), np.float32), np.empty((2, D.BLOCK))
+    rough = R.roughened(rows, tied, n)
+    exact = D.log_likelihood(theta, rows, tied, 0, n, lapse, -math.inf, work)
+    found = R.rough_likelihood(theta, rough, lapse, -math.inf, small, work[0])
+    slack = R.error(theta, rough)
+    assert found >= exact - slack
+    assert lapse < R.LEAST_LAPSE or found <= exact + slack
+    assert R.rough_likelihood(theta, rough, lapse, found - 1e-9, small, work[0]) == pytest.approx(found, abs=1e-9)
+    assert R.rough_likelihood(theta, rough, lapse, found + 1e-6, small, work[0]) == -math.inf
+    assert slack < 1e-3 * n + 1e-5 * (np.abs(rows).T @ theta).sum()
+
+
+def statistics(x: Floats) -> dict[str, Floats]:
+    log_c = logsumexp(x, axis=1)
+    log_g = x - log_c[:, None]
+    return {
+        "log c": log_c,
+        "first log gap": log_g[:, 0],
+        "last log gap": log_g[:, -1],
+        "greatest gap": np.exp(log_g.max(axis=1)),
+        "sum of log gaps": log_g.sum(axis=1),
+        "middle level": np.exp(log_g[:, : max(1, x.shape[1] // 2)]).sum(axis=1),
+    }
+
+
+def assert_same_law(x: Floats, y: Floats) -> None:
+    for (name, one), other in zip(statistics(x).items(), statistics(y).values(), strict=True):
+        if np.ptp(one) > 1e-9:
+            assert ks_2samp(one, other).pvalue > 1e-4, name
+
+
+@pytest.mark.parametrize("k", [3, 5, 12])
+def test_moves_leave_the_prior_as_it_is(k: int) -> None:
+    rng, prior = np.random.default_rng(k), PosteriorComparator(k)._prior
+    nothing, untied = np.zeros((k - 1, 1)), np.zeros(1, dtype=np.bool_)
+    start = prior_draws(rng, k - 1, 1500)
+    after = moved(start, nothing, untied, prior, 40, k)
+    assert (np.abs(after - start) > 0.01).any(axis=1).mean() > 0.9
+    assert_same_law(after, prior_draws(rng, k - 1, 20_000))
+
+
+def test_moves_reach_the_prior_from_elsewhere() -> None:
+    """From half of it only: the particles are drawn where log c is above its mean."""
+    rng, prior = np.random.default_rng(3), PosteriorComparator(4)._prior
+    nothing, untied = np.zeros((3, 1)), np.zeros(1, dtype=np.bool_)
+    start = prior_draws(rng, 3, 3000)
+    start = start[logsumexp(start, axis=1) > math.log(30.0)]
+    assert ks_2samp(logsumexp(start, axis=1), rng.normal(math.log(30.0), 2.5, 9999)).pvalue < 1e-9
+    assert_same_law(moved(start, nothing, untied, prior, 250, 5), prior_draws(rng, 3, 20_000))
+
+
+@pytest.mark.parametrize(("lapse", "last"), [(0.05, 1.0), (0.0, 1.0), (0.2, 0.3)])
+def test_moves_leave_a_posterior_as_it_is(lapse: float, last: float) -> None:
+    """Started from draws of the prior that are weighted by the formula, the last answer's to a power."""
+    rng, prior = np.random.default_rng(7), PosteriorComparator(4, lapse=lapse)._prior
+    rows, tied = rows_of(rng, 4, 12)
+    x = prior_draws(rng, 3, 150_000)
+    powers = np.r_[np.ones(11), last]
+    eta = np.exp(x) @ rows
+    if lapse:
+        yes, no = (np.log(lapse / 2 + (1 - lapse) * expit(s * eta)) for s in (1, -1))
+    else:
+        yes, no = -np.logaddexp(0, -eta), -np.logaddexp(0, eta)
+    logs = np.where(tied, (yes + no) / 2, yes) @ powers
+    w = np.exp(logs - logs.max())
+    assert w.sum() ** 2 / (w**2).sum() > 3000
+    wanted = x[rng.choice(len(x), 6000, p=w / w.sum())]
+    assert_same_law(moved(wanted[:1500], rows, tied, prior, 40, 11, last), wanted[1500:])
+
+
+def test_moves_keep_to_the_inequalities() -> None:
+    rng = np.random.default_rng(0)
+    comparator = PosteriorComparator(4, prior=["e2 >= 0.3", "e3 - e2 <= 0.2"])
+    rows, tied = rows_of(rng, 4, 20)
+    x = moved(comparator._x, rows, tied, comparator._prior, 30, 1)
+    g = np.exp(x - logsumexp(x, axis=1, keepdims=True))
+    assert (g[:, 0] >= 0.3 - 1e-9).all()
+    assert (g[:, 1] <= 0.2 + 1e-9).all()
+
+
+def test_particles_leave_a_subspace_that_all_of_them_lie_in() -> None:
+    prior = PosteriorComparator(4)._prior
+    nothing, untied = np.zeros((3, 1)), np.zeros(1, dtype=np.bool_)
+    start = np.log(30.0 / 3) + np.random.default_rng(0).normal(size=(300, 1)) * np.ones((1, 3))
+    x = moved(start, nothing, untied, prior, 400, 2)
+    assert np.std(x[:, 0] - x[:, 1]) > 0.1
+
+
+def test_answers_reweight_and_moves_follow_where_few_carry_the_weight() -> None:
+    rng, prior = np.random.default_rng(0), PosteriorComparator(5)._prior
+    rows, tied = rows_of(rng, 5, 60)
+    x, logs, noise = prior_draws(rng, 4, 400), np.zeros(400), np.full(1, 1 / 400)
+    moves = 0
+    for n in range(1, 61):
+        before, noise_before = x.copy(), noise[0]
+        P.thetas(x, prior.fixed, theta := np.empty(x.T.shape))
+        proposed, accepted = P.learn(x, theta, logs, noise, rows, tied, n, prior, np.uint64(n))
+        assert P.effective_size(logs) >= P.FAIR * 400
+        if not proposed:
+            assert (x == before).all()
+            assert noise[0] == noise_before
+            assert P.effective_size(logs) >= P.ENOUGH * 400
+        else:
+            assert 0 < accepted <= proposed
+            assert (logs == 0).all()
+            moves += 1
+        assert len(np.unique(x, axis=0)) > 350
+        assert 1 / 400 <= noise[0] < 1 / 30
+    assert 3 <= moves <= 30
+
+
+def test_swaps_are_as_likely_there_as_back() -> None:
+    """From every order of four gaps, the share of proposals that lead to every other."""
+    orders = [list(o) for o in permutations([0.0, 1.0, 2.0, 3.0])]
+    shares, x, proposal = np.zeros((24, 24)), np.empty((1, 4)), np.empty(4)
+    with np.errstate(over="ignore"):
+        for i, order in enumerate(orders):
+            x[0] = order
+            for q in range(1500):
+                M.swap(x, 0, proposal, fold(np.uint64(i), q)[()])
+                shares[i, orders.index(proposal.tolist())] += 1
+    assert (np.diag(shares) == 0).all()
+    both = shares + shares.T
+    off = np.abs(shares - shares.T)[both > 0] / np.sqrt(both[both > 0])
+    assert off.max() < 4.5
+    # every two places, but not those of the two smallest gaps where a greater one lies on either side between them
+    assert (both > 0).sum() == 24 * 6 - 8
+
+
+def test_what_moves_leave_is_the_greatest_squared_correlation() -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(3, 200)), rng.normal(size=(3, 200))
+    other[1] += one[1]
+    wanted = max(np.corrcoef(a, b)[0, 1] ** 2 for a, b in zip(one, other, strict=True))
+    assert P.remembered(one, other) == pytest.approx(wanted)
+    assert P.remembered(one, one) == pytest.approx(1.0)
+    assert P.remembered(np.ones((3, 200)), np.ones((3, 200))) == 0.0
+    x = prior_draws(rng, 4, 50)
+    log_c = logsumexp(x, axis=1)
+    levels = np.cumsum(np.exp(x - log_c[:, None]), axis=1).T[:-1]
+    assert P.features(x, 0.0) == pytest.approx(np.vstack([levels, log_c]))
+    assert P.features(x, 5.0) == pytest.approx(np.vstack([levels, levels[0]]))
+
+
+# ---- compiled or not --------------------------------------------------------------------------------------------
+
+_SMALL_CASE = """
+import warnings
+import numpy as np
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.model.query import Answers
+rng = np.random.default_rng(5)
+d = rng.dirichlet(np.ones(4), 14) - rng.dirichlet(np.ones(4), 14)
+for settings in ({}, {"precision": 30.0, "lapse": 0.0}, {"prior": "e3 >= 0.4", "shape": (1.0, 1.0)}):
+    c = PosteriorComparator(4, particles=30, seed=3, **settings)
+    c = c.update(Answers(d, np.sign(d @ [0, 0.2, 0.5, 1.0]).astype(int) * (np.arange(14) % 5 > 0)))
+    print(c._x.tobytes().hex(), c._logs.tobytes().hex(), c.proposed, c.accepted)
+    print(c.compare(d).tolist(), c.probability(d).tobytes().hex())
+"""
+
+
+def _run(disabled: str, warnings: str) -> subprocess.CompletedProcess[str]:
+    env = os.environ | {"NUMBA_DISABLE_JIT": disabled}
+    command = [sys.executable, "-W", warnings, "-c", _SMALL_CASE]
+    return subprocess.run(command, capture_output=True, text=True, env=env, timeout=120, check=False)
+
+
+def test_compiled_and_plain_code_agree_to_the_last_bit() -> None:
+    pytest.importorskip("numba")
+    plain, machine = _run("1", "ignore"), _run("0", "error")
+    assert plain.returncode == machine.returncode == 0, plain.stderr + machine.stderr
+    assert len(plain.stdout) > 5000
+    assert plain.stdout == machine.stdout
+
+
+def test_plain_code_warns_of_nothing() -> None:
+    done = _run("1", "error")
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,681 @@
+"""The polytope comparator's promises: verdicts that depend on the answers only, its centre, contradictions, errors."""
+
+from __future__ import annotations
+
+import pickle
+import time
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import null_space
+
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.lp.programs import TIE_BAND
+from elicit.model.comparator import Comparator, Dominance, Tier, decide
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.scale import dominance, tail_sums
+from tests.lp_cases import (
+    Case,
+    Oracle,
+    answered,
+    cases,
+    draw_truth,
+    exact,
+    from_tails,
+    is_empty,
+    questions,
+    region_of,
+    shares,
+    sign_of,
+    tails,
+    tie_with,
+    verdict,
+)
+
+BETTER, WORSE, EQUAL, UNKNOWN = Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Verdict.UNKNOWN
+Floats = np.ndarray[Any, Any]
+
+
+def know(case: Case) -> PolytopeComparator:
+    return PolytopeComparator(case.k, margin=case.margin, prior=case.prior).update(Answers(case.d, case.y))
+
+
+def setting(seed: int, k: int = 7, n: int = 40, asks: int = 60) -> Case:
+    """Truthful answers of shares and a mixture of easy and nasty questions."""
+    rng = np.random.default_rng(seed)
+    truth = draw_truth(rng, k - 1)
+    d = shares(rng, k, n)
+    return Case("setting", k, 1e-6, None, d, answered(rng, d, truth), questions(rng, d, truth, asks), truth)
+
+
+# ---- what it knows ----------------------------------------------------------------------------------------------
+
+
+def test_it_is_a_comparator() -> None:
+    assert isinstance(PolytopeComparator(3), Comparator)
+
+
+def test_without_answers_it_knows_the_order_and_the_margin() -> None:
+    c = PolytopeComparator(3, margin=0.125)
+    steps = np.array([[-1, 1, 0], [0, 1, -1], [0, 0, 0], [-1, 2, -1], [-1, 7, -6], [-6, 7, -1]], dtype=float)
+    assert c.compare(steps).tolist() == [BETTER, WORSE, EQUAL, UNKNOWN, UNKNOWN, UNKNOWN]
+    # the gaps lie in [1/8, 7/8]: one step up against another down is decided from 7 to 1
+    assert c.compare(from_tails([7.0, -1.0])).tolist() == [BETTER]
+    assert c.compare(from_tails([7.0 - 2.0**-40, -1.0])).tolist() == [UNKNOWN]
+    assert c.compare(from_tails([-7.0, 1.0])).tolist() == [WORSE]
+
+
+def test_the_closed_form_is_right_to_the_last_bit() -> None:
+    """Without answers least d.e is a closed form; here it is within a few last bits of 0."""
+    rng = np.random.default_rng(4)
+    for _ in range(300):
+        k = int(rng.integers(3, 12))
+        margin = float(rng.uniform(0, 1 / (k - 1)))
+        t = np.sort(rng.random(k - 1))[::-1]
+        # the worst gap's t at which least d.e vanishes
+        t[-1] = -margin * t[:-1].sum() / (1 - (k - 2) * margin)
+        t[-1] += int(rng.integers(-3, 4)) * np.spacing(abs(t[-1]))
+        d = np.concatenate([[0.0], np.append(t[:-1] - t[1:], t[-1])])
+        exactly = exact(tails(d)[0])
+        least = Fraction(margin) * sum(exactly) + (1 - (k - 1) * Fraction(margin)) * min(exactly)
+        assert PolytopeComparator(k, margin=margin).compare(d)[0] == (BETTER if least >= 0 else UNKNOWN)
+
+
+@pytest.mark.parametrize("margin", [0.0, 1e-6, 0.05])
+def test_without_answers_a_margin_of_zero_is_dominance(margin: float) -> None:
+    d = shares(np.random.default_rng(0), 6, 500)
+    given = PolytopeComparator(6, margin=margin).compare(d)
+    plain = Dominance(6).compare(d)
+    assert (given[plain != UNKNOWN] == plain[plain != UNKNOWN]).all()
+    if margin == 0:
+        assert (given == plain).all()
+
+
+def test_two_levels_need_no_questions() -> None:
+    c = PolytopeComparator(2)
+    assert c.compare([[0.5, -0.5], [-0.5, 0.5], [0.0, 0.0], [3.0, 0.0]]).tolist() == [WORSE, BETTER, EQUAL, EQUAL]
+    assert c.values.tolist() == [0.0, 1.0]
+    low, high = c.bounds([[-0.25, 0.25]])
+    assert low[0] == pytest.approx(0.25, abs=1e-12)
+    assert high[0] == pytest.approx(0.25, abs=1e-12)
+    with pytest.raises(InconsistentAnswers):
+        c.update(Answers([[0.5, -0.5]], [1]))
+
+
+def test_an_answer_settles_its_own_pair_and_what_it_implies() -> None:
+    d = np.array([-1.0, 2.0, -1.5, 0.5])
+    for y in (1, -1):
+        c = PolytopeComparator(4).update(Answers([d], [y]))
+        assert c.compare([d, -d, 4 * d, 0.75 * d]).tolist() == [y, -y, y, y]
+        better = d + y * np.array([-1.0, 0.0, 1.0, 0.0])
+        assert c.compare(better).tolist() == [y]
+
+
+def test_opposite_answers_are_a_tie() -> None:
+    d = from_tails([1.0, -2.0, 0.25])
+    for d2, y2 in ((d, -1), (-d, 1), (2 * d, -1)):
+        c = PolytopeComparator(4).update(Answers([d, d2], [1, y2]))
+        assert c.compare([d, -d, 0.5 * d]).tolist() == [EQUAL] * 3
+        assert c.compare([d + from_tails([1e-300, 0.0, 0.0])]).tolist() in ([EQUAL], [BETTER])
+        low, high = c.bounds(d)
+        assert max(abs(low[0]), abs(high[0])) < 1e-9
+
+
+def test_an_answer_equal_is_a_band() -> None:
+    d = from_tails([1.0, -2.0, 0.25])
+    c = PolytopeComparator(4).update(Answers([d], [0]))
+    band = TIE_BAND * np.abs(d).sum()  # bounds are tight to as much
+    for bound in (-c.bounds(d)[0][0], c.bounds(d)[1][0]):
+        assert band <= bound <= 2.001 * band
+    assert c.compare(d).tolist() == [UNKNOWN]  # both signs are possible; a learner does not ask again
+    assert c.update(Answers([d], [1])).compare(d).tolist() == [BETTER]
+
+
+def test_closed_gaps_make_no_difference() -> None:
+    """Margin 0 and an answer against dominance: the gap is 0, and what differs by it only is equal."""
+    c = PolytopeComparator(4, margin=0.0).update(Answers([from_tails([0.0, 1.0, 0.0])], [-1]))
+    asked = [from_tails(t) for t in ([0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -5.0, 0.0], [1.0, 0.0, -1.0])]
+    assert c.compare(asked).tolist() == [EQUAL, BETTER, BETTER, UNKNOWN]
+    assert c.decide(asked).tiers[:3].tolist() == [Tier.SCREEN, Tier.DOMINANCE, Tier.SCREEN]
+    assert c.values[1] == pytest.approx(c.values[2])
+
+
+def test_tiers() -> None:
+    case = setting(1)
+    c = know(case)
+    verdicts, tiers = decide(c, case.ask)
+    codes = dominance(tail_sums(case.ask))
+    assert (verdicts == c.compare(case.ask)).all()
+    assert (tiers[codes == EQUAL] == Tier.EQUAL).all()
+    assert (tiers[np.abs(codes) == 1] == Tier.DOMINANCE).all()
+    assert set(tiers[codes == UNKNOWN]) <= {Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT}
+    again = c.decide(case.ask)
+    assert np.count_nonzero(again.tiers > Tier.SCREEN) <= np.count_nonzero(tiers > Tier.SCREEN)
+
+
+def test_prior_inequalities_are_knowledge() -> None:
+    # level 2 is worth at least 0.4 and at most 0.5, level 3 at least 0.3 more
+    prior = ([[0, 1, 0, 0], [0, -1, 0, 0], [0, -1, 1, 0]], [0.4, -0.5, 0.3])
+    c = PolytopeComparator(4, prior=prior)
+    low, high = c.bounds(np.eye(4))
+    assert low.tolist() == pytest.approx([0, 0.4, 0.7, 1], abs=1e-9)
+    assert high.tolist() == pytest.approx([0, 0.5, 1 - 1e-6, 1], abs=1e-9)
+    assert c.compare([[0.45, -1, 0, 0.55], [0, -1, 0, 0.39], [0, -1, 0, 0.51]]).tolist() == [BETTER, WORSE, BETTER]
+    assert c.compare([[0, -1, 0, 0.45]]).tolist() == [UNKNOWN]
+    assert PolytopeComparator(4, prior=(np.empty((0, 4)), [])).compare(np.eye(4)[1] - np.eye(4)[0]).tolist() == [BETTER]
+
+
+# ---- a pure function of (answers, margin, prior, d) -------------------------------------------------------------
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.integers(0, 2**32), st.integers(3, 9), st.integers(0, 40))
+def test_verdicts_depend_on_nothing_else(seed: int, k: int, n: int) -> None:
+    case = setting(seed, k, n, asks=40)
+    rng = np.random.default_rng(seed)
+    expected = know(case).compare(case.ask)
+
+    order = rng.permutation(len(case.ask))
+    permuted = know(case).compare(case.ask[order])
+    assert (permuted == expected[order]).all()
+
+    single = know(case)
+    assert [single.compare(d)[0] for d in case.ask] == expected.tolist()
+    for i in rng.integers(len(case.ask), size=5):
+        assert know(case).compare(case.ask[i])[0] == expected[i]  # cold
+
+    warm = know(case)
+    warm.compare(questions(rng, case.d, case.truth, 200))
+    _, _ = warm.values, warm.bounds(case.ask[:5])
+    assert (warm.compare(case.ask) == expected).all()
+
+    one_by_one = PolytopeComparator(k)
+    for i in rng.permutation(n):
+        one_by_one.compare(case.ask[: rng.integers(10)])  # proofs found on the way are carried along
+        one_by_one = one_by_one.update(Answers(case.d[i : i + 1], case.y[i : i + 1]))
+    assert (one_by_one.compare(case.ask) == expected).all()
+    assert (one_by_one.values == know(case).values).all()
+
+    twice = know(case).update(Answers(case.d, case.y)).update(Answers(-4 * case.d, -case.y))
+    assert (twice.compare(case.ask) == expected).all()
+    assert (twice.values == know(case).values).all()
+
+
+def test_after_thousands_of_comparisons() -> None:
+    """Every verdict of a comparator that has seen thousands is the exact one."""
+    case = setting(3, k=8, n=30, asks=0)
+    rng = np.random.default_rng(3)
+    c, oracle = know(case), Oracle(case.region())
+    seen = 0
+    for _ in range(10):
+        d = np.concatenate([questions(rng, case.d, case.truth, 100), shares(rng, 8, 300)])
+        given = c.compare(d)
+        for i in rng.integers(len(d), size=25):
+            assert given[i] == verdict(*oracle.range(exact(tails(d[i])[0])))
+        settled = dominance(tail_sums(d)) == UNKNOWN
+        seen += np.count_nonzero(settled)
+    assert seen > 1000
+    assert (c.compare(d) == know(case).compare(d)).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_decided_stays_decided(seed: int) -> None:
+    case = setting(seed, k=6, n=30, asks=150)
+    c = PolytopeComparator(6)
+    before = c.compare(case.ask)
+    for i in range(30):
+        c = c.update(Answers(case.d[i : i + 1], case.y[i : i + 1]))
+        after = c.compare(case.ask)
+        kept = (before == UNKNOWN) | (after == before) | ((np.abs(before) == 1) & (after == EQUAL))
+        assert kept.all()
+        before = after
+    truth = np.array([sign_of(d, case.truth) for d in case.ask])
+    assert ((before == UNKNOWN) | (before == truth) | (truth == 0)).all()
+
+
+def test_better_may_become_equal() -> None:
+    d = from_tails([1.0, -2.0, 0.25])
+    once = PolytopeComparator(4).update(Answers([d], [1]))
+    assert once.compare(d).tolist() == [BETTER]
+    assert once.update(Answers([d], [-1])).compare(d).tolist() == [EQUAL]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_other_way_round_and_at_other_scales(seed: int) -> None:
+    for case in cases([41, seed], 28, asks=4, most_answers=60):
+        c = know(case)
+        ask = case.ask[np.abs(case.ask).max(axis=1) < 1e250]
+        flipped = np.where(c.compare(ask) == UNKNOWN, UNKNOWN, -c.compare(ask))
+        assert (c.compare(-ask) == flipped).all()
+        normal = ask[((np.abs(ask) > 1e-200) | (ask == 0)).all(axis=1)]
+        for power in (-60, -1, 3, 70):
+            assert (c.compare(np.ldexp(normal, power)) == c.compare(normal)).all()
+
+
+def test_level_1_never_enters() -> None:
+    case = setting(9)
+    moved = case.ask.copy()
+    moved[:, 0] = np.random.default_rng(0).normal(size=len(moved)) * 1e6
+    c, fresh = know(case), know(case)
+    assert (c.compare(moved) == fresh.compare(case.ask)).all()
+    assert (np.array(c.bounds(moved)) == np.array(fresh.bounds(case.ask))).all()
+    other = case.d.copy()
+    other[:, 0] = 1e300
+    assert (PolytopeComparator(case.k).update(Answers(other, case.y)).compare(case.ask) == c.compare(case.ask)).all()
+
+
+def test_an_update_leaves_the_old_one_alone() -> None:
+    case = setting(5, n=20)
+    old = know(case)
+    before, values, asked = old.compare(case.ask), old.values, len(old.answers)
+    rng = np.random.default_rng(5)
+    more = shares(rng, case.k, 10)
+    new = old.update(Answers(more, answered(rng, more, case.truth)))
+    new.compare(shares(rng, case.k, 300))
+    new.bounds(case.ask)
+    assert (old.compare(case.ask) == before).all()
+    assert (old.values == values).all()
+    assert (know(case).compare(case.ask) == before).all()
+    assert len(old.answers) == asked
+    assert len(new.answers) == asked + 10
+
+
+def test_nothing_new_changes_nothing() -> None:
+    case = setting(6)
+    c = know(case)
+    same = c.update(Answers.none(case.k)).update(Answers(np.zeros((2, case.k)), [1, 0]))
+    assert (same.compare(case.ask) == c.compare(case.ask)).all()
+    assert (same.values == c.values).all()
+
+
+# ---- values: the analytic centre --------------------------------------------------------------------------------
+
+
+def slacks(c: PolytopeComparator, g: Floats) -> tuple[Floats, Floats]:
+    r = c.region
+    limits = np.concatenate([np.full(r.p, r.margin), r.rhs])
+    both = np.unique(np.column_stack([np.concatenate([np.eye(r.p), r.rows]), limits]), axis=0)  # each constraint once
+    return both[:, :-1], both[:, :-1] @ g - both[:, -1]
+
+
+def decrement(rows: Floats, slack: Floats, flat: Floats) -> float:
+    """How far (in the barrier's own norm) a Newton step would still go, along the flat."""
+    along = null_space(np.concatenate([np.ones((1, rows.shape[1])), rows[flat]]), rcond=1e-9)
+    scaled = (rows[~flat] / slack[~flat, None]) @ along
+    if not scaled.size:
+        return 0.0
+    step = np.linalg.lstsq(scaled, np.ones(len(scaled)))[0]
+    return float(np.linalg.norm(scaled @ step))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_centre_is_the_barriers_optimum(seed: int) -> None:
+    checked = 0
+    for case in cases([51, seed], 42, asks=1, most_answers=150):
+        c = know(case)
+        values = c.values
+        g = np.diff(values)
+        rows, slack = slacks(c, g)
+        size = np.abs(rows).max(axis=1)
+        assert values.shape == (case.k,)
+        assert values[0] == 0.0
+        assert values[-1] == pytest.approx(1.0, abs=1e-12)
+        assert (slack > -2e-12 * np.maximum(size, 1e-12)).all(), case.kind
+        if case.kind not in ("thin", "tied", "parallel"):  # where a slack of 1e-9 is all there is, or none at all
+            assert decrement(rows, slack, slack < 1e-10) < 1e-5, case.kind
+            checked += 1
+    assert checked > 20
+
+
+def test_the_centre_lies_strictly_inside() -> None:
+    for k, n in ((3, 5), (6, 40), (12, 150), (25, 300)):
+        case = setting(k, k=k, n=n, asks=0)
+        c = PolytopeComparator(k, margin=float(min(case.truth)) / 2).update(Answers(case.d, case.y))
+        g = exact(np.diff(c.values))
+        g = [x / sum(g) for x in g]
+        region = region_of(k, c.margin, None, case.d, list(case.y))
+        assert region.contains(g)
+        assert min(g) > region.margin
+        assert (c.compare(case.d) != UNKNOWN).all()
+
+
+def test_equal_gaps_before_any_answer() -> None:
+    for k in (2, 3, 10, 25):
+        assert PolytopeComparator(k).values == pytest.approx(np.linspace(0, 1, k), abs=1e-9)
+        assert PolytopeComparator(k, margin=1 / (k - 1)).values == pytest.approx(np.linspace(0, 1, k), abs=1e-12)
+
+
+def test_known_centres() -> None:
+    # g_1 = g_2: the product g_1 g_2 g_3 is greatest at a third each; with d told three ways
+    d = from_tails([1.0, -1.0, 0.0])
+    for told, y in (([d, -d], [1, 1]), ([d], [0]), ([d, d, d], [1, -1, 0])):
+        c = PolytopeComparator(4, margin=0.0).update(Answers(told, y))
+        assert c.values == pytest.approx([0, 1 / 3, 2 / 3, 1], abs=1e-7)
+    # g_1 >= g_2: maximise g_1 g_2 (g_1 - g_2) with g_1 + g_2 = 1, hence 6 g_1^2 - 6 g_1 + 1 = 0
+    c = PolytopeComparator(3, margin=0.0).update(Answers([from_tails([1.0, -1.0])], [1]))
+    assert c.values[1] == pytest.approx(0.5 + 1 / np.sqrt(12), abs=1e-9)
+    # one point: the ratios 1 : 2 : 5 are told exactly
+    pairs = [from_tails([2.0, -1.0, 0.0]), from_tails([5.0, 0.0, -1.0])]
+    c = PolytopeComparator(4).update(Answers(pairs + [-p for p in pairs], [1] * 4))
+    assert c.values == pytest.approx([0, 1 / 8, 3 / 8, 1], abs=1e-9)
+    assert c.compare(from_tails([2.0, 0.0, -0.375])).tolist() == [BETTER]
+    assert c.compare(from_tails([2.0, 0.0, -0.5])).tolist() == [WORSE]
+    assert c.compare(from_tails([3.0, 1.0, -1.0])).tolist() == [EQUAL]
+
+
+def test_ties_that_only_the_edge_of_the_band_satisfies() -> None:
+    """Two answers "equal" whose middles contradict each other leave a sliver, and values lie in it."""
+    a, b = from_tails([1.0, -1.0, 0.0]), from_tails([1.0 + 2.0**-28, -1.0, 0.0])
+    c = PolytopeComparator(4, margin=0.3).update(Answers([a, b], [0, 0]))
+    _, slack = slacks(c, np.diff(c.values))
+    assert slack.min() > -1e-12
+
+
+@pytest.mark.parametrize("kind", ["duplicated", "parallel", "pinned", "tied", "opposite", "thin", "closed", "prior"])
+def test_values_do_not_depend_on_the_order_of_the_answers(kind: str) -> None:
+    rng = np.random.default_rng(0)
+    for case in cases(53, 140, asks=1, most_answers=60, most_levels=15):
+        if case.kind == kind:
+            order = rng.permutation(len(case.y))
+            shuffled = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
+            for part in np.array_split(order, 3):
+                shuffled = shuffled.update(Answers(case.d[part], case.y[part]))
+            assert (shuffled.values == know(case).values).all()
+
+
+# ---- contradictions ---------------------------------------------------------------------------------------------
+
+
+def check_conflict(error: InconsistentAnswers, k: int, margin: float, prior: Any, d: Floats, y: Any) -> None:
+    """Empty, not empty without any one of them, and the margin is blamed rightly: all exactly, by another method."""
+    rows = [row for row, _ in error.answers]
+    assert rows == sorted(set(rows))
+    assert is_empty(region_of(k, margin, prior, d, y, rows))
+    for row in rows:
+        assert not is_empty(region_of(k, margin, prior, d, y, [r for r in rows if r != row])), rows
+    assert error.margin == (margin > 0 and not is_empty(region_of(k, 0.0, prior, d, y, rows)))
+    for row, name in error.answers:
+        assert f"row {row} (id {name})" in str(error)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_erring_tutor_is_caught_with_a_minimal_set(seed: int) -> None:
+    rng = np.random.default_rng([61, seed])
+    found = 0
+    for _ in range(12):
+        k, n = int(rng.integers(3, 9)), int(rng.integers(5, 80))
+        truth, d = draw_truth(rng, k - 1), shares(rng, k, n)
+        y = np.where(rng.random(n) < 0.1, -1, 1) * answered(rng, d, truth)
+        ids = [f"q{i}" for i in range(n)]
+        margin = float(rng.choice([0.0, 1e-6, 1e-3]))
+        c, told, batch = PolytopeComparator(k, margin=margin), 0, int(rng.choice([1, 7, n]))
+        while told < n:
+            part = slice(told, told + batch)
+            ask = shares(rng, k, 5)
+            before = c.compare(ask)
+            if not is_empty(region_of(k, margin, None, d[: told + batch], list(y[: told + batch]))):
+                c = c.update(Answers(d[part], y[part], ids[part]))
+                told += batch
+                continue
+            found += 1
+            with pytest.raises(InconsistentAnswers) as caught:
+                c.update(Answers(d[part], y[part], ids[part]))
+            check_conflict(caught.value, k, margin, None, d[: told + batch], list(y[: told + batch]))
+            assert all(name == ids[row] for row, name in caught.value.answers)
+            assert len(c.answers) == told  # and nothing has changed
+            assert (c.compare(ask) == before).all()
+            break
+    assert found >= 3
+
+
+def test_truthful_answers_and_a_margin_above_the_least_gap() -> None:
+    rng = np.random.default_rng(7)
+    truth = [Fraction(1, 100), Fraction(49, 100), Fraction(50, 100)]
+    d = shares(rng, 4, 400)
+    y = answered(rng, d, truth)
+    assert len(PolytopeComparator(4, margin=0.009).update(Answers(d, y)).answers) == 400
+    with pytest.raises(InconsistentAnswers, match=r"margin 0\.1 is above the least gap") as caught:
+        PolytopeComparator(4, margin=0.1).update(Answers(d, y))
+    assert caught.value.margin is True
+    check_conflict(caught.value, 4, 0.1, None, d, list(y))
+
+
+def test_a_real_contradiction_does_not_blame_the_margin() -> None:
+    d = np.array([from_tails(t) for t in ([1.0, -2.0], [-2.0, 1.0], [1.0, 1.0])])
+    with pytest.raises(InconsistentAnswers) as caught:
+        PolytopeComparator(3, margin=0.01).update(Answers(d, [1, 1, 1], ["a", "b", "c"]))
+    copied = pickle.loads(pickle.dumps(caught.value))  # as from a worker process
+    for error in (caught.value, copied):
+        assert error.answers == ((0, "a"), (1, "b"))
+        assert error.margin is False
+        assert "margin" not in str(error)
+
+
+@pytest.mark.parametrize(
+    ("t", "y", "margin", "blamed"),
+    [
+        ([1.0, 1.0, 1.0], -1, 0.01, False),  # the best is worse than the worst: no margin helps
+        ([1.0, 1.0, 1.0], 0, 0.01, False),
+        ([0.0, 1.0, 0.0], -1, 0.01, True),  # two levels worth the same
+        ([0.0, 1.0, 0.0], 0, 0.01, True),
+        ([0.0, -1.0, 0.0], 1, 1e-300, True),
+        ([1.0, 1.0, 1.0], -1, 0.0, False),
+    ],
+)
+def test_one_answer_against_dominance(t: list[float], y: int, margin: float, blamed: bool) -> None:
+    c = PolytopeComparator(4, margin=margin).update(Answers([from_tails([1.0, -1.0, 0.0])], [1]))
+    with pytest.raises(InconsistentAnswers) as caught:
+        c.update(Answers([from_tails(t)], [y], ["odd"]))
+    assert caught.value.answers == ((1, "odd"),)
+    assert caught.value.margin is blamed
+
+
+def test_equal_levels_within_the_band_are_no_contradiction() -> None:
+    step = from_tails([0.0, 1.0, 0.0])
+    assert PolytopeComparator(4, margin=1e-10).update(Answers([step], [0])).compare(step).tolist() == [BETTER]
+    with pytest.raises(InconsistentAnswers):
+        PolytopeComparator(4, margin=1e-6).update(Answers([step], [0]))
+    assert PolytopeComparator(4, margin=0.0).update(Answers([step], [-1])).compare(step).tolist() == [EQUAL]
+
+
+def test_the_prior_is_never_named() -> None:
+    prior = (np.array([[0.0, 1.0, 0.0]]), np.array([0.5]))  # level 2 is worth at least a half
+    c = PolytopeComparator(3, margin=0.01, prior=prior)
+    d = from_tails([-1.0, 2.0])
+    ok = c.update(Answers([d], [1]))
+    with pytest.raises(InconsistentAnswers) as caught:
+        ok.update(Answers([from_tails([-1.0, 0.5])], [1], ["too much"]))
+    assert caught.value.answers == ((1, "too much"),)
+    check_conflict(caught.value, 3, 0.01, prior, np.array([d, from_tails([-1.0, 0.5])]), [1, 1])
+
+
+def test_contradictions_by_the_last_bit() -> None:
+    """The truth lies exactly on a cut: moving a later cut by one unit in the last place decides consistency."""
+    d = from_tails([3.0, -1.0])  # g = (1/4, 3/4)
+    c = PolytopeComparator(3).update(Answers([d, d], [1, -1]))
+    touching, beyond = from_tails([-6.0, 2.0]), np.array([4.0, -8.0, 2.0 - 2.0**-52])
+    assert c.update(Answers([touching], [1])).compare(touching).tolist() == [EQUAL]
+    beyond = np.array([0.0, -6.0 - 2.0 + 2.0**-52, 2.0 - 2.0**-52])
+    assert tails(beyond)[0] == [-6.0, 2.0 - 2.0**-52]
+    with pytest.raises(InconsistentAnswers):
+        c.update(Answers([beyond], [1]))
+
+
+# ---- errors -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", [1, 0, -3, 2.5, True])
+def test_too_few_levels(k: Any) -> None:
+    with pytest.raises(ValueError, match="k, the number of levels"):
+        PolytopeComparator(k)
+
+
+@pytest.mark.parametrize(
+    ("k", "margin"), [(3, 0.51), (3, 0.5000000000000001), (11, 0.2), (4, -1e-9), (4, np.nan), (4, "a")]
+)
+def test_a_margin_that_does_not_fit(k: int, margin: float) -> None:
+    with pytest.raises(ValueError, match=r"margin eta must lie between 0 and 1/\(k-1\)") as caught:
+        PolytopeComparator(k, margin=margin)
+    assert repr(margin) in str(caught.value)
+
+
+def test_the_greatest_margin() -> None:
+    for k in range(2, 26):
+        c = PolytopeComparator(k, margin=1.0 / (k - 1))
+        d = shares(np.random.default_rng(k), k, 20)
+        truth = [Fraction(1, k - 1)] * (k - 1)
+        assert c.compare(d).tolist() == [sign_of(row, truth) for row in d]
+        with pytest.raises(ValueError, match="margin eta"):
+            PolytopeComparator(k, margin=float(np.nextafter(1.0 / (k - 1), 2)))
+        PolytopeComparator(k, margin=float(np.nextafter(1.0 / (k - 1), 0))).compare(d)
+
+
+@pytest.mark.parametrize(
+    ("prior", "message"),
+    [
+        (([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], [0.6, -0.5]), "no scale with margin 1e-06 .* satisfies the prior's"),
+        (([[0.0, 0.0, 0.0]], [1e-9]), "no scale"),
+        (([[0.0, 1.0, 0.0]], [1e300]), "no scale"),
+        (([[0.0, 1.0]], [0.0]), r"the prior's A must have shape \(n, 3\)"),
+        (([[0.0, np.nan, 0.0]], [0.0]), "the prior's A must be finite"),
+        (([[0.0, 1.0, 0.0]], [0.0, 1.0]), "the prior's b must be one finite number"),
+        (([[0.0, 1.0, 0.0]], [np.inf]), "the prior's b must be one finite number"),
+        (([[0.0, 1e-300, 1e300]], [0.0]), "both huge and tiny"),
+    ],
+)
+def test_a_prior_that_cannot_be(prior: Any, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        PolytopeComparator(3, prior=prior)
+
+
+@pytest.mark.parametrize(
+    ("d", "message"),
+    [
+        ([[1.0, np.nan, 0.0]], "row 0, level 2 is nan"),
+        ([[0.0, 0.0, 0.0], [1.0, 0.0, -np.inf]], "row 1, level 3 is -inf"),
+        ([[1.0, 2.0]], r"shape \(n, 3\)"),
+        ([[[1.0, 2.0, 3.0]]], r"not \(1, 1, 3\)"),
+        (["a", "b", "c"], "must be numbers"),
+    ],
+)
+def test_differences_that_are_none(d: Any, message: str) -> None:
+    c = PolytopeComparator(3)
+    for ask in (c.compare, c.bounds, c.decide):
+        with pytest.raises(ValueError, match=message):
+            ask(d)
+
+
+def test_answers_about_other_levels() -> None:
+    with pytest.raises(ValueError, match="about 4 levels, but this comparator has k = 3"):
+        PolytopeComparator(3).update(Answers(np.zeros((1, 4)), [1]))
+
+
+def test_no_differences() -> None:
+    c = know(setting(0))
+    assert c.compare(np.empty((0, c.k))).shape == (0,)
+    assert [b.shape for b in c.bounds(np.empty((0, c.k)))] == [(0,), (0,)]
+
+
+# ---- nasty numbers ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("power", [1020, 960, 900, -1000, -1060])
+def test_the_size_of_numbers_does_not_matter(power: int) -> None:
+    """Whole numbers, so that even the smallest keep their bits."""
+    rng = np.random.default_rng(8)
+    truth = draw_truth(rng, 5)
+    d, ask = rng.integers(-6, 7, size=(20, 6)).astype(float), rng.integers(-6, 7, size=(40, 6)).astype(float)
+    y = answered(rng, d, truth)
+    expected = PolytopeComparator(6).update(Answers(d, y)).compare(ask)
+    scaled = PolytopeComparator(6).update(Answers(np.ldexp(d, power), y))
+    assert (scaled.compare(np.ldexp(ask, power)) == expected).all()
+    assert (scaled.compare(ask) == expected).all()
+    low, high = scaled.bounds(np.ldexp(ask, power))
+    assert (low <= high).all()
+
+
+def test_ties_keep_their_width_at_any_size() -> None:
+    d = from_tails([1.0, -2.0, 0.25])
+    for power in (1020, 0, -1000):
+        c = PolytopeComparator(4).update(Answers([np.ldexp(d, power)], [0]))
+        band = TIE_BAND * np.abs(d).sum()
+        assert band <= c.bounds(d)[1][0] <= 2.001 * band
+        assert c.compare(from_tails([1.0 + 2.0**-26, -2.0, 0.25])).tolist() == [UNKNOWN]
+        assert c.compare(from_tails([1.0 + 2.0**-20, -2.0, 0.25 + 2.0**-20])).tolist() == [BETTER]
+
+
+def test_huge_and_tiny_in_one_difference() -> None:
+    d = np.array([0.0, 0.0, -1e-300, 1e300])
+    c = PolytopeComparator(4)
+    assert c.compare([d, -d]).tolist() == [BETTER, WORSE]
+    odd = [0.0, 1e280, -1e-300, 0.0]
+    assert tails(odd)[0] == [1e280, -1e-300, 0.0]
+    assert c.compare(odd).tolist() == [BETTER]
+    assert PolytopeComparator(4, margin=0.0).compare(odd).tolist() == [UNKNOWN]
+    pinned = PolytopeComparator(4, margin=0.0).update(Answers([from_tails([1.0, 0.0, 0.0])], [-1]))
+    assert pinned.compare(odd).tolist() == [WORSE]
+    with pytest.raises(ValueError, match="row 0 of the answers holds both huge and tiny numbers"):
+        c.update(Answers([odd], [1]))
+
+
+def test_answers_about_next_to_nothing() -> None:
+    """Differences of 1e-12, as near convergence, count like any other."""
+    case = setting(11)
+    tiny = PolytopeComparator(case.k).update(Answers(np.ldexp(case.d, -40), case.y))
+    assert (tiny.compare(case.ask) == know(case).compare(case.ask)).all()
+    near = np.random.default_rng(1).dirichlet(np.ones(case.k), size=50)
+    moved = near + 1e-12 * shares(np.random.default_rng(2), case.k, 50)
+    oracle = Oracle(case.region())
+    for d, got in zip(moved - near, tiny.compare(moved - near), strict=True):
+        assert got == verdict(*oracle.range(exact(tails(d)[0])))
+
+
+def test_differences_exactly_on_the_border() -> None:
+    """Least or greatest d.e is exactly 0, and a last bit more or less decides."""
+    rng = np.random.default_rng(12)
+    for _ in range(30):
+        weights = [int(w) for w in rng.integers(1, 30, size=5)]
+        truth = [Fraction(w, sum(weights)) for w in weights]
+        tie = tie_with(rng, truth)
+        c = PolytopeComparator(6).update(Answers([tie, -tie], [1, 1]))
+        region = region_of(6, 1e-6, None, np.array([tie, -tie]), [1, 1])
+        oracle = Oracle(region)
+        for step in (0.0, 2.0**-48, -(2.0**-48)):
+            d = tie.copy()
+            d[int(rng.integers(1, 6))] += step
+            assert c.compare(d)[0] == verdict(*oracle.range(exact(tails(d)[0])))
+
+
+@pytest.mark.parametrize("k", [10, 25])
+def test_five_hundred_answers(k: int) -> None:
+    case = setting(k, k=k, n=500, asks=60)
+    begin = time.perf_counter()
+    c = know(case)
+    given = c.compare(case.ask)
+    _ = c.values, c.bounds(case.ask[:10])
+    assert time.perf_counter() - begin < 30.0  # it takes half a second
+    oracle = Oracle(case.region())
+    for d, got in zip(case.ask[:15], given[:15], strict=True):
+        assert got == verdict(*oracle.range(exact(tails(d)[0])))
+
+
+def test_five_hundred_answers_in_a_flat() -> None:
+    """With ties, nothing lies strictly inside: every doubtful sign is settled exactly."""
+    rng = np.random.default_rng(13)
+    weights = [int(w) for w in rng.integers(1, 30, size=11)]
+    truth = [Fraction(w, sum(weights)) for w in weights]
+    ties = np.array([tie_with(rng, truth) for _ in range(4)])
+    d = np.concatenate([ties, -ties, shares(rng, 12, 492)])
+    y = np.concatenate([np.ones(8, dtype=int), answered(rng, d[8:], truth)])
+    ask = np.concatenate([questions(rng, d, truth, 30), shares(rng, 12, 30)])
+    begin = time.perf_counter()
+    c = PolytopeComparator(12).update(Answers(d, y))
+    given, _ = c.compare(ask), (c.values, c.bounds(ask[:10]))
+    assert time.perf_counter() - begin < 30.0
+    oracle = Oracle(region_of(12, 1e-6, None, d, list(y)))
+    for row, got in zip(ask, given, strict=True):
+        assert got == verdict(*oracle.range(exact(tails(row)[0])))

@@ -1,0 +1,194 @@
+"""What compiled loops are told is what the comparator says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from elicit._support.hashing import fold, uniform, unordered_pairs
+from elicit._support.hashing_kernel import mix, pair_code, unit
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+from elicit.decision.judge import FLOORED, holds, judge, within
+from elicit.decision.rule import NOTHING, PROVEN, rule_of
+from elicit.lp.sign import UNSETTLED
+from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, decide
+from elicit.model.query import Answers, Verdict
+from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from elicit.tutors.simulated_kernel import NOBODY, respond
+
+NOWHERE = np.empty(0)
+K = 6
+MAKERS: dict[str, Callable[[int], Comparator]] = {
+    "polytope": PolytopeComparator,
+    "polytope, margin 0, prior": lambda k: PolytopeComparator(k, margin=0.0, prior=["e4 >= 2*e2", "e5 - e4 >= 0.05"]),
+    "posterior": lambda k: PosteriorComparator(k, lapse=0.1, particles=200),
+    "ensemble": lambda k: BradleyTerryComparator(k, precision=100, n_boot=40),
+    "box": lambda k: BradleyTerryComparator(k, precision=100, n_boot=40, region="box"),
+    "dominance": Dominance,
+}
+
+
+def differences(rng: np.random.Generator, n: int, k: int = K) -> Floats:
+    d = rng.dirichlet(np.full(k, 0.7), n) - rng.dirichlet(np.full(k, 0.7), n)
+    left_open: Floats = d[dominance(tail_sums(d)) == Verdict.UNKNOWN]
+    return left_open
+
+
+def told(name: str, n: int, seed: int) -> Comparator:
+    rng = np.random.default_rng(seed)
+    values = np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0])
+    errs = name in ("posterior", "ensemble", "box")
+    tutor = FlippingTutor(values, 0.1, seed=1) if errs else TruthfulTutor(values)
+    comparator: Comparator = MAKERS[name](K)
+    d = differences(rng, 4 * n)[:n]
+    return comparator.update(Answers(d, tutor.signs(d)))
+
+
+@pytest.mark.parametrize("n", [0, 3, 40])
+@pytest.mark.parametrize("name", MAKERS)
+def test_judges_as_the_comparator_does(name: str, n: int) -> None:
+    comparator = told(name, n, seed=n)
+    d = differences(np.random.default_rng(7), 400)
+    verdicts = comparator.compare(d)
+    settled = 0
+    for row, t, verdict in zip(d, tail_sums(d), verdicts, strict=True):
+        found, _ = judge(row, t.copy(), 0.0, NOWHERE, rule_of(comparator))
+        settled += found != UNSETTLED
+        assert found in (verdict, UNSETTLED)
+    assert settled > 0.99 * len(d)
+    if n == 40 and name != "dominance":
+        assert (np.abs(verdicts) == 1).sum() > (0 if name == "box" else 20)  # the box is blunt
+
+
+@pytest.mark.parametrize("name", [name for name in MAKERS if name != "dominance"])
+def test_a_floor_holds_for_whatever_lies_above_it(name: str) -> None:
+    comparator, rng = told(name, 40, seed=3), np.random.default_rng(8)
+    floors, beyond = 0, []
+    for row, t in zip(d := differences(rng, 300), tail_sums(d), strict=True):
+        for _ in range(2):  # of a corner that a walk finds, the second judgement makes the floor
+            floor = np.empty(K - 1)
+            verdict, tier = judge(row, t.copy(), 0.0, floor, rule_of(comparator))
+        if tier < FLOORED:
+            continue
+        floors += 1
+        assert abs(verdict) == 1
+        assert holds(t, verdict, floor)
+        assert not holds(np.where(np.arange(K - 1) == 2, verdict * floor - verdict * 1e-9, t), verdict, floor)
+        for low in (floor, floor + rng.exponential(0.02, K - 1), np.maximum(floor, verdict * t - 1e-3)):
+            moved = np.concatenate([[0.0], verdict * low - np.append(verdict * low[1:], 0.0)])
+            if holds(tail_sums(moved[None, :])[0], verdict, floor):  # rounding may leave it below
+                beyond.append((verdict, moved))
+    if name in ("ensemble", "box"):
+        assert not floors
+        return
+    assert floors > 50
+    assert len(beyond) > 100
+    again = comparator.compare(np.array([d for _, d in beyond]))
+    assert (again == [verdict for verdict, _ in beyond]).all()
+
+
+@pytest.mark.parametrize("indifference", [0.0005, 0.02, 0.2])
+@pytest.mark.parametrize("name", MAKERS)
+def test_indifference_is_that_of_the_bounds(name: str, indifference: float) -> None:
+    comparator = told(name, 40, seed=4)
+    d = (
+        differences(np.random.default_rng(9), 200)
+        * np.repeat([1.0, 0.1], 100)[: len(differences(np.random.default_rng(9), 200)), None]
+    )
+    low, high = comparator.bounds(d)
+    sure = 1e-9
+    close = (low >= -indifference + sure) & (high <= indifference - sure)
+    far = (low < -indifference - sure) | (high > indifference + sure)
+    for i, (row, t) in enumerate(zip(d, tail_sums(d), strict=True)):
+        found = within(row, t.copy(), indifference, rule_of(comparator))
+        if found != UNSETTLED and (close[i] or far[i]):
+            assert found == (Verdict.EQUAL if close[i] else Verdict.UNKNOWN)
+    if indifference == 0.2:
+        assert close.any()
+
+
+def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> None:
+    rng = np.random.default_rng(5)
+    d = differences(rng, 120)
+    y = FlippingTutor(np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0]), 0.3, seed=2).signs(d)
+    comparator = RelaxedPolytopeComparator(K).update(Answers(d[:30], y[:30]))
+    assert comparator.violation > 0
+    ask = differences(rng, 100)
+    comparator.compare(ask[:1])  # draws the set around closer
+    rule = rule_of(comparator)
+    found = [judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(ask, tail_sums(ask), strict=True)]
+    verdicts = comparator.compare(ask)
+    assert all(one in (verdict, UNSETTLED) for one, verdict in zip(found, verdicts, strict=True))
+    assert 0 < sum(one != UNSETTLED for one in found) < len(found)
+    assert rule_of(RelaxedPolytopeComparator(K)).kind == PROVEN
+
+
+@pytest.mark.parametrize("make", [AlwaysAsk])
+def test_without_a_rule_only_the_comparator_can_tell(make: type) -> None:
+    rule = rule_of(make(K))
+    d = differences(np.random.default_rng(1), 5)
+    assert {judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(d, tail_sums(d), strict=True)} == {UNSETTLED}
+    assert decide(make(K), d).verdicts.tolist() == [Verdict.UNKNOWN] * len(d)
+
+
+def test_hashes_one_by_one_are_those_of_arrays() -> None:
+    key = np.uint64(0xFEDCBA9876543210)
+    t = np.random.default_rng(2).normal(size=(50, 4)) * np.random.default_rng(3).integers(0, 2, (50, 4))
+    t = np.concatenate([t, -t, np.zeros((1, 4)), -np.zeros((1, 4))])
+    _, codes = unordered_pairs(key, t)
+    with np.errstate(over="ignore"):
+        ours = np.array([pair_code(key, row, np.empty(4)) for row in t], dtype=np.uint64)
+        assert (ours == codes).all()
+        assert (ours[:50] == ours[50:100]).all()
+        assert mix(key, np.uint64(3)) == fold(key, 3)[()]
+        assert unit(mix(key, np.uint64(3))) == uniform(fold(key, 3))
+
+
+@pytest.mark.parametrize(
+    "make", [TruthfulTutor, lambda v: FlippingTutor(v, 0.3, 5), lambda v: BradleyTerryTutor(v, 8.0, 5)]
+)
+def test_a_respondent_says_what_its_tutor_says(make: Callable[[Floats], TruthfulTutor]) -> None:
+    values = np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0])
+    rows = differences(np.random.default_rng(3), 3000)
+    rows = np.concatenate([rows, rows[:50], -rows[:50], rows[:20]])  # asked again, and the other way round
+    tie = tail_sums(rows[:1])[0] * 0
+    tie[0], tie[2] = 13.0, -3.0
+    asked, told = make(values), make(values)
+    out = []
+    for t in [*tail_sums(rows), tie]:
+        found = respond(t, np.empty(K - 1), told.respondent)
+        if found == UNSETTLED:
+            d = np.concatenate([[0.0], t - np.append(t[1:], 0.0)])
+            found = int(told.signs(d)[0])
+        out.append(found)
+    want = asked.signs(rows).tolist()
+    assert out[:-1] == want
+    assert told.realised_error_rate == pytest.approx(asked.realised_error_rate, abs=1e-3)
+    if not isinstance(asked, TruthfulTutor):
+        assert 0.1 < asked.realised_error_rate < 0.4
+        assert len(told.respondent.pairs) > 1024  # it grew
+
+
+def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
+    class Blind(PolytopeComparator):
+        def decide(self, d: ArrayLike) -> Decisions:
+            return decide(Dominance(self.k), d)
+
+    class Named(PolytopeComparator):
+        pass
+
+    assert rule_of(Blind(K)).kind == rule_of(AlwaysAsk(K)).kind == NOTHING
+    assert rule_of(Named(K)).kind == rule_of(PolytopeComparator(K)).kind == PROVEN
+
+    class Moody(TruthfulTutor):
+        def signs(self, d: ArrayLike) -> NDArray[np.int8]:
+            return -super().signs(d)
+
+    assert Moody(np.arange(K)).respondent.kind == NOBODY

@@ -1,0 +1,441 @@
+"""Walks between corners and what they rest on: every result is a proof, however bad the region or the numbers."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
+from elicit.lp.dual_simplex import Region, minimise_exactly
+from elicit.lp.primal_simplex import bound_of, keep, pulled_inside, redundant, surely_inside, walk
+from elicit.lp.sign import to_unit
+from elicit.lp.vertex_store import prune
+from elicit.lp.vertices import (
+    CERTAIN_POINT,
+    CORNER,
+    DOUBTFUL_CORNER,
+    NEARLY,
+    USED,
+    blocking,
+    corner_of,
+    inverse_of,
+    multipliers,
+    pivot,
+    rates_of,
+    slacks_of,
+)
+from tests.lp_cases import Rationals, dot, exact
+
+Floats = np.ndarray[Any, Any]
+Rng = np.random.Generator
+NOTHING = np.zeros(0, dtype=np.bool_)
+KINDS = ("plain", "limits", "double", "parallel", "vertex", "thin", "few bits")
+
+
+def region(rows: Any, margin: float = 0.0, rhs: Any = None) -> Region:
+    rows = np.array(rows, dtype=np.float64)
+    limits = np.zeros(len(rows)) if rhs is None else np.array(rhs, dtype=np.float64)
+    return Region(margin, rows, limits, np.arange(len(rows)))
+
+
+def drawn(rng: Rng, kind: str, p: int, m: int) -> Region:
+    """A region of rows of order 1 around a hidden point; only its rounding can make it empty."""
+    weights = rng.integers(1, 60, size=p)
+    truth = [Fraction(int(w), int(weights.sum())) for w in weights]
+    rows = rng.uniform(-1, 1, size=(m, p))
+    if kind in ("vertex", "few bits"):
+        rows = rng.integers(-4, 5, size=(m, p)).astype(np.float64)
+    if kind == "vertex":  # each row is exactly 0 at the hidden point
+        rows = np.zeros((m, p))
+        for row in rows:
+            a, b = rng.choice(p, 2, replace=False)
+            row[a], row[b] = weights[b], -weights[a]
+    if kind == "double":
+        rows = np.concatenate([rows, rows[: m // 2], 0.75 * rows])
+    if kind == "parallel":
+        tiny = 10.0 ** rng.uniform(-16, -6, size=(m, 1)) * rng.normal(size=(m, p))
+        rows = rows[rng.integers(2, size=m)] + tiny
+    if kind == "thin":
+        at = float(dot(exact(rows[0]), truth))
+        rows = np.concatenate([rows, [rows[0] - at + 10.0 ** rng.uniform(-13, -6), at - rows[0]]])
+    rows = rows / 2.0 ** np.frexp(np.abs(rows).max(axis=1, keepdims=True))[1]
+    values = [dot(exact(row), truth) for row in rows]
+    rows = np.array([row if v >= 0 else -row for row, v in zip(rows, values, strict=True)])
+    rhs = np.zeros(len(rows))
+    if kind == "limits":
+        rhs = np.array([float(abs(v)) - rng.choice([1e-9, 0.01, 0.3]) for v in values])
+    return region(rows, float(rng.choice([0.0, 1e-6, 0.5 / weights.sum()])), rhs)
+
+
+def sets(seed: int, count: int, most: int = 9) -> list[tuple[str, PlausibleSet]]:
+    rng, out = np.random.default_rng(seed), []
+    for i in range(count):
+        kind = KINDS[i % len(KINDS)]
+        r = drawn(rng, kind, int(rng.integers(2, most)), int(rng.integers(2, 3 * most)))
+        try:
+            out.append((kind, PlausibleSet(r)))
+        except Empty:
+            continue
+    assert len(out) > 0.8 * count
+    return out
+
+
+def normalised(g: Any) -> Rationals:
+    """The point of total 1 on the ray through floats g."""
+    numbers = exact(g)
+    total = sum(numbers, Fraction(0))
+    return [x / total for x in numbers]
+
+
+def contains(r: Region, g: Rationals) -> bool:
+    rows = all(dot(exact(row), g) >= Fraction(float(limit)) for row, limit in zip(r.rows, r.rhs, strict=True))
+    return sum(g) == 1 and min(g) >= r.exact_margin and rows
+
+
+def objectives(rng: Rng, r: Region, count: int) -> list[Floats]:
+    """Of order 1: random ones, rows and sums of rows, and such that the least value is 0, or nearly."""
+    out = []
+    for _ in range(count):
+        s = rng.normal(size=r.p) * 10.0 ** rng.integers(-3, 1)
+        how = rng.integers(4)
+        if how == 1:
+            s = rng.integers(0, 3, size=len(r.rows)) @ r.rows + rng.choice([0.0, 1e-16, -1e-13]) * s
+        if how > 1:
+            s = s - float(minimise_exactly(s, r).value) + rng.choice([0.0, 1e-16, -1e-15, 1e-13, 1e-12, -1e-12, 1e-10])
+        if s.any():
+            to_unit(s)
+            out.append(s)
+    return out
+
+
+# ---- walks ------------------------------------------------------------------------------------------------------
+
+
+def walks(seed: int, count: int, each: int = 8) -> dict[tuple[str, int], int]:
+    """How often walks over regions of each kind end in each way, every end being checked."""
+    rng, seen = np.random.default_rng(seed), dict.fromkeys([(kind, end) for kind in KINDS for end in (-1, 0, 1)], 0)
+    for kind, plausible in sets(seed, count):
+        r, known = plausible.region, plausible._known
+        for s in objectives(rng, r, each):
+            least = minimise_exactly(s, r).value
+            starts = np.flatnonzero(known.kind[: known.counts[USED]] != CERTAIN_POINT)
+            for start in rng.permutation(starts)[:3]:
+                before = s.copy()
+                found = walk(s, int(start), known, NOTHING, 0.0)
+                assert (s == before).all()
+                assert found == 0 or (least > 0) - (least < 0) == found, f"{kind}: {found}, but {float(least)}"
+                hard = plausible.inside is None or kind in ("limits", "parallel", "vertex", "thin")
+                assert found or hard or abs(least) < 1e-9, f"{kind}: gave up at {float(least)}"
+                seen[kind, found] += 1
+    return seen
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_walk_is_right_or_does_not_know(seed: int) -> None:
+    seen = walks(seed, 70)
+    for kind in KINDS:
+        if kind not in ("vertex", "thin"):  # where floats seldom find a point inside
+            assert seen[kind, 1] > 10, kind
+            assert seen[kind, -1] > 10, kind
+
+
+def test_a_walk_to_a_target_over_a_part_of_the_rows() -> None:
+    rng, proofs = np.random.default_rng(5), 0
+    for _, plausible in sets(8, 35):
+        r, known = plausible.region, plausible._known
+        out = rng.random(len(r.rows)) < 0.5
+        for s in objectives(rng, r, 4):
+            target = float(rng.uniform(-1, 0.2))
+            for start in range(known.counts[USED]):
+                usable = known.kind[start] != CERTAIN_POINT
+                usable = usable and not any(c >= r.p and out[c - r.p] for c in known.active[start])
+                if usable and walk(s, start, known, out, target) > 0:
+                    proofs += 1
+                    assert minimise_exactly(s, r.take(~out)).value > Fraction(target)
+    assert proofs > 20
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_a_walk_keeps_is_certain(seed: int) -> None:
+    rng, kept = np.random.default_rng(seed), 0
+    for kind, plausible in sets(20 + seed, 28):
+        r, known = plausible.region, plausible._known
+        for s in objectives(rng, r, 5):
+            for start in np.flatnonzero(known.kind[: known.counts[USED]] != CERTAIN_POINT)[:1]:
+                walk(s, int(start), known, NOTHING, 0.0)
+        g = np.empty(r.p)
+        for q in range(known.counts[USED]):
+            if known.kind[q] == CORNER:
+                kept += 1
+                assert contains(r, normalised(known.points[:, q])), kind
+                assert len(set(known.active[q])) == r.p - 1
+                corner_of(known.inverses[q], known.active[q], known, g)
+                if kind in ("plain", "double", "few bits"):
+                    slack = np.empty(r.p + len(r.rows))
+                    slacks_of(g, known, slack)
+                    assert np.abs(slack[known.active[q]]).max() < 1e-9
+                    assert slack.min() > -1e-9
+                    assert np.abs(known.points[:, q] - g).max() < 1e-9
+    assert kept > 50
+
+
+# ---- rows that follow from others -------------------------------------------------------------------------------
+
+
+def test_only_rows_that_follow_from_the_rest_are_pruned() -> None:
+    pruned = 0
+    for kind, plausible in sets(31, 84):
+        r = plausible.region
+        out = redundant(plausible._known)
+        known, rest = prune(plausible._known, r)
+        assert (rest.owner == r.owner[~out]).all()
+        assert (known.limits == rest.rhs).all()
+        assert (known.cuts == rest.rows.T).all()
+        for i in np.flatnonzero(out):
+            pruned += 1
+            assert minimise_exactly(r.rows[i], rest).value >= Fraction(float(r.rhs[i])), kind
+    assert pruned > 100
+
+
+# ---- bounds -----------------------------------------------------------------------------------------------------
+
+
+def random_bound(rng: Rng, r: Region, known: Any, s: Floats, y: Floats, active: Any) -> None:
+    bound = bound_of(s.copy(), y, active, 0, r.margin, known.cuts, known.limits)
+    if not math.isfinite(bound):
+        assert not bound > 0
+    else:
+        assert Fraction(bound) <= minimise_exactly(s, r).value
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_any_multipliers_of_any_corner_give_a_bound(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    for _, plausible in sets(40 + seed, 28, most=7):
+        r, known = plausible.region, plausible._known
+        for s in objectives(rng, r, 4):
+            for scale in (0.0, 1e-12, 1.0, 1e12, 1e300):
+                active = rng.integers(0, r.p + len(r.rows), size=(1, r.p - 1))  # no corner at all, as a rule
+                y = rng.normal(size=r.p) * scale * (rng.random(r.p) < 0.7)
+                size = 2.0 ** float(rng.choice([0, 0, -1000, -1040, 990]))
+                random_bound(rng, r, known, s * size, y, active)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_bounds_hold_for_any_numbers(data: st.DataObject) -> None:
+    p, m = data.draw(st.integers(1, 4)), data.draw(st.integers(0, 3))
+    entry = st.floats(-1.0, 1.0)
+    rows = np.array([data.draw(st.lists(entry, min_size=p, max_size=p)) for _ in range(m)]).reshape(m, p)
+    r = region(rows, data.draw(st.floats(0.0, 1.0 / p)), [data.draw(st.floats(-2.0, 0.4)) for _ in range(m)])
+    s = np.array(data.draw(st.lists(entry, min_size=p, max_size=p)))
+    active = np.array(data.draw(st.lists(st.integers(0, p + m - 1), min_size=p - 1, max_size=p - 1)), dtype=np.int64)
+    y = np.array(data.draw(st.lists(st.floats(width=64), min_size=p, max_size=p)))
+    bound = bound_of(s.copy(), y, active[None], 0, r.margin, np.ascontiguousarray(rows.T), r.rhs)
+    vertex = minimise_exactly(s, r)
+    if vertex.support or not math.isfinite(bound):  # of an empty region every bound is true
+        assert vertex.support or not bound > 0
+    else:
+        assert Fraction(bound) <= vertex.value
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # without numba
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_none_prove_nothing(bad: float) -> None:
+    plausible = PlausibleSet(region([[0.5, -0.5, 0.25]], 1e-6))
+    known, active = plausible._known, np.array([[0, 3]])
+    for j in range(3):
+        s, y = np.ones(3), np.array([0.0, 1.0, 1.0])
+        s[j] = bad
+        assert not bound_of(s, y, active, 0, 1e-6, known.cuts, known.limits) > 0
+    y[2] = bad
+    assert not bound_of(np.full(3, 0.5), y, active, 0, 1e-6, known.cuts, known.limits) > 0.5
+    assert not bound_of(-np.ones(3), y, active, 0, 1e-6, known.cuts, known.limits) > 0
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # without numba
+def test_a_sum_that_overflows_proves_nothing() -> None:
+    s = np.array([-4e307, 4e307, 4e307, 4e307, 4e307, 4e307, 4e307])
+    nothing = np.zeros((7, 0)), np.zeros(0)
+    assert not bound_of(s, np.zeros(7), np.arange(6)[None], 0, 1e-3, *nothing) > 0  # least: -4e307 * 0.994...
+
+
+def test_the_right_multipliers_give_a_tight_bound() -> None:
+    rng, checked = np.random.default_rng(6), 0
+    for _, plausible in sets(50, 28):
+        r, known = plausible.region, plausible._known
+        for s in objectives(rng, r, 3):
+            vertex = minimise_exactly(s, r)
+            active, inverse, y = np.array(vertex.basis, dtype=np.int64), np.empty((r.p, r.p)), np.empty(r.p)
+            if not inverse_of(active, known, inverse) or np.abs(inverse).max() > 100:
+                continue
+            checked += 1
+            assert multipliers(s, inverse[None], 0, y) == -1
+            bound = bound_of(s.copy(), y, active[None], 0, r.margin, known.cuts, known.limits)
+            assert 0 <= vertex.value - Fraction(bound) < 1e-11
+    assert checked > 30
+
+
+# ---- points -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_point_pulled_inside_is_inside(seed: int) -> None:
+    rng, pulled, left = np.random.default_rng(seed), 0, 0
+    for kind, plausible in sets(60 + seed, 42):
+        r, known = plausible.region, plausible._known
+        p, slack, point = r.p, np.empty(r.p + len(r.rows)), np.empty(r.p)
+        for _ in range(8):
+            g = minimise_exactly(rng.normal(size=p), r).g.astype(np.float64)
+            g = g + rng.choice([0.0, 1e-15, 1e-12, 1e-9, 0.3, 1e3]) * rng.normal(size=p)
+            if rng.random() < 0.7:
+                g /= g.sum()
+            slacks_of(g, known, slack)
+            slack += rng.choice([0.0, 1e-13, 1.0]) * rng.normal(size=len(slack))  # as pivots let it drift
+            if pulled_inside(g, slack, known, point):
+                pulled += 1
+                assert contains(r, normalised(point)), kind
+                s = rng.normal(size=p) + rng.choice([0.0, 1.0]) * -float(rng.normal())
+                s = s - float(s @ point) - rng.choice([0.0, 1e-16, 1e-15, 1e-3])  # s.point is 0, or nearly
+                if keep(s, g, slack, np.eye(p), np.arange(p - 1), 0, known):
+                    stored = known.points[:, (known.counts[1] - 1) % len(known.kind)]
+                    assert dot(exact(s), exact(stored)) < 0
+            else:
+                left += 1
+    assert pulled > 100
+    assert left > 10
+
+
+def test_a_point_on_the_border_is_not_surely_inside() -> None:
+    """Where a segment from the inner point leaves the region, to the last bits: floats cannot tell the side."""
+    rng, seen = np.random.default_rng(4), {True: 0, False: 0}
+    for kind, plausible in sets(80, 42):
+        r, known = plausible.region, plausible._known
+        slack = np.empty(r.p + len(r.rows))
+        for _ in range(20 if plausible.inside is not None else 0):
+            towards = rng.normal(size=r.p)
+            towards -= towards.mean()
+            rate = np.concatenate([towards, r.rows @ towards])
+            length = (known.room[rate < 0] / -rate[rate < 0]).min() * (1 - rng.choice([0.0, 1e-16, 1e-15, 1e-14, 1e-9]))
+            g = known.inside + length * towards
+            g /= g.sum()
+            sure = surely_inside(g, known, slack)
+            seen[bool(sure)] += 1
+            assert not sure or contains(r, normalised(g)), kind
+            assert sure or slack.min() < 1e-12 * (1 + known.margin)
+    assert min(seen.values()) > 50
+
+
+def test_nothing_is_inside_without_a_point_inside() -> None:
+    flat = PlausibleSet(region([[0.5, -0.5, 0.0], [-0.5, 0.5, 0.0]], 1e-6))
+    assert flat.inside is None
+    for g in ([1 / 3] * 3, [0.25, 0.25, 0.5], [math.nan] * 3):
+        point, slack = np.empty(3), np.empty(5)
+        slacks_of(np.array(g), flat._known, slack)
+        assert not surely_inside(np.array(g), flat._known, slack.copy())
+        assert not pulled_inside(np.array(g), slack, flat._known, point)
+        assert not pulled_inside(np.array(g), np.ones(5), flat._known, point)
+
+
+# ---- linear algebra ---------------------------------------------------------------------------------------------
+
+
+def matrix_of(active: Any, r: Region) -> Floats:
+    rows = np.concatenate([np.eye(r.p), r.rows])[np.asarray(active, dtype=np.int64)]
+    return np.concatenate([np.ones((1, r.p)), rows])
+
+
+def test_inverses_and_pivots_against_numpy() -> None:
+    rng, done, singular = np.random.default_rng(7), 0, 0
+    for _, plausible in sets(70, 42):
+        r, known = plausible.region, plausible._known
+        m = len(r.rows)
+        for _ in range(12):
+            active = rng.choice(r.p + m, size=r.p - 1, replace=False)
+            inverse, matrix = np.empty((r.p, r.p)), matrix_of(active, r)
+            condition = np.linalg.cond(matrix)
+            if not inverse_of(active, known, inverse):
+                singular += 1
+                assert condition > 1e8
+                continue
+            if condition > 1e5:
+                continue
+            assert np.abs(inverse - np.linalg.inv(matrix)).max() < 1e-9 * np.abs(inverse).max()
+            entering, place = int(rng.integers(r.p + m)), int(rng.integers(r.p - 1))
+            rate = np.empty(r.p + m)
+            rates_of(inverse, place + 1, known, rate)
+            assert np.abs(rate - np.concatenate([np.eye(r.p), r.rows]) @ inverse[:, place + 1]).max() < 1e-9
+            if entering not in active and abs(rate[entering]) > 1e-2:
+                active[place] = entering
+                pivot(inverse, place + 1, entering, known)
+                assert np.abs(inverse @ matrix_of(active, r) - np.eye(r.p)).max() < 1e-7
+                done += 1
+    assert done > 100
+    assert singular > 10
+
+
+def test_the_steepest_multiplier_and_the_first_constraint_met() -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(200):
+        p, m = int(rng.integers(2, 7)), int(rng.integers(1, 9))
+        s, inverses, y = rng.normal(size=p), rng.normal(size=(2, p, p)), np.empty(p)
+        worst = multipliers(s, inverses, 1, y)
+        assert y == pytest.approx(s @ inverses[1], abs=1e-12)
+        slope = np.where(y[1:] < -NEARLY, y[1:] ** 2 / (inverses[1][:, 1:] ** 2).sum(axis=0), -1.0)
+        assert worst == (int(np.argmax(slope)) if slope.max() > 0 else -1)
+
+        slack, rate = rng.choice([0.0, 0.0, 1e-14, 0.5, 1.0], size=p + m), rng.normal(size=p + m)
+        held = rng.random(p + m) < 0.4
+        met = blocking(slack, rate, held)
+        falling = ~held & (rate < 0)
+        if not falling.any():
+            assert met == -1
+            continue
+        reach = (slack[falling] / -rate[falling]).min()
+        assert falling[met]
+        after = (slack + slack[met] / -rate[met] * rate)[falling]
+        assert after.min() > -1e-11  # the first one, but for the tolerance with which ties are broken
+        assert slack[met] / -rate[met] >= reach
+
+
+def test_an_interrupted_comparison_leaves_no_false_point() -> None:
+    """Ctrl-C where there is no numba: it may strike before any line."""
+    r = region([[0.5, -0.25, 0.0, 0.25], [-0.25, 0.5, 0.25, -0.5]], 1e-6)
+    for line in range(50):
+        known = PlausibleSet(r)._known
+        q = int(np.flatnonzero(known.kind[: known.counts[USED]] != CERTAIN_POINT)[0])
+        g, slack = np.empty(4), np.empty(6)
+        corner_of(known.inverses[q], known.active[q], known, g)
+        slacks_of(g, known, slack)
+        corner = known.inverses[q].copy(), known.active[q].copy()
+        interrupted(getattr(keep, "py_func", keep), line, (np.ones(4), g, slack, *corner, 0, known))
+        for point in known.points[:, : known.counts[USED]][:, known.kind[: known.counts[USED]] != DOUBTFUL_CORNER].T:
+            assert point.any(), f"struck before line {line}"
+            assert contains(r, normalised(point)), f"struck before line {line}"
+
+
+def interrupted(function: Any, lines: int, arguments: tuple[Any, ...]) -> None:
+    """Call a function and interrupt it before one of its lines."""
+    left, before = [lines], sys.gettrace()
+
+    def trace(frame: Any, event: str, _: Any) -> Any:
+        if event == "line" and frame.f_code is function.__code__:
+            left[0] -= 1
+            if left[0] < 0:
+                raise KeyboardInterrupt
+        return trace
+
+    sys.settrace(trace)
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            function(*arguments)
+    finally:
+        sys.settrace(before)

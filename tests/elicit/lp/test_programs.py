@@ -1,0 +1,218 @@
+"""The linear programs of section 3.1: Clarabel's bounds, the readable twin, and what makes a bound rigorous."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.lp.analytic_centre import analytic_centre
+from elicit.lp.dual_simplex import Region
+from elicit.lp.programs import Programs, Solved, certified_bound, least_cvxpy, pull_inside, strictly_inside
+from elicit.model.query import Answers
+from elicit.model.scale import tail_sums
+from tests.elicit.lp.test_dual_simplex import region, same, the_region
+from tests.lp_cases import Case, Oracle, cases, dot, exact, least_from_scratch, shares, tails
+
+
+def truthful(k: int, n: int, seed: int = 0, margin: float = 1e-4) -> tuple[PolytopeComparator, np.ndarray[Any, Any]]:
+    rng = np.random.default_rng(seed)
+    g = 0.9 * rng.dirichlet(np.ones(k - 1)) + 0.1 / (k - 1)
+    d = shares(rng, k, n)
+    y = np.sign(d @ np.concatenate([[0.0], np.cumsum(g)])).astype(int)
+    return PolytopeComparator(k, margin=margin).update(Answers(d, y)), d * y[:, None]
+
+
+def with_scipy(d: Any, answers: Any, margin: float) -> float:
+    """The program over e, stated once more."""
+    k = len(d)
+    order = np.eye(k)[:-1] - np.eye(k)[1:]
+    found = linprog(
+        d,
+        A_ub=np.concatenate([order, -answers]),
+        b_ub=np.concatenate([np.full(k - 1, -margin), np.zeros(len(answers))]),
+        bounds=[(0, 0)] + [(None, None)] * (k - 2) + [(1, 1)],
+        method="highs",
+    )
+    return float(found.fun)
+
+
+@pytest.mark.parametrize(("k", "n"), [(2, 0), (3, 2), (5, 10), (10, 50), (10, 0), (20, 100)])
+def test_three_statements_of_one_program(k: int, n: int) -> None:
+    comparator, cuts = truthful(k, n)
+    for d in shares(np.random.default_rng(1), k, 5):
+        low, high = (x[0] for x in comparator.bounds(d))
+        assert low <= high
+        assert least_cvxpy(d, cuts, 1e-4) == pytest.approx(low, abs=1e-7)
+        assert -least_cvxpy(-d, cuts, 1e-4) == pytest.approx(high, abs=1e-7)
+        assert with_scipy(d, cuts, 1e-4) == pytest.approx(low, abs=1e-7)
+
+
+def test_the_twin_knows_priors() -> None:
+    k = 4
+    prior = (np.array([[0.0, 0.0, 1.0, -0.5], [0.0, -1.0, 0.0, 0.0]]), np.array([0.1, -0.4]))
+    comparator = PolytopeComparator(k, prior=prior)
+    for d in shares(np.random.default_rng(2), k, 5):
+        assert least_cvxpy(d, np.empty((0, k)), 1e-6, prior) == pytest.approx(comparator.bounds(d)[0][0], abs=1e-7)
+
+
+def test_the_twin_is_certain_or_raises() -> None:
+    with pytest.raises(ValueError, match="infeasible"):
+        least_cvxpy(np.array([0.0, 1.0, -1.0]), np.array([[0.0, -1.0, -1.0]]), 0.1)
+
+
+# ---- bounds that hold whatever the solver says -------------------------------------------------------------------
+
+
+def test_any_multipliers_give_a_bound() -> None:
+    rng = np.random.default_rng(4)
+    for case in cases(21, 84, asks=2, most_levels=9, most_answers=20):
+        r = the_region(case)
+        m = len(r.rows)
+        for t in tail_sums(case.ask):
+            least = least_from_scratch(exact(t), case.region())
+            assert least is not None
+            for scale in (0.0, 1e-12, 1.0, 1e12, 1e306):
+                y = rng.random(m) * scale * (rng.random(m) < 0.5)
+                bound = certified_bound(t, y, r)
+                assert bound == -np.inf or Fraction(bound) <= least
+
+
+finite = st.floats(min_value=-1.0, max_value=1.0)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_any_multipliers_give_a_bound_on_any_region(data: st.DataObject) -> None:
+    p, m = data.draw(st.integers(1, 4)), data.draw(st.integers(0, 4))
+    vectors = st.lists(finite, min_size=p, max_size=p)
+    rows = np.array([data.draw(vectors) for _ in range(m)]).reshape(m, p)
+    rhs = np.array([data.draw(st.floats(-1.0, 0.5)) for _ in range(m)])
+    y = np.array([data.draw(st.floats(0.0, 1e300)) for _ in range(m)])
+    t = np.array(data.draw(vectors))
+    r = Region(data.draw(st.floats(0.0, 1.0 / p)), rows, rhs, np.arange(m))
+    bound = certified_bound(t, y, r)
+    least = least_from_scratch(exact(t), same(r))
+    if least is not None:
+        assert bound == -np.inf or Fraction(bound) <= least
+
+
+def test_good_multipliers_give_a_tight_bound() -> None:
+    comparator, _ = truthful(8, 40)
+    r = comparator._set.region
+    oracle, programs = Oracle(same(r)), Programs(r)
+    for t in tail_sums(shares(np.random.default_rng(5), 8, 10)):
+        found = programs.solve(t)
+        assert found is not None
+        bound = certified_bound(t, found.y, r)
+        assert 0 <= float(oracle.least(exact(t)) - Fraction(bound)) < 1e-9
+        assert float(t @ found.g) == pytest.approx(bound, abs=1e-8)
+    assert programs.solves == 10
+
+
+@pytest.mark.parametrize("answer", ["none", "nonsense", "infinite"])
+def test_a_solver_that_fails_costs_time_only(answer: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: Programs, t: Any) -> Solved | None:
+        p, m = self.region.p, len(self.region.rows)
+        if answer == "none":
+            return None
+        bad = np.nan if answer == "infinite" else 3.7
+        return Solved(np.full(p, bad), np.full(m, abs(bad)))
+
+    comparator, _ = truthful(6, 30)
+    d = shares(np.random.default_rng(6), 6, 8)
+    expected, verdicts = comparator.bounds(d), comparator.compare(d)
+    monkeypatch.setattr(Programs, "solve", fail)
+    again, _ = truthful(6, 30)
+    for got, want in zip(again.bounds(d), expected, strict=True):
+        assert got == pytest.approx(want, abs=1e-9)
+    assert (again.compare(d) == verdicts).all()
+
+
+def test_an_objective_can_be_replaced_after_a_failure() -> None:
+    """A region so thin that the solver may give up, then another objective."""
+    rows = [[1.0, -1.0, 1e-9], [-1.0, 1.0, 1e-9]]
+    r = region(rows, margin=1e-3)
+    programs = Programs(r)
+    oracle = Oracle(same(r))
+    for t in np.random.default_rng(0).normal(size=(20, 3)):
+        assert 0 <= float(oracle.least(exact(t)) - Fraction(programs.least(t, None))) < 1e-9
+
+
+# ---- points inside ----------------------------------------------------------------------------------------------
+
+
+def test_strictly_inside_is_a_proof() -> None:
+    rng = np.random.default_rng(8)
+    inside = 0
+    for case in cases(22, 84, asks=1, most_levels=9):
+        r, e = the_region(case), case.region()
+        for _ in range(10):
+            g = rng.dirichlet(np.full(r.p, 3.0)) if rng.random() < 0.5 else np.array([float(x) for x in case.truth])
+            if strictly_inside(g, r):
+                inside += 1
+                total = sum(exact(g))
+                assert e.contains([x / total for x in exact(g)]), case.kind
+    assert inside > 20
+
+
+def test_the_border_is_not_inside() -> None:
+    r = region([[1.0, -1.0]], margin=0.0)
+    assert strictly_inside(np.array([0.6, 0.4]), r)
+    assert not strictly_inside(np.array([0.5, 0.5]), r)
+    assert not strictly_inside(np.array([1.0, 0.0]), r)
+    assert not strictly_inside(np.array([0.7, 0.4]), r)  # of another total
+    assert not strictly_inside(np.array([np.nan, 0.5]), r)
+
+
+def test_pulling_a_point_inside_moves_it_little() -> None:
+    comparator, _ = truthful(8, 60)
+    r = comparator._set.region
+    centre = analytic_centre(r)
+    for t in tail_sums(shares(np.random.default_rng(9), 8, 10)):
+        found = Programs(r).solve(t)
+        assert found is not None
+        point = pull_inside(found.g, centre, r)
+        assert point is not None
+        assert strictly_inside(point, r)
+        assert np.abs(point - found.g).max() < 1e-6
+    outside = np.full(7, 1 / 7)
+    outside[:2] += [5.0, -5.0]
+    pulled = pull_inside(outside, centre, r)
+    assert pulled is None or strictly_inside(pulled, r)
+    assert pull_inside(np.full(7, np.nan), centre, r) is None
+
+
+def test_bounds_are_outer_and_tight_in_thin_regions() -> None:
+    def check(case: Case) -> None:
+        comparator = PolytopeComparator(case.k, margin=case.margin, prior=case.prior).update(Answers(case.d, case.y))
+        oracle = Oracle(case.region())
+        for d, lo, hi in zip(case.ask, *comparator.bounds(case.ask), strict=True):
+            least, greatest = oracle.range(exact(tails(d)[0]))
+            room = 1e-9 * np.abs(d).sum()
+            assert 0 <= float(least - Fraction(lo)) <= room
+            assert 0 <= float(Fraction(hi) - greatest) <= room
+
+    thin = [c for c in cases(23, 140, asks=3) if c.kind in ("thin", "tied", "pinned", "equal gaps")]
+    assert len(thin) > 30
+    for case in thin:
+        check(case)
+
+
+def test_bounds_of_nothing_and_of_one_level_step() -> None:
+    comparator, _ = truthful(5, 0, margin=0.05)
+    low, high = comparator.bounds(np.array([np.zeros(5), [-1, 1, 0, 0, 0], [-1, 0, 0, 0, 1], [7, 0, 0, 0, 0]]))
+    assert (low[0], high[0]) == (0.0, 0.0)
+    assert (low[3], high[3]) == (0.0, 0.0)  # level 1 is worth nothing
+    assert (low[1], high[1]) == (pytest.approx(0.05, abs=1e-12), pytest.approx(0.85, abs=1e-12))
+    assert (low[2], high[2]) == (pytest.approx(1.0, abs=1e-12), pytest.approx(1.0, abs=1e-12))
+
+
+def test_the_dot_of_the_second_opinion() -> None:
+    assert dot(exact([0.5, 0.25]), exact([2.0, 4.0])) == 2

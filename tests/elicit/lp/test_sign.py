@@ -1,0 +1,334 @@
+"""The cheap proofs one by one, in rationals, and what may be handed to ``compare`` and ``decide``."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+import elicit.comparators.polytope.plausible_set
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.comparators.polytope.plausible_set import PlausibleSet
+from elicit.lp.dual_simplex import Region, minimise_exactly
+from elicit.lp.sign import (
+    UNSETTLED,
+    by_dominance,
+    lifts,
+    lifts_some_row,
+    settle,
+    side_of,
+    tail_sums_into,
+    to_unit,
+)
+from elicit.lp.vertex_store import know_row
+from elicit.lp.vertices import ROW, Known, doubt_at
+from elicit.model.query import Answers, Verdict
+from elicit.model.scale import dominance, tail_sums
+from tests.elicit.lp.test_primal_simplex import KINDS, normalised, objectives, sets
+from tests.lp_cases import Oracle, answered, dot, draw_truth, exact, from_tails, region_of, shares, tails, verdict
+
+Floats = np.ndarray[Any, Any]
+Rng = np.random.Generator
+finite = st.floats(allow_nan=False, allow_infinity=False)
+wild = st.one_of(finite, st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1e300, 1e-300, 1.0]))
+vectors = st.lists(wild, min_size=2, max_size=9)
+
+
+# ---- tail sums, dominance, scaling ------------------------------------------------------------------------------
+
+
+def sums_of(d: Floats) -> Floats:
+    t = np.empty(d.shape[1] - 1)
+    with np.errstate(all="ignore"):  # as its callers do: without numba it would warn
+        tail_sums_into(d, len(d) - 1, t)
+    return t
+
+
+@settings(max_examples=300, deadline=None)
+@given(vectors)
+@example([0.0, 1e308, 1e308, -1e308, 5e-324])
+@example([0.0, -1e308, -1e308, -1e308])
+@example([1.0, 5e-324, -5e-324, -0.0])
+def test_tail_sums_are_those_of_scale(d: list[float]) -> None:
+    both = np.array([np.zeros(len(d)), d])
+    t = tail_sums(both)[1]
+    assert sums_of(both).tolist() == t.tolist()  # but for the sign of zero
+    assert by_dominance(t.copy()) == dominance(t)
+
+
+def test_tail_sums_are_those_of_scale_even_where_they_are_minus_zero() -> None:
+    d = np.array([[0.0, -0.0, -0.0]])
+    assert sums_of(d).tobytes() == np.ascontiguousarray(tail_sums(d)[0]).tobytes()
+
+
+@settings(max_examples=300, deadline=None)
+@given(vectors)
+@example([1e300, 1e-300])
+@example([1.0, 5e-324])
+@example([5e-324, -1e-320, 0.0])
+@example([0.5, -0.75])
+@example([0.0, -0.0])
+def test_scaling_loses_no_bit(numbers: list[float]) -> None:
+    t = np.array(numbers)
+    size = to_unit(t)
+    assert size == np.abs(t).max()
+    before, largest = exact(numbers), max(map(abs, numbers))
+    exponent = math.frexp(largest)[1]
+    wanted = [x / Fraction(2) ** exponent for x in before]
+    if largest > 0 and not 0.5 <= size < 1:  # left as it was, since some bit has no place
+        assert exact(t) == before
+        assert any(Fraction(math.ldexp(x, -exponent)) != w for x, w in zip(numbers, wanted, strict=True))
+    else:
+        assert exact(t) == wanted
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_the_side_of_a_point_is_certain(seed: int) -> None:
+    rng, told = np.random.default_rng(seed), Counter[int]()
+    for _ in range(300):
+        p = int(rng.integers(1, 12))
+        g = rng.dirichlet(np.full(p, rng.choice([0.05, 1.0])))
+        t = rng.normal(size=p) * 10.0 ** rng.uniform(-12, 0, size=p)
+        t = t - rng.choice([0.0, 1.0, 1.0]) * (float(t @ g) + 10.0 ** rng.uniform(-18, -12))
+        size = to_unit(t)
+        side = side_of(t, g, doubt_at(p, size))
+        value = dot(exact(t), normalised(g))
+        assert side == 0 or side == (value > 0) - (value < 0)
+        assert side or abs(value) < 1e-13
+        told[side] += 1
+    assert min(told[-1], told[0], told[1]) > 10
+
+
+# ---- one known row ----------------------------------------------------------------------------------------------
+
+
+@cache
+def nothing_known(p: int) -> Known:
+    return PlausibleSet(Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, dtype=np.int64)))._known
+
+
+def knowing(rows: Floats) -> Known:
+    """With these known rows, and nothing else."""
+    known = nothing_known(rows.shape[1])._replace(rows=np.empty(rows.shape), lifted=np.empty(rows.shape))
+    known = known._replace(masks=np.empty(len(rows), np.uint64), counts=known.counts.copy())
+    for i, row in enumerate(rows):
+        know_row(known, i, row, 0.0)
+    return known
+
+
+def is_lifted(t: Floats, side: int, w: Floats) -> bool:
+    """Whether side * t >= lambda w for some lambda >= 0, in rationals."""
+    low, high = Fraction(0), None
+    for a, b in zip(exact(side * t), exact(w), strict=True):
+        if b == 0 and a < 0:
+            return False
+        if b < 0:
+            low = max(low, a / b)
+        if b > 0:
+            high = a / b if high is None else min(high, a / b)
+    return high is None or low <= high
+
+
+def a_row(rng: Rng, p: int, tiny: bool = False) -> Floats:
+    how = rng.integers(4)
+    w = rng.normal(size=p)
+    if how == 1:
+        w = rng.integers(-2, 3, size=p).astype(np.float64)
+    if how == 2:
+        w = w * 10.0 ** rng.uniform(-140, 0, size=p)
+    if how == 3:
+        w = np.where(rng.random(p) < 0.5, 0.0, w)
+    if tiny:
+        w = np.where(rng.random(p) < 0.5, w * 10.0 ** rng.uniform(-320, -140, size=p), w)
+    w[0], w[-1] = -abs(w[0]) - 0.1, abs(w[-1]) + 0.1
+    w = rng.permutation(w)
+    to_unit(w)
+    return w
+
+
+def near_a_multiple(rng: Rng, w: Floats) -> Floats:
+    """lambda w, with some entries raised a little, and some moved by the last bit or by next to nothing."""
+    factor = float(rng.choice([1.0, 1.0, 2.0**-7, 3.0, rng.random(), 10.0 ** rng.uniform(-160, 0)]))
+    with np.errstate(under="ignore"):
+        t = factor * w
+        t = t + (rng.random(len(w)) < 0.3) * rng.choice([1e-300, 1e-15, 0.1]) * rng.random(len(w))
+    for j in np.flatnonzero(rng.random(len(w)) < rng.choice([0.0, 0.2])):
+        t[j] = math.nextafter(t[j], rng.choice([-math.inf, math.inf]))
+    if rng.random() < 0.2:
+        t[rng.integers(len(w))] = rng.choice([0.0, -0.0, 5e-324, -5e-324])
+    to_unit(t)
+    return t
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_row_is_lifted_only_if_it_is(seed: int) -> None:
+    """lifts() and lifts_some_row(), for p on both sides of the 64 bits of a mask."""
+    rng, said, missed = np.random.default_rng(seed), 0, 0
+    for i in range(2000):
+        p = int(rng.integers(64, 71)) if i % 7 == 0 else int(rng.integers(2, 9))
+        tiny = bool(p <= 64 and rng.random() < 0.3)
+        known = knowing(np.array([a_row(rng, p, tiny) for _ in range(int(rng.integers(1, 5)))]))
+        w = known.rows[int(rng.integers(len(known.rows)))]
+        side = int(rng.choice([-1, 1]))
+        t = side * (near_a_multiple(rng, w) if rng.random() < 0.9 else w.copy())
+        really = [is_lifted(t, side, row) for row in known.rows]
+        known.counts[ROW] = rng.integers(7)  # left over from a set with more rows
+        given = lifts_some_row(t, side, known.rows, known.lifted, known.masks, known.counts)
+        assert any(really) or not given
+        said += given
+        missed += any(really) and not given
+        for q, (row, mask) in enumerate(zip(known.rows, known.masks, strict=True)):
+            usable = mask != ~np.uint64(0) or not (row != 0).any() or np.abs(row[row != 0]).min() >= 2.0**-500
+            assert really[q] or not usable or not lifts(t, side, q, known.rows, known.lifted)
+            if (side * t == row).all() and usable:  # an answered pair met again
+                assert lifts(t, side, q, known.rows, known.lifted)
+        if given:
+            assert really[known.counts[ROW]]
+    assert said > 400
+    assert missed < 1100
+
+
+def test_a_multiple_of_a_known_row_is_found_whatever_its_place() -> None:
+    rng = np.random.default_rng(3)
+    for p in (8, 63, 64, 65, 70):
+        known = knowing(np.array([rng.normal(size=p) for _ in range(6)]))
+        for q in (5, 0, 3):
+            t = 0.3 * known.rows[q] + 1e-9
+            assert lifts_some_row(t, 1, known.rows, known.lifted, known.masks, known.counts)
+            assert lifts_some_row(-t, -1, known.rows, known.lifted, known.masks, known.counts)
+            assert known.counts[ROW] == q
+
+
+def test_tiny_entries_prove_nothing_beyond_64_gaps() -> None:
+    """w = (1/2, 0, ..., -1/2, 2^-600) and t = lambda w without its last entry, which is too small to multiply."""
+    d, ask = np.zeros(71), np.zeros(71)
+    d[[1, 68, 69, 70]] = 0.5, 0.5, -0.5, 2.0**-600
+    ask[[1, 2, 3, 68, 69]] = 2.0**-491 * (1 + 2.0**-40), -0.75, 0.75, 2.0**-491, -(2.0**-491)
+    least, greatest = Oracle(region_of(71, 0.0, None, d[None], [1])).range(exact(tails(ask)[0]))
+    assert least < 0 < greatest
+    assert PolytopeComparator(71, margin=0.0).update(Answers([d], [1])).compare(ask).tolist() == [Verdict.UNKNOWN]
+
+
+# ---- all of them ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_is_settled_is_settled_rightly(seed: int) -> None:
+    rng, seen = np.random.default_rng(seed), Counter[int]()
+    for kind, plausible in sets(90 + seed, 10 * len(KINDS)):
+        r, known = plausible.region, plausible._known
+        for s in objectives(rng, r, 8):
+            given = settle(s, known)
+            seen[given] += 1
+            if given != UNSETTLED:
+                least, greatest = minimise_exactly(s, r).value, -minimise_exactly(-s, r).value
+                ordered = given in (Verdict.BETTER, Verdict.WORSE)  # by order alone, where gaps may be closed
+                wanted = verdict(least, greatest)
+                assert given == wanted or (ordered and wanted == 0 and by_dominance(s) == given), kind
+    assert min(seen[-1], seen[1], seen[2], seen[UNSETTLED]) > 20
+
+
+def test_huge_and_tiny_numbers_in_one_difference() -> None:
+    rng, seen = np.random.default_rng(4), Counter[int]()
+    for _ in range(60):
+        k = int(rng.integers(3, 8))
+        truth = draw_truth(rng, k - 1)
+        d = shares(rng, k, 5)
+        y = answered(rng, d, truth)
+        c, oracle = PolytopeComparator(k).update(Answers(d, y)), Oracle(region_of(k, 1e-6, None, d, list(y)))
+        sizes = np.array([1e300, 1.0, 1e-12, 1e-300, 5e-324, 0.0])
+        ask = rng.choice(sizes, size=(4, k)) * rng.choice([-1, 1, 0.7], size=(4, k))
+        for one, got in zip(ask, c.compare(ask), strict=True):
+            wanted = verdict(*oracle.range(exact(tails(one)[0])))
+            assert got == wanted
+            seen[wanted] += 1
+    assert min(seen[-1], seen[1], seen[2]) > 5
+
+
+def test_sums_of_huge_numbers_prove_nothing() -> None:
+    """0.1 has no place beside 2^1020 once that is scaled to 1, so tail sums stay huge; their sum is infinite."""
+    known = from_tails([-1.0, 1.0, 0.0, 0.0, 2.0, -1.0, -2.0])
+    t = np.array([3.0, 4.0, 4.0, 4.0, -1.0, 2.0]) * 2.0**1020
+    ask = np.concatenate([[0.0], t[:-1] - t[1:], t[-1:], [0.1]])
+    least, greatest = Oracle(region_of(8, 2.0**-10, None, known[None], [-1])).range(exact(tails(ask)[0]))
+    assert least < 0 < greatest
+    c = PolytopeComparator(8, margin=2.0**-10).update(Answers([known], [-1]))
+    assert c.compare(ask).tolist() == [Verdict.UNKNOWN]
+
+
+# ---- what may be handed over ------------------------------------------------------------------------------------
+
+
+def learned() -> tuple[PolytopeComparator, Floats]:
+    rng = np.random.default_rng(5)
+    truth = draw_truth(rng, 5)
+    d = shares(rng, 6, 12)
+    return PolytopeComparator(6).update(Answers(d, answered(rng, d, truth))), shares(rng, 6, 40)
+
+
+def test_any_layout_and_number_type() -> None:
+    c, d = learned()
+    wanted = c.compare(d)
+    assert set(wanted) == {-1, 1, 2}
+    frozen, wide = d.copy(), np.zeros((80, 12))
+    frozen.flags.writeable = False
+    wide[::2, ::2] = d
+    for same in (np.asfortranarray(d), frozen, wide[::2, ::2], d.astype(">f8"), d.tolist(), d.astype(object)):
+        assert (c.compare(same) == wanted).all()
+    assert (frozen == d).all()
+    assert c.compare(np.broadcast_to(d[0], (3, 6))).tolist() == [wanted[0]] * 3
+    short = d.astype(np.float32)
+    assert (c.compare(short) == c.compare(short.astype(np.float64))).all()
+    whole = np.round(8 * d).astype(np.int8)
+    assert (c.compare(whole) == c.compare(whole.astype(np.float64))).all()
+    for zero in (np.zeros((0, 6)), np.zeros((0, 6), dtype=np.int32), np.asfortranarray(np.zeros((6, 0))).T):
+        decided = c.decide(zero)
+        assert decided.verdicts.shape == decided.tiers.shape == (0,)
+        assert decided.verdicts.dtype == np.int8
+
+
+def test_one_layout_reaches_compiled_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    c, d = learned()
+    real, seen = elicit.comparators.polytope.plausible_set.settle_all, []
+
+    def spy(d: Floats, *rest: Any) -> Any:
+        seen.append(d.flags.c_contiguous and d.flags.writeable)
+        return real(np.array(d), *rest)
+
+    monkeypatch.setattr(elicit.comparators.polytope.plausible_set, "settle_all", spy)
+    frozen = d.copy()
+    frozen.flags.writeable = False
+    for same in (d, np.asfortranarray(d), frozen, d[::2], d[:, ::-1]):
+        c.compare(same)
+    assert seen == [True] * 5
+
+
+@pytest.mark.parametrize("size", [1.7e308, 1e300, 1e-300, 1e-310, 5e-324])
+def test_the_largest_and_the_smallest_numbers(size: float) -> None:
+    c, _ = learned()
+    up, down, mixed = np.zeros(6), np.zeros(6), np.zeros(6)
+    up[3], down[5], mixed[[1, 5]] = size, -size, (size, -size)
+    assert c.compare([up, down, 0 * up, up - up]).tolist() == [1, -1, 0, 0]
+    assert c.compare(mixed).tolist() == c.compare(np.sign(mixed)).tolist()
+    assert c.compare(-mixed)[0] == {1: -1, -1: 1, 2: 2}[int(c.compare(mixed)[0])]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_numbers_that_are_none(bad: float) -> None:
+    c, d = learned()
+    d[7, 4] = bad
+    for ask in (c.compare, c.decide, c.bounds, lambda d: Answers(d, np.ones(len(d)))):
+        with pytest.raises(ValueError, match="row 7, level 5 is"):
+            ask(d)
+
+
+def test_a_whole_number_too_large_for_a_float() -> None:
+    with pytest.raises(ValueError, match="must be"):
+        learned()[0].compare([0, 10**400, 0, 0, 0, 1])

@@ -1,0 +1,273 @@
+"""What passes between learner, tutor and comparator keeps its meaning, and cannot be changed."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elicit.model.answers_csv import read_csv
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+
+LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
+
+
+def test_verdicts():
+    assert [int(v) for v in (Verdict.WORSE, Verdict.EQUAL, Verdict.BETTER, Verdict.UNKNOWN)] == [-1, 0, 1, 2]
+    assert Verdict.BETTER.flipped is Verdict.WORSE
+    assert Verdict.EQUAL.flipped is Verdict.EQUAL
+    assert Verdict.UNKNOWN.flipped is Verdict.UNKNOWN
+
+
+def test_a_query_keeps_its_own_copy():
+    left = np.array(LEFT)
+    query = Query("q", left, RIGHT)
+    left[0] = 9
+    assert query.left.tolist() == LEFT
+    assert query.d.tolist() == [0.25, -0.5, 0.25]
+    assert query.about == ""
+    for array in (query.left, query.right):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(AttributeError):
+        query.left = left
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "complaint"),
+    [
+        ([1, 0], [1, 0, 0], r"\(2,\) with \(3,\)"),
+        ([[1, 0]], [[1, 0]], r"\(1, 2\)"),
+        ([1, np.nan], [1, 0], "finite"),
+        ([1], [0], "k >= 2"),
+        (["x", 0], [1, 0], "x"),
+    ],
+)
+def test_bad_queries(left, right, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Query("q", left, right)
+
+
+def test_ids_depend_on_all_that_makes_a_query():
+    ids = {
+        Query.make(*arguments).id
+        for arguments in [
+            ("problem", 0, LEFT, RIGHT),
+            ("other", 0, LEFT, RIGHT),
+            ("problem", 1, LEFT, RIGHT),
+            ("problem", 10, LEFT, RIGHT),
+            ("problem", 0, RIGHT, LEFT),
+            ("problem", 0, LEFT, LEFT),
+        ]
+    }
+    assert len(ids) == 6
+    assert Query.make("problem", 0, LEFT, RIGHT).id == Query.make("problem", 0, np.array(LEFT), np.array(RIGHT)).id
+    assert Query.make("problem", 0, LEFT, RIGHT, "a").id == Query.make("problem", 0, LEFT, RIGHT, "b").id
+
+
+def test_answers_to_one_query():
+    query = Query("q", LEFT, RIGHT)
+    assert Answer(query, 1).verdict is Verdict.BETTER
+    assert Answer(query, None).verdict is None
+    assert Answer(query, Verdict.WORSE, swapped=True).swapped
+    with pytest.raises(ValueError, match="None where the tutor cannot tell"):
+        Answer(query, Verdict.UNKNOWN)
+    with pytest.raises(ValueError, match="5"):
+        Answer(query, 5)
+
+
+def test_rows_of_answers():
+    answers = Answers([[1, -1, 0], [0, 1, -1]], [1, -1], ["a", "b"])
+    assert answers.k == 3
+    assert len(answers) == 2
+    assert answers.d.dtype == np.float64
+    assert answers.y.dtype == np.int8
+    assert Answers([1, -1, 0], 0).y.tolist() == [0]
+    assert Answers([[1, -1, 0]], [1]).ids == ("0",)
+    assert Answers([[1, -1, 0]], [1], [7]).ids == ("7",)
+    both = answers + answers[1:]
+    assert both.ids == ("a", "b", "b")
+    assert both.y.tolist() == [1, -1, -1]
+    assert both.d.tolist() == [[1, -1, 0], [0, 1, -1], [0, 1, -1]]
+    assert len(Answers.none(4)) == 0
+    assert Answers.none(4).k == 4
+    assert len(Answers.none(3) + answers) == 2
+
+
+def test_answers_keep_their_own_copy():
+    d, y = np.array([[1.0, -1, 0]]), np.array([1], dtype=np.int8)
+    answers = Answers(d, y)
+    d[0, 0], y[0] = 9, -1
+    assert answers.d.tolist() == [[1, -1, 0]]
+    assert answers.y.tolist() == [1]
+    for array in (answers.d, answers.y):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("d", "y", "ids", "complaint"),
+    [
+        ([[1, 2, 3]], [2], None, "row 0 is 2"),
+        ([[1, 2, 3]], [0.5], None, "row 0 is 0.5"),
+        ([[1, 2, 3]], [None], None, "row 0 is None"),
+        ([[1, 2, 3]], [1, 1], None, "1 rows"),
+        ([[1, 2, 3]], [1], ["a", "b"], "2 ids"),
+        ([[1, 2, np.nan]], [1], None, "finite"),
+        ([], [], None, r"\(0, k\)"),
+    ],
+)
+def test_bad_answers(d, y, ids, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Answers(d, y, ids)
+
+
+def test_gathering_answers_drops_the_undecided():
+    queries = [Query(f"q{i}", LEFT, RIGHT) for i in range(3)]
+    told = [Answer(queries[0], Verdict.WORSE), Answer(queries[1], None), Answer(queries[2], Verdict.EQUAL)]
+    answers = Answers.of(told, 3)
+    assert answers.ids == ("q0", "q2")
+    assert answers.y.tolist() == [-1, 0]
+    assert answers.d.tolist() == [queries[0].d.tolist()] * 2
+    assert len(Answers.of([told[1]], 3)) == len(Answers.of([], 3)) == 0
+    with pytest.raises(ValueError, match="q0 is about 3 levels, but the answers are about 4"):
+        Answers.of(told, 4)
+    with pytest.raises(ValueError, match="3 levels, not 4"):
+        Answers.none(4) + answers
+
+
+def test_leaving_answers_out():
+    answers = Answers([[1, -1, 0], [0, 1, -1], [2, -1, -1], [0, 1, -1]], [1, -1, 0, 1], ["a", "b", "c", "b"])
+    rest = answers.without(["b"])  # every row of that id
+    assert rest.ids == ("a", "c")
+    assert rest.d.tolist() == [[1, -1, 0], [2, -1, -1]]
+    assert rest.y.tolist() == [1, 0]
+    assert rest.d.flags.writeable is rest.y.flags.writeable is False
+    assert answers.ids == ("a", "b", "c", "b"), "the answers themselves stay as they were"
+    assert answers.without([]).ids == answers.ids
+    nothing = answers.without(name for name in "abcc")
+    assert (len(nothing), nothing.k, nothing.ids) == (0, 3, ())
+    assert Answers([[1, -1, 0]], [1], [7]).without([7]).k == 3
+    with pytest.raises(ValueError, match="no answer here has the id 'x', 'y'"):
+        answers.without(["y", "a", "x"])
+    with pytest.raises(ValueError, match="'b'"):
+        rest.without(["b"])
+    with pytest.raises(TypeError, match=r"\['ab'\]"):
+        answers.without("ab")
+
+
+def test_answers_from_a_spreadsheet(tmp_path):
+    path = tmp_path / "answers.csv"
+    path.write_bytes(
+        b"\xef\xbb\xbf Answer ,LEFT_1,Left_2,left_3,right_1,right_2,right_3,comment,ID\r\n"
+        b'left,0.5,0.25,0.25,0.25,0.75,0,"fine, ""really""",first\r\n'
+        b"\r\n"
+        b" Right , 1 ,0,0,0,1e0,0,,second\r\n"
+        b",,,,,,,,\r\n"
+        b"cannot tell,1,0,0,0,1,0,,third\r\n"
+        b"EQUAL,0,0,1,0,1,0,,fourth\r\n"
+        b",0,0,1,0,1,0,no answer,fifth\r\n"
+        b"-1.0,0.1,0,0,0.3,0,0,,sixth\r\n"
+        b"+1,0,0,1,0,1,0,,\r\n"
+    )
+    answers = Answers.from_csv(path)
+    assert answers.ids == ("first", "second", "fourth", "sixth", "")
+    assert answers.y.tolist() == [1, -1, 0, -1, 1]
+    assert answers.d.tolist() == [[0.25, -0.5, 0.25], [1, -1, 0], [0, -1, 1], [0.1 - 0.3, 0, 0], [0, -1, 1]]
+    assert Answers.from_csv(str(path), k=3).ids == answers.ids
+    assert read_csv(path).skipped == 2
+    query = Query("q", LEFT, RIGHT)
+    assert answers.d[0].tolist() == query.d.tolist(), "left - right, to the last bit"
+
+
+def test_answers_from_differences_are_named_by_their_line():
+    file = io.StringIO("\n\nd_2,d_1,answer\n1,-1,better\n\n2,-2,null\n-3,3,worse\n")
+    answers = Answers.from_csv(file)
+    assert not file.closed
+    assert answers.d.tolist() == [[-1, 1], [3, -3]]
+    assert answers.y.tolist() == [1, -1]
+    assert answers.ids == ("line 4", "line 7")
+    nothing = Answers.from_csv(io.StringIO("d_1,d_2,d_3,answer"))
+    assert (len(nothing), nothing.k) == (0, 3)
+
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.tuples(numbers, numbers, numbers), st.sampled_from([-1, 0, 1]), st.text('a,"\n\r é '))))
+def test_a_csv_reads_back_to_the_last_bit(rows):
+    d = np.array([row[0] for row in rows]).reshape(-1, 3)
+    answers = Answers(d, [row[1] for row in rows], [row[2] for row in rows])
+    file = io.StringIO(newline="")
+    answers.to_csv(file)
+    file.seek(0)
+    again = Answers.from_csv(file, k=3)
+    assert again.d.tobytes() == answers.d.tobytes()
+    assert again.y.tobytes() == answers.y.tobytes()
+    assert again.ids == answers.ids
+
+
+def test_a_csv_on_the_disk_reads_back(tmp_path):
+    answers = Answers([[0.1, 0.2, -0.3], [1 / 3, -1 / 3, 0]], [1, 0], ["a", "ü"])
+    answers.to_csv(tmp_path / "a.csv")
+    again = Answers.from_csv(tmp_path / "a.csv")
+    assert (again.d.tolist(), again.y.tolist(), again.ids) == (answers.d.tolist(), [1, 0], ("a", "ü"))
+    assert (tmp_path / "a.csv").read_text("utf-8").splitlines()[:2] == ["id,d_1,d_2,d_3,answer", "a,0.1,0.2,-0.3,1"]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "the file is empty"),
+        ("\n \n", "the file is empty"),
+        ("a,b\n", r"line 1 of the file must name the columns left_1.*it names a, b"),
+        ("d_1;d_2;answer\n", "separated by commas; it names d_1;d_2;answer"),
+        ("d_1,d_2\n", "answer, or else"),
+        ("d_1,left_1,right_1,answer\n", "or else"),
+        ("d_1,d_3,answer\n", "lacks the column 'd_2'"),
+        ("d_1,answer\n", "lacks the column 'd_2'"),
+        ("left_1,left_2,right_1,answer\n", "lacks the column 'right_2'"),
+        ("d_1,d_999999999999,answer\n", "lacks the column 'd_2'"),
+        ("d_0,d_1,d_2,answer\n", "names the column 'd_0': levels are counted 1, 2"),
+        ("d_01,d_02,answer\n", "'d_01'"),
+        ("d_1,d_2,D_1,answer\n", "names the column 'd_1' twice"),
+        ("d_1,d_2,d_3,d_4,answer\n", "columns for 4 levels, not k = 3"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,left\n\n1,x,-1,left\n", "line 4 of the file, column 'd_2': 'x' is no number"),
+        ("d_1,d_2,d_3,answer\n1,0,,left\n", "line 2 of the file, column 'd_3': '' is no number"),
+        ("d_1,d_2,d_3,answer\n1,0,inf,left\n", "line 2 of the file, column 'd_3': 'inf' is not finite"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,2\n", "line 2 of the file, column 'answer': '2' is none of -1, 0, 1, left"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,links\n", "column 'answer': 'links'"),
+        ("d_1,d_2,d_3,answer\n1,0,left\n", "line 2 of the file has 3 cells, but the header has 4"),
+        ("d_1,d_2,d_3,answer\n1,0,-1,left,9\n", "line 2 of the file has 5 cells"),
+        ('d_1,d_2,d_3,answer\n1,"0"x,-1,left\n', "line 2 of the file is no CSV"),
+    ],
+)
+def test_bad_csv(text, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Answers.from_csv(io.StringIO(text), k=3 if "d_3" in text and "d_1,d_3" not in text else None)
+
+
+def test_a_csv_names_its_file(tmp_path):
+    path = tmp_path / "odd.csv"
+    path.write_bytes("d_1,d_2,answer\n1,-1,left,é\n".encode("latin-1"))
+    with pytest.raises(ValueError, match=r"odd\.csv is not in UTF-8"):
+        Answers.from_csv(path)
+    path.write_text("d_1,d_2,answer\n1,-1,up\n")
+    with pytest.raises(ValueError, match=r"line 2 of .*odd\.csv, column 'answer': 'up'"):
+        Answers.from_csv(path)
+    with pytest.raises(FileNotFoundError):
+        Answers.from_csv(tmp_path / "none.csv")
+
+
+def test_errors_say_whose_fault_it_is():
+    conflict = InconsistentAnswers("no scale", [(0, "a"), (3, "b")], margin=True)
+    assert conflict.answers == ((0, "a"), (3, "b"))
+    assert conflict.margin
+    assert str(conflict) == "no scale"
+    assert isinstance(conflict, ValueError)
+    assert issubclass(StaleAnswer, ValueError)
+    assert not issubclass(StaleAnswer, InconsistentAnswers)

@@ -1,0 +1,375 @@
+"""The pictures show what the comparators say: areas, intervals and arrows against other ways to the same numbers."""
+
+from __future__ import annotations
+
+import itertools
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib import pyplot as plt
+from matplotlib.collections import LineCollection
+from matplotlib.patches import FancyArrowPatch, Polygon
+
+from elicit import plot
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.diagnostics.preference_graph import cycles, preference_graph
+from elicit.model.comparator import AlwaysAsk, Dominance
+from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.model.scale import tail_sums
+from elicit.tutors.simulated import TruthfulTutor
+
+matplotlib.use("Agg")
+LEVELS = ["critical", "stable", "well", "recovered"]
+VALUES = [0, 2, 7, 10]
+WARD = [[0.1, 0.6, 0.2, 0.1], [0.3, 0.1, 0.4, 0.2], [0.2, 0.2, 0.6, 0.0], [0.5, 0.0, 0.0, 0.5]]
+
+
+@pytest.fixture(autouse=True)
+def _nothing_global(monkeypatch):
+    monkeypatch.setattr(plt, "show", lambda *args, **kwargs: pytest.fail("plt.show was called"))
+    before = dict(matplotlib.rcParams)
+    yield
+    assert dict(matplotlib.rcParams) == before
+    plt.close("all")
+
+
+def questions(rng, n, k=4):
+    return rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
+
+
+def taught(n, seed=0, **kwargs):
+    d = questions(np.random.default_rng(seed), 99)
+    t = tail_sums(d)
+    d = d[(t.min(axis=1) < 0) & (t.max(axis=1) > 0)][:n]  # those that dominance leaves open
+    return PolytopeComparator(4, **kwargs).update(Answers(d, TruthfulTutor(VALUES).signs(d)))
+
+
+def area(points):
+    """Half the sum of cross products of neighbours."""
+    x, y = np.asarray(points).T
+    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+
+
+def areas(ax):
+    """The drawn K_t, in the order in which they were given; the first patch is the triangle."""
+    return [patch for patch in ax.patches if isinstance(patch, Polygon)][1:]
+
+
+def nothing_is_clipped(ax):
+    figure = ax.figure
+    figure.canvas.draw()
+    box, renderer = figure.bbox, figure.canvas.get_renderer()
+    legend = ax.get_legend()
+    texts = list(ax.texts)
+    for axis in (ax.xaxis, ax.yaxis) if ax.axison else ():
+        low, high = sorted(axis.get_view_interval())
+        texts += [axis.label, *(tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high)]
+    assert len(texts) > 3
+    for artist in [t for t in texts if t.get_visible() and t.get_text()] + ([legend] if legend else []):
+        extent = artist.get_window_extent(renderer)
+        assert box.x0 - 1 <= extent.x0, artist
+        assert extent.x1 <= box.x1 + 1, artist
+        assert box.y0 - 1 <= extent.y0, artist
+        assert extent.y1 <= box.y1 + 1, artist
+
+
+# --- K_t as an area
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 8])
+@pytest.mark.parametrize("margin", [0.0, 0.1])
+def test_the_area_is_the_share_of_scales_that_fit(n, margin):
+    """Against random points of the simplex, of which those count that agree with every answer."""
+    known = taught(n, seed=n, margin=margin)
+    g = np.random.default_rng(1).dirichlet(np.ones(3), 40_000)
+    fits = (g >= margin).all(axis=1) & (tail_sums(known.answers.d) @ g.T * known.answers.y[:, None] >= 0).all(axis=0)
+    share = fits.mean()
+    (drawn,) = areas(plot.polytope(known))
+    assert 2 * area(drawn.get_xy()) == pytest.approx(share, abs=5 * np.sqrt(share * (1 - share) / 40_000) + 1e-9)
+    assert n == 0 or share < 0.9 * (1 - 3 * margin) ** 2
+
+
+def test_a_prior_cuts_too():
+    """e_3 >= 2 e_2 and e_4 - e_3 >= 0.1: by hand a triangle less a corner."""
+    known = PolytopeComparator(4, margin=0, prior=([[0, -2, 1, 0], [0, 0, -1, 1]], [0, 0.1]))
+    (drawn,) = areas(plot.polytope(known))
+    assert area(drawn.get_xy()) == pytest.approx(0.9 * 0.45 / 2)
+    assert sorted(map(tuple, np.round(plot.corners(known).cumsum(axis=1)[:, :2], 12))) == [
+        (0, 0),
+        (0, 0.9),
+        (0.45, 0.9),
+    ]
+
+
+small = st.lists(st.integers(-8, 8), min_size=4, max_size=4).map(lambda d: np.array(d) / 8)
+
+
+@given(st.lists(st.tuples(small, st.booleans()), max_size=6), small, st.sampled_from([0.0, 1e-6, 0.125]))
+@settings(max_examples=60, deadline=None)
+def test_the_corners_span_what_the_bounds_say(told, d, margin):
+    """The least and greatest d.e are reached at corners: against the linear programs."""
+    known = PolytopeComparator(4, margin=margin)
+    tutor = TruthfulTutor([0, 2, 5, 8])  # ties happen
+    for row, as_equal in told:
+        sign = int(tutor.signs(row)[0])
+        ways = [sign] if sign or as_equal else [1, -1]  # a tie is said as "equal", or by opposite answers
+        known = known.update(Answers([row] * len(ways), ways))
+    corners = plot.corners(known)
+    assert len(corners) >= 1
+    assert corners.sum(axis=1) == pytest.approx(1)
+    low, high = known.bounds(d)
+    values = corners @ tail_sums(d)
+    size = max(np.abs(d).sum(), 1e-3)
+    assert values.min() == pytest.approx(low[0], abs=2e-9 * size)
+    assert values.max() == pytest.approx(high[0], abs=2e-9 * size)
+
+
+def test_shrunk_to_a_segment_and_to_a_point():
+    ways = [[0, 1, -0.5, 0], [0, 0, 1, -0.5]]  # e_3 = 2 e_2, e_4 = 2 e_3
+    line = PolytopeComparator(4, margin=0).update(Answers([ways[0], ways[0]], [1, -1]))  # opposite answers
+    assert len(plot.corners(line)) == 2
+    assert plot.corners(line).cumsum(axis=1)[:, 1] == pytest.approx(2 * plot.corners(line)[:, 0])
+    point = line.update(Answers([ways[1], ways[1]], [-1, 1]))
+    assert plot.corners(point).tolist() == [[0.25, 0.25, 0.5]]
+    band = PolytopeComparator(4).update(Answers(ways, [0, 0]))  # "equal" is a band, if a narrow one
+    assert plot.corners(band) == pytest.approx(np.tile([0.25, 0.25, 0.5], (len(plot.corners(band)), 1)), abs=1e-8)
+    for known, rings in ((line, 0), (point, 1), (band, 1)):
+        ax = plot.polytope(known)
+        (drawn,) = areas(ax)
+        assert drawn.get_linewidth() >= 1
+        assert sum(mark.get_markerfacecolor() == "none" for mark in ax.lines) == rings
+        ax.figure.canvas.draw()
+    only = PolytopeComparator(4, margin=1 / 3)  # the margin alone can leave no more than a point
+    assert plot.corners(only) == pytest.approx(np.full((len(plot.corners(only)), 3), 1 / 3))
+
+
+def test_nested_areas_shrink_and_the_marks_are_where_they_belong():
+    steps = [taught(n) for n in (1, 3, 9)]
+    ax = plot.polytope(steps, labels=LEVELS, values=VALUES)
+    drawn = areas(ax)
+    sizes = [area(patch.get_xy()) for patch in drawn]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] > 1.3 * sizes[2] > 0
+    for inner, outer in itertools.pairwise(reversed(drawn)):  # corners on the edge count as inside
+        assert outer.get_path().contains_points(inner.get_xy()[:-1], radius=1e-9).all() or (
+            outer.get_path().contains_points(inner.get_xy()[:-1], radius=-1e-9).all()
+        )
+    marks = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
+    assert marks["best guess (analytic centre)"] == [steps[-1].values[1:3].tolist()]
+    assert marks["true scale"] == [[0.2, 0.7]]
+    assert drawn[-1].contains_point(ax.transData.transform((0.2, 0.7)))
+    assert drawn[-1].contains_point(ax.transData.transform(steps[-1].values[1:3]))
+    assert len({str(patch.get_linestyle()) for patch in drawn}) == 3, "told apart in grey"
+    assert len({patch.get_edgecolor() for patch in drawn}) == 3
+    named = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert named[:3] == ["scales that fit 1 answer", "scales that fit 3 answers", "scales that fit 9 answers"]
+
+
+def test_the_corners_of_the_triangle_say_what_they_mean():
+    ax = plot.polytope(taught(3), labels=LEVELS)
+    said = {tuple(text.xy): text.get_text() for text in ax.texts}
+    for e_2, e_3 in ((0, 0), (0, 1), (1, 1)):
+        j = [e_2, e_3 - e_2, 1 - e_3].index(1)  # the one gap that is open there
+        assert said[e_2, e_3] == f"all of the difference lies\nbetween {LEVELS[j]} and {LEVELS[j + 1]}"
+    assert ax.get_xlabel() == "value of stable\n(share of the range $e_{4} - e_1$)".replace("{4}", "4")
+    assert ax.get_ylabel().startswith("value of well\n(share of the range")
+    nothing_is_clipped(ax)
+
+
+def test_each_line_is_where_its_answer_changes_side():
+    known = taught(8).update(Answers([[0, 1, 0, 0]], [1]))  # the last follows from the order: no line
+    (lines,) = [c for c in plot.polytope(known).collections if isinstance(c, LineCollection)]
+    assert lines.get_label() == "limits of the answers"
+    t = tail_sums(known.answers.d)
+    crossing = [row for row in t if row.min() < 0 < row.max()]
+    assert len(lines.get_segments()) == len(crossing) == 8
+    for segment, row in zip(lines.get_segments(), crossing, strict=True):
+        for e_2, e_3 in segment:
+            g = np.array([e_2, e_3 - e_2, 1 - e_3])
+            assert g @ row == pytest.approx(0, abs=1e-12)
+            assert g.min() == pytest.approx(0, abs=1e-12), "from edge to edge"
+    assert not plot.polytope(known, cuts=False).collections
+    prior = PolytopeComparator(4, prior=([[0, -2, 1, 0], [0, 0, 0, 1]], [0, 0.5]))  # the second says nothing
+    (line,) = plot.polytope(prior).collections
+    assert line.get_label() == "limits of the prior"
+    assert sorted(map(tuple, line.get_segments()[0])) == [(0, 0), (0.5, 1)]
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [
+        (lambda: plot.polytope(PolytopeComparator(5)), "k = 5: scale_intervals"),
+        (lambda: plot.polytope([PolytopeComparator(4), PolytopeComparator(3)]), "k = 3: scale_intervals"),
+        (lambda: plot.polytope(Dominance(4)), "not Dominance: use scale_intervals"),
+        (lambda: plot.polytope([]), "at least one"),
+        (lambda: plot.corners(PolytopeComparator(3)), "k = 3: scale_intervals"),
+        (lambda: plot.polytope(PolytopeComparator(4), labels=["a", "b"]), "4 levels, worst first, but there are 2"),
+        (lambda: plot.polytope(PolytopeComparator(4), values=[0, 1, 2]), "each of 4 levels"),
+        (lambda: plot.polytope(PolytopeComparator(4), values=[0, 3, 2, 4]), "increase"),
+        (lambda: plot.scale_intervals([]), "at least one"),
+        (lambda: plot.scale_intervals({}), "at least one"),
+        (lambda: plot.scale_intervals({"a": Dominance(3), "b": Dominance(4)}), "b is about 4 levels, but a is about 3"),
+        (lambda: plot.scale_intervals(Dominance(3), labels="abcd"), "3 levels"),
+        (lambda: plot.scale_intervals(Dominance(3), values=[0, 1]), "each of 3 levels"),
+    ],
+)
+def test_what_cannot_be_drawn(call, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        call()
+    assert not plt.get_fignums(), "no empty figure is left behind"
+
+
+# --- each level's interval
+
+
+def drawn_intervals(ax):
+    """For each comparator: low, high, height (k,) of its lines; and the best guesses (k,)."""
+    lines = [c for c in ax.collections if c.get_zorder() == 1]
+    points = [line for line in ax.lines if line.get_zorder() == 2]
+    for collection, line in zip(lines, points, strict=True):
+        ends = np.array(collection.get_segments())
+        yield ends[:, 0, 0], ends[:, 1, 0], ends[:, 0, 1], line.get_xdata(), line
+
+
+@pytest.mark.parametrize("k", [2, 3, 7])
+def test_intervals_are_the_bounds(k):
+    rng = np.random.default_rng(k)
+    values = np.cumsum(rng.random(k))
+    d = questions(rng, 40, k)
+    answers = Answers(d, TruthfulTutor(values).signs(d))
+    named = {
+        "polytope": PolytopeComparator(k).update(answers),
+        "Bradley-Terry": BradleyTerryComparator(k, n_boot=20, seed=0).update(answers),
+        "always ask": AlwaysAsk(k),
+        "order": Dominance(k),
+    }
+    ax = plot.scale_intervals(named, values=values)
+    found = list(drawn_intervals(ax))
+    assert len(found) == 4
+    true = (values - values[0]) / (values[-1] - values[0])
+    for one, (low, high, _, guess, _) in zip(named.values(), found, strict=True):
+        for j in range(k):
+            least, greatest = one.bounds(np.eye(k)[j] - np.eye(k)[0])
+            assert (low[j], high[j]) == (least[0], greatest[0])
+        assert guess.tolist() == one.values.tolist()
+        assert (low <= guess + 1e-9).all()
+        assert (guess <= high + 1e-9).all()
+    low, high, *_ = found[0]
+    assert (low <= true + 1e-12).all()
+    assert (true <= high + 1e-12).all()
+    assert (k == 2) == (high[1] - low[1] < 0.01)
+    heights = np.array([height for _, _, height, _, _ in found])
+    assert len(np.unique(heights.round(6))) == 4 * k, "beside each other"
+    assert (np.abs(heights - np.arange(k)) < 0.45).all()
+    (ticks,) = [c for c in ax.collections if c.get_zorder() == 3]
+    assert np.array(ticks.get_segments())[:, 0, 0] == pytest.approx(true)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["true value", *named]
+    nothing_is_clipped(ax)
+
+
+def test_comparators_are_told_apart_in_colour_and_in_grey():
+    several = [PolytopeComparator(4), *(taught(n) for n in range(1, 7))]
+    ax = plot.scale_intervals(several)
+    marks = [line for *_, line in drawn_intervals(ax)]
+    assert len({line.get_marker() for line in marks}) == 7
+    assert len({line.get_color() for line in marks}) == 7
+    lines = [c for c in ax.collections if c.get_zorder() == 1]
+    assert len({str(c.get_linestyle()) for c in lines}) == 7
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names[:3] == ["Polytope, 0 answers", "Polytope, 1 answer", "Polytope, 2 answers"]
+    nothing_is_clipped(ax)
+
+
+def test_one_comparator_with_names_of_levels():
+    ax = plot.scale_intervals(taught(4), labels=LEVELS)
+    assert [text.get_text() for text in ax.get_yticklabels()] == LEVELS
+    assert ax.get_legend() is None
+    assert "share of the range $e_4 - e_1$" in ax.get_xlabel()
+    nothing_is_clipped(ax)
+    assert "$e_{12} - e_1$" in plot.scale_intervals(Dominance(12)).get_xlabel()
+
+
+# --- the graph of answers
+
+
+def said(name, left, verdict, right):
+    return Answer(Query(name, WARD[left], WARD[right]), verdict)
+
+
+def arrows(ax):
+    return [text.arrow_patch for text in ax.texts if isinstance(text.arrow_patch, FancyArrowPatch)]
+
+
+def test_better_vectors_stand_above():
+    graph = preference_graph(
+        [said("1", 0, Verdict.BETTER, 1), said("2", 2, Verdict.WORSE, 1), said("3", 2, Verdict.EQUAL, 3)],
+        dominance=False,
+    )
+    ax = plot.preference_graph(graph)
+    height = {text.get_text(): text.xy[1] for text in ax.texts if text.get_text()}
+    assert height["0"] > height["1"] > height["2"]
+    assert height["10/60/20/10"] == height["0"]
+    assert len(arrows(ax)) == 3, "equal is one line"
+    assert len({str(arrow.get_linestyle()) for arrow in arrows(ax)}) == 2
+    nothing_is_clipped(ax)
+    ax = plot.preference_graph(graph, labels=LEVELS)
+    assert set(LEVELS) <= {text.get_text() for text in ax.texts}
+
+
+def test_a_circle_can_be_drawn_and_stands_out():
+    graph = preference_graph([said(str(i), i, Verdict.BETTER, (i + 1) % 4) for i in range(4)])
+    plain, marked = plot.preference_graph(graph), plot.preference_graph(graph, cycles=cycles(graph))
+    colours = [{arrow.get_edgecolor() for arrow in arrows(ax)} for ax in (plain, marked)]
+    assert len(colours[0]) == len(colours[1]) == 1
+    assert colours[0] != colours[1]
+    assert "on a cycle" in [text.get_text() for text in marked.get_legend().get_texts()]
+
+
+def test_dominance_is_drawn_without_what_follows():
+    chain = [[1 - s, 0.0, 0.0, s] for s in (0.1, 0.2, 0.4, 0.8)]
+    answers = [Answer(Query(str(i), chain[i], chain[i + 1]), None) for i in range(3)]
+    graph = preference_graph(answers)
+    assert graph.number_of_edges() == 6
+    assert len(arrows(plot.preference_graph(graph))) == 3
+    plot.preference_graph(preference_graph([]))
+
+
+# --- what all have in common
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda ax: plot.polytope(taught(2), ax),
+        lambda ax: plot.scale_intervals(taught(2), ax),
+        lambda ax: plot.preference_graph(preference_graph([said("1", 0, Verdict.BETTER, 1)]), ax),
+    ],
+)
+def test_axes_are_used_or_made(draw):
+    figure, (left, right) = plt.subplots(1, 2)
+    assert draw(left) is left
+    assert plt.get_fignums() == [figure.number]
+    assert not right.has_data()
+    new = draw(None)
+    assert new.figure is not figure
+    assert len(plt.get_fignums()) == 2
+
+
+def test_without_matplotlib_the_error_names_what_to_install(monkeypatch):
+    for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ImportError, match=r"pip install 'elicit-qlearn\[ablation\]'"):
+        plot.scale_intervals(Dominance(3))
+
+
+def test_importing_the_module_needs_no_matplotlib():
+    code = "import sys, elicit.plot; print([name for name in ('matplotlib', 'pandas') if name in sys.modules])"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

@@ -1,0 +1,541 @@
+"""The answer log loses nothing that it acknowledged, and says what is wrong with a file."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elicit.model.query import Answer, Query, Verdict
+from elicit.tutors.answer_log import AnswerLog, BadLog, Entry
+
+LEFT, RIGHT = [0.1, 0.2, 0.7], [1 / 3, 1 / 3, 1 / 3]
+
+
+def answer(name="q", verdict=Verdict.BETTER, left=LEFT, right=RIGHT, **more):
+    return Answer(Query(name, left, right, more.pop("about", "")), verdict, **more)
+
+
+def same(a: Entry, b: Entry) -> bool:
+    return (
+        (a.answer.query.id, a.answer.query.about, a.answer.verdict, a.answer.swapped, a.used, dict(a.metadata))
+        == (b.answer.query.id, b.answer.query.about, b.answer.verdict, b.answer.swapped, b.used, dict(b.metadata))
+        and a.retraction == b.retraction
+        and a.answer.query.left.tobytes() == b.answer.query.left.tobytes()
+        and a.answer.query.right.tobytes() == b.answer.query.right.tobytes()
+    )
+
+
+def filled(path, header=None):
+    log = AnswerLog(path, header=header)
+    log.append(answer("a", about="ward 3 or ward 4?\nünïcödé \u2028"), time="2024-05-01T12:00:00Z")
+    log.append(answer("b", None), used=False)
+    log.append(answer("c", Verdict.EQUAL, swapped=True), who={"nurse": [1, 2.5, None]})
+    return log
+
+
+@pytest.mark.parametrize("on_disk", [True, False])
+def test_what_went_in_comes_out(tmp_path, on_disk):
+    path = tmp_path / "log.jsonl" if on_disk else None
+    log = filled(path)
+    assert len(log) == 3
+    assert log.k == 3
+    assert log.path == path
+    assert log.torn is None
+    first, second, third = log
+    assert first.answer.query.about == "ward 3 or ward 4?\nünïcödé \u2028"
+    assert first.metadata == {"time": "2024-05-01T12:00:00Z"}
+    assert (first.answer.verdict, second.answer.verdict, third.answer.verdict) == (1, None, 0)
+    assert isinstance(first.answer.verdict, Verdict)
+    assert (first.used, second.used) == (True, False)
+    assert third.answer.swapped
+    assert third.metadata == {"who": {"nurse": [1, 2.5, None]}}
+    if path is not None:
+        assert all(same(x, y) for x, y in zip(AnswerLog.read(path), log, strict=True))
+        assert all(same(x, y) for x, y in zip(AnswerLog(path), log, strict=True))
+
+
+def test_answers_are_the_used_and_decided_ones():
+    log = AnswerLog(k=3)
+    assert len(log.answers()) == 0
+    assert log.answers().k == 3
+    log.append(answer("a", Verdict.WORSE))
+    log.append(answer("b", None))
+    log.append(answer("c", Verdict.BETTER), used=False)
+    log.append(answer("d", Verdict.EQUAL, left=RIGHT, right=LEFT))
+    told = log.answers()
+    assert told.ids == ("a", "d")
+    assert told.y.tolist() == [-1, 0]
+    assert told.d.tobytes() == np.stack([np.subtract(LEFT, RIGHT), np.subtract(RIGHT, LEFT)]).tobytes()
+
+
+def test_an_empty_log_does_not_guess_k():
+    log = AnswerLog()
+    assert log.k is None
+    assert list(log) == []
+    with pytest.raises(ValueError, match="give k"):
+        log.answers()
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=6, max_size=6))
+@settings(max_examples=100, deadline=None)
+def test_floats_survive_to_the_last_bit(numbers):
+    log = AnswerLog()
+    log.append(answer(left=numbers[:3], right=numbers[3:]))
+    stored = next(iter(log)).answer.query
+    assert np.concatenate([stored.left, stored.right]).tobytes() == np.array(numbers).tobytes()
+
+
+def test_the_file_is_plain_json_lines(tmp_path):
+    filled(tmp_path / "log.jsonl", header={"levels": ["bad", "fair", "good"]})
+    lines = (tmp_path / "log.jsonl").read_text("ascii").splitlines()
+    assert json.loads(lines[0]) == {
+        "format": "elicit answers",
+        "version": 1,
+        "k": 3,
+        "levels": ["bad", "fair", "good"],
+    }
+    assert json.loads(lines[3]) == {
+        "id": "c",
+        "left": LEFT,
+        "right": RIGHT,
+        "verdict": 0,
+        "swapped": True,
+        "about": "",
+        "used": True,
+        "who": {"nurse": [1, 2.5, None]},
+    }
+
+
+def test_an_existing_file_is_continued(tmp_path):
+    path = tmp_path / "log.jsonl"
+    filled(path, header={"levels": ["bad", "fair", "good"]})
+    before = path.read_bytes()
+    log = AnswerLog(path, k=3, header={"levels": ("bad", "fair", "good")})
+    assert path.read_bytes() == before, "opening must not change the file"
+    log.append(answer("d"))
+    assert path.read_bytes().startswith(before)
+    assert [e.answer.query.id for e in AnswerLog.read(path)] == ["a", "b", "c", "d"]
+    assert AnswerLog.read(path).header["levels"] == ["bad", "fair", "good"]
+
+
+def test_a_given_k_shows_before_the_first_answer(tmp_path):
+    log = AnswerLog(tmp_path / "log.jsonl", k=3)
+    assert log.k == 3
+    with pytest.raises(ValueError, match="3 levels, but query q is about 2"):
+        log.append(answer(left=[0, 1], right=[1, 0]))
+    assert len(log) == 0
+    log.append(answer())
+    assert AnswerLog.read(tmp_path / "log.jsonl").k == 3
+
+
+def test_each_append_is_synced(tmp_path, monkeypatch):
+    path = tmp_path / "log.jsonl"
+    log = AnswerLog(path)
+    synced = []
+    real = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda n: (synced.append(os.fstat(n).st_size), real(n))[1])
+    for name in "abc":
+        log.append(answer(name))
+        assert synced[-1] == path.stat().st_size
+    assert len(synced) == 3
+
+
+# --- crashes
+
+
+def test_a_file_cut_anywhere_in_its_last_line_keeps_the_rest(tmp_path):
+    path = tmp_path / "log.jsonl"
+    filled(path)
+    data = path.read_bytes()
+    start = data.rstrip(b"\n").rindex(b"\n") + 1
+    for cut in range(start, len(data) + 1):
+        path.write_bytes(data[:cut])
+        for open_log in (AnswerLog.read, AnswerLog):
+            log = open_log(path)
+            whole = cut >= len(data) - 1  # only the line feed may be missing
+            assert len(log) == (3 if whole else 2), cut
+            assert log.torn == (None if whole or cut == start else data[start:cut].decode()), cut
+        assert path.read_bytes() == data[:cut], "opening must not change the file"
+        log.append(answer("next"))
+        assert log.torn is None
+        names = ["a", "b", "c", "next"] if whole else ["a", "b", "next"]
+        for found in (log, AnswerLog.read(path), AnswerLog(path)):
+            assert [e.answer.query.id for e in found] == names, cut
+            assert found.torn is None
+        assert path.read_bytes().count(b"\n") == len(names) + 1
+
+
+def test_a_file_cut_anywhere_in_its_first_lines(tmp_path):
+    """A crash during the very first append leaves a part of the header, or of the first answer."""
+    path = tmp_path / "log.jsonl"
+    AnswerLog(path).append(answer("a"))
+    data = path.read_bytes()
+    header = data.index(b"\n")
+    for cut in range(len(data) + 1):
+        path.write_bytes(data[:cut])
+        log = AnswerLog(path)
+        whole = cut >= len(data) - 1
+        assert len(log) == whole
+        assert log.k == (3 if cut >= header else None)
+        log.append(answer("next"))
+        assert [e.answer.query.id for e in AnswerLog.read(path)] == (["a", "next"] if whole else ["next"]), cut
+
+
+def test_garbage_at_the_end_is_torn_too(tmp_path):
+    path = tmp_path / "log.jsonl"
+    filled(path)
+    whole = path.read_bytes()
+    for tail in (b"\0" * 40, b'{"id": "\xc3', b"\xff\xfe"):
+        path.write_bytes(whole + tail)
+        log = AnswerLog(path)
+        assert len(log) == 3
+        assert log.torn
+        log.append(answer("d"))
+        assert len(AnswerLog.read(path)) == 4
+
+
+@pytest.mark.parametrize("fails", ["write", "fsync"])
+def test_a_failed_append_changes_nothing(tmp_path, monkeypatch, fails):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    before = path.read_bytes()
+
+    def broken(number):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        if fails == "fsync":
+            patch.setattr(os, "fsync", broken)
+        else:
+            real = open
+
+            def short(*args, **kwargs):
+                file = real(*args, **kwargs)
+
+                class Short:
+                    def __enter__(self):
+                        return self
+
+                    def __exit__(self, *reason):
+                        file.close()
+
+                    def __getattr__(self, name):
+                        return getattr(file, name)
+
+                    def write(self, data):
+                        return file.write(data[:-5])
+
+                return Short()
+
+            patch.setattr("builtins.open", short)
+        with pytest.raises(OSError, match=r"space|disk full"):
+            log.append(answer("lost"))
+    assert path.read_bytes() == before
+    assert len(log) == 3
+    log.append(answer("d"))
+    assert [e.answer.query.id for e in AnswerLog.read(path)] == ["a", "b", "c", "d"]
+
+
+def test_a_second_writer_is_noticed(tmp_path):
+    path = tmp_path / "log.jsonl"
+    one = AnswerLog(path)
+    two = AnswerLog(path)
+    one.append(answer("a"))
+    with pytest.raises(BadLog, match="something else wrote"):
+        two.append(answer("b"))
+    one.append(answer("c"))
+    assert [e.answer.query.id for e in AnswerLog.read(path)] == ["a", "c"]
+
+
+# --- taking an answer back
+
+
+@pytest.mark.parametrize("on_disk", [True, False])
+def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(tmp_path, on_disk):
+    path = tmp_path / "log.jsonl" if on_disk else None
+    log = filled(path)
+    log.append(answer("a", Verdict.WORSE))  # the same query, told twice
+    before = path.read_bytes() if on_disk else b""
+    log.retract("a", who="nurse", why={"typo": True})
+    log.retract("b")
+    assert log.answers().ids == ("c",)
+    assert len(log) == 4
+    assert [entry.retracted for entry in log] == [True, True, False, True]
+    assert [entry.used for entry in log] == [False, False, True, False]
+    assert [entry.answer.query.id for entry in log] == ["a", "b", "c", "a"]
+    first, second, third, fourth = log
+    assert first.metadata == {"time": "2024-05-01T12:00:00Z"}
+    assert first.retraction == fourth.retraction == {"who": "nurse", "why": {"typo": True}}
+    assert second.retraction == {}
+    assert third.retraction is None
+    if on_disk:
+        assert path.read_bytes().startswith(before)
+        assert [json.loads(line) for line in path.read_bytes()[len(before) :].splitlines()] == [
+            {"retract": "a", "who": "nurse", "why": {"typo": True}},
+            {"retract": "b"},
+        ]
+        for found in (AnswerLog.read(path), AnswerLog(path)):
+            assert all(same(x, y) for x, y in zip(found, log, strict=True))
+
+
+def test_answers_are_those_that_answers_without_leaves():
+    log = filled(None)
+    log.append(answer("a", Verdict.WORSE))
+    kept = log.answers().without(["a"])
+    log.retract("a")
+    assert (kept.ids, kept.y.tolist(), kept.d.tobytes()) == (
+        log.answers().ids,
+        log.answers().y.tolist(),
+        log.answers().d.tobytes(),
+    )
+
+
+def test_a_query_can_be_answered_anew(tmp_path):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    for verdict in (Verdict.WORSE, Verdict.EQUAL):
+        log.retract("a")
+        log.append(answer("a", verdict))
+        for found in (log, AnswerLog.read(path)):
+            assert found.answers().ids == ("c", "a")
+            assert found.answers().y.tolist() == [0, verdict]
+    assert [(e.answer.verdict, e.retracted) for e in log if e.answer.query.id == "a"] == [
+        (Verdict.BETTER, True),
+        (Verdict.WORSE, True),
+        (Verdict.EQUAL, False),
+    ]
+
+
+def test_what_cannot_be_retracted(tmp_path):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    log.retract("a")
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="'x' cannot be retracted: this log has none"):
+        log.retract("x")
+    with pytest.raises(ValueError, match="'a' was retracted already"):
+        log.retract("a")
+    for name in ("about", "retract", "used"):
+        with pytest.raises(ValueError, match=name):
+            log.retract("c", **{name: 1})
+    with pytest.raises(ValueError, match="plain JSON"):
+        log.retract("c", why=object())
+    with pytest.raises(ValueError, match="opened for reading"):
+        AnswerLog.read(path).retract("c")
+    with pytest.raises(ValueError, match="this log has none"):
+        AnswerLog().retract("a")
+    assert path.read_bytes() == before
+    assert log.answers().ids == ("c",)
+
+
+def test_a_retraction_is_synced_or_has_not_happened(tmp_path, monkeypatch):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    before = path.read_bytes()
+    real, synced = os.fsync, []
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", lambda number: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+        with pytest.raises(OSError, match="No space"):
+            log.retract("a")
+    assert path.read_bytes() == before
+    assert log.answers().ids == ("a", "c")
+    monkeypatch.setattr(os, "fsync", lambda number: (synced.append(path.stat().st_size), real(number))[1])
+    log.retract("a")
+    assert synced == [path.stat().st_size]
+    assert AnswerLog.read(path).answers().ids == ("c",)
+
+
+def test_a_second_writer_is_noticed_by_a_retraction(tmp_path):
+    one = filled(tmp_path / "log.jsonl")
+    two = AnswerLog(tmp_path / "log.jsonl")
+    one.retract("a")
+    with pytest.raises(BadLog, match="something else wrote"):
+        two.retract("c")
+    assert [entry.retracted for entry in two] == [False, False, False]
+
+
+def test_a_file_cut_anywhere_in_a_retraction(tmp_path):
+    path = tmp_path / "log.jsonl"
+    filled(path).retract("a", why="typo")
+    data = path.read_bytes()
+    start = data.rstrip(b"\n").rindex(b"\n") + 1
+    for cut in range(start, len(data) + 1):
+        path.write_bytes(data[:cut])
+        whole = cut >= len(data) - 1
+        for open_log in (AnswerLog.read, AnswerLog):
+            log = open_log(path)
+            assert log.answers().ids == (("c",) if whole else ("a", "c")), cut
+            assert log.torn == (None if whole or cut == start else data[start:cut].decode()), cut
+        log.retract("c")  # takes a torn line out of the file, like any append
+        for found in (log, AnswerLog.read(path)):
+            assert found.answers().ids == (() if whole else ("a",)), cut
+            assert found.torn is None
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ('{"retract": "x"}', "'x' cannot be retracted"),
+        ('{"retract": "d"}', "'d' cannot be retracted"),  # only what was told before
+        ('{"retract": null}', "None"),
+        ('{"retract": ["a"]}', "cannot be retracted"),
+        ('{"retract": "a", "id": "a"}', "no field"),  # half an answer, half a retraction
+    ],
+)
+def test_a_retraction_of_nothing_is_a_damaged_line(tmp_path, line, complaint):
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    log.append(answer("d"))
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:4], line, lines[4], ""]))
+    with pytest.raises(BadLog, match=complaint) as caught:
+        AnswerLog(path)
+    assert caught.value.line == 5
+
+
+def test_readers_that_know_no_retractions_cannot_misread_one(tmp_path):
+    """They demand an answer's fields in every line; and a log without retractions is what it always was."""
+    path = tmp_path / "log.jsonl"
+    log = filled(path)
+    log.append(answer("d"), retract="free to use as metadata")
+    assert json.loads(path.read_text().splitlines()[0])["version"] == 1
+    assert [entry.metadata for entry in AnswerLog.read(path)][-1] == {"retract": "free to use as metadata"}
+    log.retract("a", why="typo")
+    demanded = {"id", "left", "right", "verdict", "swapped", "about", "used"}
+    assert demanded.isdisjoint(json.loads(path.read_text().splitlines()[-1]))
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from([-1, 0, 1, None, "retract"])), max_size=12))
+@settings(max_examples=60, deadline=None)
+def test_retractions_against_a_list(tmp_path_factory, history):
+    """Any history, also after a restart at each step, against the plain list of what stands."""
+    path = tmp_path_factory.mktemp("log") / "log.jsonl"
+    stands: list[tuple[str, int | None]] = []
+    for name, verdict in history:
+        log = AnswerLog(path, k=3)
+        if verdict != "retract":
+            log.append(answer(name, verdict))
+            stands.append((name, verdict))
+        elif any(told == name for told, _ in stands):
+            log.retract(name)
+            stands = [one for one in stands if one[0] != name]
+        else:
+            with pytest.raises(ValueError, match="retracted"):
+                log.retract(name)
+        for found in (log, AnswerLog(path, k=3)):
+            assert [(e.answer.query.id, e.answer.verdict) for e in found if not e.retracted] == stands
+            told = found.answers()
+            assert list(zip(told.ids, told.y.tolist(), strict=True)) == [s for s in stands if s[1] is not None]
+
+
+# --- what is wrong
+
+
+def test_reading_does_not_write(tmp_path):
+    path = tmp_path / "log.jsonl"
+    filled(path)
+    log = AnswerLog.read(path)
+    with pytest.raises(ValueError, match="opened for reading"):
+        log.append(answer("d"))
+    with pytest.raises(FileNotFoundError):
+        AnswerLog.read(tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+    with pytest.raises(FileNotFoundError):
+        AnswerLog(tmp_path / "none" / "log.jsonl")
+    empty = tmp_path / "empty"
+    empty.touch()
+    assert len(AnswerLog.read(empty)) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint", "line"),
+    [
+        ("hello", "no answer log", 1),
+        ("hello\n", "no answer log", 1),
+        ("[1, 2]\n", "no answer log", 1),
+        ('{"format": "other"}\n', "no answer log", 1),
+        ('{"format": "elicit answers", "version": 2, "k": 3}\n', "version 2; this program reads version 1", 1),
+        ('{"format": "elicit answers", "version": 1}\n', "k = None", 1),
+        ('{"format": "elicit answers", "version": 1, "k": "3"}\n', "k = '3'", 1),
+    ],
+)
+def test_files_that_are_no_log(tmp_path, text, complaint, line):
+    path = tmp_path / "log.jsonl"
+    path.write_text(text)
+    for open_log in (AnswerLog, AnswerLog.read):
+        with pytest.raises(BadLog, match=complaint) as caught:
+            open_log(path)
+        assert caught.value.line == line
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda f: f.pop("left"), "no field 'left'"),
+        (lambda f: f.update(left=[0, 1]), r"\(2,\) with \(3,\)"),
+        (lambda f: f.update(left=[0, 1], right=[1, 0]), "2 levels, but its header says k = 3"),
+        (lambda f: f.update(left=[0, 1, None]), "finite|number"),
+        (lambda f: f.update(left=[0, 1, float("nan")]), "finite"),
+        (lambda f: f.update(left="abc"), "abc"),
+        (lambda f: f.update(verdict=2), "verdict is 2"),
+        (lambda f: f.update(verdict=True), "verdict is True"),
+        (lambda f: f.update(verdict="better"), "verdict is 'better'"),
+        (lambda f: f.update(used=1), "used is 1"),
+        (lambda f: f.update(swapped=None), "swapped is None"),
+        (lambda f: f.update(id=7), "id is 7"),
+    ],
+)
+def test_a_damaged_line_in_the_middle(tmp_path, change, complaint):
+    path = tmp_path / "log.jsonl"
+    filled(path)
+    lines = path.read_text().splitlines()
+    fields = json.loads(lines[2])
+    change(fields)
+    path.write_text("\n".join([*lines[:2], json.dumps(fields), *lines[3:], ""]))
+    with pytest.raises(BadLog, match=complaint) as caught:
+        AnswerLog(path)
+    assert caught.value.line == 3
+    assert "line 3" in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("line", ["", "{", "3", "null", '{"id": "a"'])
+def test_a_line_that_is_no_json_object(tmp_path, line):
+    path = tmp_path / "log.jsonl"
+    filled(path)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:3], line, lines[3], ""]))
+    with pytest.raises(BadLog, match="line 4"):
+        AnswerLog(path)
+
+
+def test_another_log_than_the_one_expected(tmp_path):
+    path = tmp_path / "log.jsonl"
+    filled(path, header={"problem": "icu"})
+    with pytest.raises(BadLog, match="k = 3, not 4"):
+        AnswerLog(path, k=4)
+    with pytest.raises(BadLog, match="problem = 'icu', not 'ward'"):
+        AnswerLog(path, header={"problem": "ward"})
+    assert len(AnswerLog(path, k=3, header={"problem": "icu"})) == 3
+
+
+def test_bad_arguments():
+    with pytest.raises(ValueError, match="header"):
+        AnswerLog(header={"k": 3})
+    with pytest.raises(ValueError, match="header must be plain JSON"):
+        AnswerLog(header={"levels": {1, 2}})
+    log = AnswerLog()
+    with pytest.raises(ValueError, match="metadata must be plain JSON"):
+        log.append(answer(), when=object())
+    with pytest.raises(ValueError, match="metadata must be plain JSON"):
+        log.append(answer(), weight=float("nan"))
+    with pytest.raises(ValueError, match="left"):
+        log.append(answer(), left=3)
+    assert len(log) == 0
+    assert log.k is None

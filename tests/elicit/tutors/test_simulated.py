@@ -1,0 +1,466 @@
+"""Simulated tutors are exact, reproducible and as wrong as asked; a replayed log says what it said."""
+
+from __future__ import annotations
+
+import copy
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import expit
+
+from elicit._support.hashing import fold, unordered_pairs
+from elicit.model.query import Answer, Query, Verdict
+from elicit.model.scale import gaps, tail_sums
+from elicit.testing import check_tutor
+from elicit.tutors.answer_log import AnswerLog, Entry
+from elicit.tutors.simulated import (
+    BradleyTerryTutor,
+    FlippingTutor,
+    NotInLog,
+    ReplayTutor,
+    TruthfulTutor,
+    Tutor,
+    _exact_signs,
+)
+
+HIDDEN = np.array([3, 10, 11, 40, 99])
+
+
+def query(d, name="q"):
+    d = np.asarray(d, dtype=float)
+    return Query(name, np.clip(d, 0, None), np.clip(-d, 0, None))
+
+
+def by_fractions(d, values):
+    t, g = tail_sums(np.asarray(d, dtype=float)), gaps(values)
+    total = sum((Fraction(a) * Fraction(b) for a, b in zip(t.tolist(), g.tolist(), strict=True)), Fraction())
+    return (total > 0) - (total < 0)
+
+
+def shares(rng, n, k):
+    return rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
+
+
+NOISY = [lambda seed: FlippingTutor(HIDDEN, 0.3, seed), lambda seed: BradleyTerryTutor(HIDDEN, 4.0, seed)]
+
+
+# --- the truth
+
+
+@pytest.mark.parametrize("k", [2, 3, 5, 10, 25])
+def test_the_truthful_tutor_is_exact_on_shares(k):
+    rng = np.random.default_rng(k)
+    values = np.sort(rng.choice(100, k, replace=False))
+    d = shares(rng, 200, k)
+    wanted = [by_fractions(row, values) for row in d]
+    assert TruthfulTutor(values).signs(d).tolist() == wanted
+    assert [TruthfulTutor(values)(query(row)).verdict for row in d] == wanted
+
+
+@pytest.mark.parametrize("k", [3, 5, 10])
+def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
+    """Differences orthogonal to the scale, up to a few units in the last place of one entry."""
+    rng = np.random.default_rng(k)
+    values = np.sort(rng.random(k))
+    g = gaps(values)
+    rows = []
+    for d in shares(rng, 60, k):
+        t = tail_sums(d)
+        d[1] -= (t @ g) / g[0]
+        for ulps in (-2, -1, 0, 1, 2):
+            near = d.copy()
+            near[1] += ulps * np.spacing(near[1])
+            rows.append(near)
+    rows = np.array(rows)
+    wanted = [by_fractions(row, values) for row in rows]
+    assert len(set(wanted)) > 1
+    naive = np.sign(tail_sums(rows) @ g)
+    assert (naive != wanted).any(), "these cases do not need exact arithmetic"
+    assert TruthfulTutor(values).signs(rows).tolist() == wanted
+    tutor = TruthfulTutor(values)
+    assert [tutor(query(row)).verdict for row in rows] == wanted
+
+
+def test_exact_ties_are_equal():
+    tutor = TruthfulTutor([0, 1, 2, 4])
+    assert tutor(query([1, -2, 1, 0])).verdict is Verdict.EQUAL
+    assert tutor(query([0.5, 0, -1, 0.5])).verdict is Verdict.EQUAL
+    assert tutor(query(np.zeros(4))).verdict is Verdict.EQUAL
+    assert tutor.signs([[1, -2, 1, 0], [0, 0, 0, 0], [-1, 1, 0, 0]]).tolist() == [0, 0, 1]
+
+
+@given(
+    st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=3, max_size=6),
+    st.data(),
+)
+@settings(max_examples=150, deadline=None)
+def test_any_finite_difference_gets_its_exact_sign(d, data):
+    steps = data.draw(st.lists(st.floats(1e-3, 1e3), min_size=len(d) - 1, max_size=len(d) - 1))
+    values = np.concatenate([[0.0], np.cumsum(steps)])
+    tutor = TruthfulTutor(values)
+    wanted = by_fractions(d, values)
+    assert tutor.signs([d]).tolist() == [wanted]
+    assert tutor(query(d)).verdict == wanted
+    assert tutor(query([-x for x in d])).verdict == -wanted
+    assert math.isclose(tutor.realised_error_rate, 0.0)
+
+
+@pytest.mark.parametrize("tiny", [5e-324, 1e-310, 1e-300])
+def test_differences_that_underflow(tiny):
+    values = [0, 1, 10]
+    assert TruthfulTutor(values)(query([-tiny, tiny, 0])).verdict is Verdict.BETTER
+    assert TruthfulTutor(values)(query([0, 2 * tiny, -tiny])).verdict == by_fractions([0, 2 * tiny, -tiny], values)
+
+
+def test_values_are_normalised_and_their_unit_does_not_matter():
+    tutor = TruthfulTutor(HIDDEN)
+    assert tutor.k == 5
+    assert tutor.values[0] == 0
+    assert tutor.values[-1] == 1
+    assert np.allclose(tutor.values, (HIDDEN - 3) / 96)
+    d = shares(np.random.default_rng(0), 50, 5)
+    assert (TruthfulTutor(HIDDEN * 7.0 - 5).signs(d) == tutor.signs(d)).all()
+    tutor.values[0] = 5.0
+    assert tutor.values[0] == 0
+
+
+@pytest.mark.parametrize("values", [[0, 0, 1], [1, 0], [0], [0, np.nan], [[0, 1]]])
+def test_bad_values(values):
+    for make in (TruthfulTutor, lambda v: FlippingTutor(v, 0.1, 0), lambda v: BradleyTerryTutor(v, 1.0, 0)):
+        with pytest.raises(ValueError, match="values"):
+            make(values)
+
+
+@pytest.mark.parametrize("tutor", [TruthfulTutor(HIDDEN), *(make(1) for make in NOISY)])
+def test_a_query_about_other_levels(tutor):
+    with pytest.raises(ValueError, match="5"):
+        tutor(query([1, -1]))
+    with pytest.raises(ValueError, match="finite"):
+        tutor.signs([[0, 0, 0, 0, np.nan]])
+    assert math.isnan(tutor.realised_error_rate)
+
+
+# --- errors
+
+
+@pytest.mark.parametrize("make", [lambda s: TruthfulTutor(HIDDEN), *NOISY])
+def test_many_at_once_is_one_by_one(make):
+    rng = np.random.default_rng(0)
+    d = shares(rng, 60, 5)
+    d = np.concatenate([d, -d[:20], d[:20], np.zeros((2, 5)), [[0, 0, 7, -8, 1]]])
+    together, apart = make(3), make(3)
+    signs = together.signs(d)
+    assert signs.dtype == np.int8
+    assert signs.tolist() == [apart(query(row)).verdict for row in d]
+    in_two = make(3)
+    assert signs.tolist() == [*in_two.signs(d[:50]), *in_two.signs(d[50:])]
+    assert together.realised_error_rate == apart.realised_error_rate == in_two.realised_error_rate
+    assert make(3).signs(np.empty((0, 5))).shape == (0,)
+
+
+@pytest.mark.parametrize("make", NOISY)
+def test_errors_do_not_depend_on_the_order_of_asking(make):
+    d = shares(np.random.default_rng(1), 100, 5)
+    shuffled = np.random.default_rng(2).permutation(100)
+    assert (make(5).signs(d)[shuffled] == make(5).signs(d[shuffled])).all()
+    late = make(5)
+    late.signs(shares(np.random.default_rng(3), 50, 5))
+    assert (late.signs(d) == make(5).signs(d)).all()
+
+
+@pytest.mark.parametrize("make", NOISY)
+def test_the_mirrored_pair_gets_the_mirrored_answer(make):
+    d = shares(np.random.default_rng(1), 200, 5)
+    assert (make(5).signs(-d) == -make(5).signs(d)).all()
+    # also as the second asking, whichever way round the first was
+    straight, turned = make(5), make(5)
+    straight.signs(d)
+    turned.signs(-d)
+    assert (straight.signs(d) == turned.signs(d)).all()
+
+
+@pytest.mark.parametrize("make", NOISY)
+def test_asking_again_draws_again(make):
+    tutor, d = make(5), shares(np.random.default_rng(1), 1, 5)
+    answers = tutor.signs(np.repeat(d, 200, axis=0))
+    assert set(answers.tolist()) == {-1, 1}
+    assert make(5).signs(d)[0] == answers[0]
+
+
+@pytest.mark.parametrize("make", NOISY)
+def test_seeds(make):
+    d = shares(np.random.default_rng(1), 200, 5)
+    assert (make(5).signs(d) == make(5).signs(d)).all()
+    assert (make(5).signs(d) != make(6).signs(d)).any()
+    assert (make(np.random.default_rng(4)).signs(d) == make(np.random.default_rng(4)).signs(d)).all()
+    with pytest.raises(TypeError, match="seed"):
+        make(None)
+
+
+def test_signed_zeros_are_one_pair():
+    d = np.array([[0.25, 0.0, -0.5, 0.0, 0.25]])
+    minus = np.where(d == 0, -0.0, d)
+    key = fold(7)
+    hashes = [unordered_pairs(key, t)[1][0] for t in (tail_sums(d), tail_sums(minus), tail_sums(-d), -tail_sums(d))]
+    assert len({int(h) for h in hashes}) == 1
+    for make in NOISY:
+        first, second = make(1), make(1)
+        assert [first.signs(d)[0] for _ in range(30)] == [second.signs(minus)[0] for _ in range(30)]
+
+
+def test_errors_grow_with_the_error_rate():
+    """A pair answered wrongly by a careful tutor is answered wrongly by a careless one of the same seed."""
+    d = shares(np.random.default_rng(1), 2000, 5)
+    truth = TruthfulTutor(HIDDEN).signs(d)
+    for tutors in (
+        [FlippingTutor(HIDDEN, r, 1) for r in (0.05, 0.1, 0.3)],
+        [BradleyTerryTutor(HIDDEN, c, 1) for c in (30, 10, 2)],
+    ):
+        wrong = [tutor.signs(d) != truth for tutor in tutors]
+        assert (wrong[0] <= wrong[1]).all()
+        assert (wrong[1] <= wrong[2]).all()
+        assert wrong[0].sum() < wrong[1].sum() < wrong[2].sum()
+
+
+def test_a_precise_tutor_is_truthful_and_precision_0_is_a_coin():
+    d = shares(np.random.default_rng(1), 4000, 5)
+    assert (BradleyTerryTutor(HIDDEN, 1e9, 1).signs(d) == TruthfulTutor(HIDDEN).signs(d)).all()
+    assert abs(np.mean(BradleyTerryTutor(HIDDEN, 0.0, 1).signs(d) == TruthfulTutor(HIDDEN).signs(d)) - 0.5) < 0.04
+
+
+def test_bradley_terry_is_equation_6():
+    """1 / (1 + exp(-c d.e)), at one difference asked often."""
+    d = np.array([-0.3, 0.1, 0.2, 0.15, -0.15])
+    tutor = BradleyTerryTutor(HIDDEN, 6.0, 11)
+    n = 20_000
+    share = np.mean(tutor.signs(np.repeat(d[None], n, axis=0)) == 1)
+    p = 1 / (1 + math.exp(-6.0 * float(d @ tutor.values)))
+    assert abs(share - p) < 4 * math.sqrt(p * (1 - p) / n)
+
+
+def test_exact_ties():
+    tie, same = [[1, -2, 1, 0]], [[0, 0, 0, 0]]
+    values = [0, 1, 2, 4]
+    assert FlippingTutor(values, 1.0, 0).signs(tie * 20).tolist() == [0] * 20
+    coin = BradleyTerryTutor(values, 5.0, 0)
+    tossed = coin.signs(np.array(tie * 400)).tolist()
+    assert abs(tossed.count(1) - 200) < 50
+    assert tossed.count(0) == 0
+    assert coin.realised_error_rate == 0
+    assert BradleyTerryTutor(values, 5.0, 0).signs(-np.array(tie * 400)).tolist() == [-y for y in tossed]
+    for tutor in (coin, FlippingTutor(values, 1.0, 0), TruthfulTutor(values)):
+        assert tutor.signs(same).tolist() == [0]
+
+
+def test_a_tie_in_floats_that_is_none_can_be_answered_wrongly():
+    """Where float sums say 0 but the exact product does not, there is a wrong answer, and it is counted."""
+    g = gaps([0.0, 0.1, 0.3, 0.6, 1.0])
+    rng = np.random.default_rng(0)
+    hard = []
+    for d in shares(rng, 4000, 5):
+        d[1] -= (tail_sums(d) @ g) / g[0]
+        t = tail_sums(d)
+        signs, size = _exact_signs(t[None], g)
+        assert (signs[0] == 0) == (size[0] == 0)
+        if (t * g).sum() == 0 and signs[0] != 0:
+            hard.append(d)
+    assert hard
+    tutor = FlippingTutor([0.0, 0.1, 0.3, 0.6, 1.0], 1.0, 0)
+    tutor.signs(np.array(hard))
+    assert tutor.realised_error_rate == 1.0
+
+
+def test_realised_error_rate_counts_every_answer():
+    tutor = FlippingTutor(HIDDEN, 0.25, 2)
+    assert math.isnan(tutor.realised_error_rate)
+    d = shares(np.random.default_rng(1), 400, 5)
+    truth = TruthfulTutor(HIDDEN).signs(d)
+    wrong = sum(tutor(query(row)).verdict != y for row, y in zip(d[:100], truth[:100], strict=True))
+    assert tutor.realised_error_rate == wrong / 100
+    wrong += int((tutor.signs(d[100:]) != truth[100:]).sum())
+    assert tutor.realised_error_rate == wrong / 400
+    assert abs(wrong / 400 - 0.25) < 0.09
+    truthful = TruthfulTutor(HIDDEN)
+    truthful.signs(d)
+    assert truthful.realised_error_rate == 0
+
+
+# --- from_error_rate
+
+
+@pytest.mark.parametrize("rate", [0.001, 0.05, 0.15, 0.3, 0.499])
+@pytest.mark.parametrize("k", [2, 5, 20])
+def test_the_expected_error_rate_is_the_one_asked_for(k, rate):
+    rng = np.random.default_rng(k)
+    values = np.sort(rng.choice(100, k, replace=False))
+    reference = shares(rng, 500, k)
+    tutor = BradleyTerryTutor.from_error_rate(values, rate, reference)
+    de = tail_sums(reference) @ gaps(values)
+    assert expit(-tutor.precision * np.abs(de)).mean() == pytest.approx(rate, rel=1e-6)
+    assert FlippingTutor.from_error_rate(values, rate, reference, seed=4).error_rate == rate
+
+
+@pytest.mark.parametrize("make", [FlippingTutor, BradleyTerryTutor])
+@pytest.mark.parametrize("rate", [0.05, 0.15, 0.4])
+def test_realised_and_nominal_error_rate(make, rate):
+    rng = np.random.default_rng(8)
+    reference = shares(rng, 4000, 5)
+    tutor = make.from_error_rate(HIDDEN, rate, reference, seed=9)
+    tutor.signs(shares(rng, 20_000, 5))
+    assert abs(tutor.realised_error_rate - rate) < 4 * math.sqrt(rate * (1 - rate) / 4000)
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-6, 1e6])
+def test_the_length_of_the_reference_sets_the_precision(scale):
+    reference = shares(np.random.default_rng(8), 300, 5)
+    plain = BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference).precision
+    assert BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference * scale).precision * scale == pytest.approx(plain)
+
+
+def test_ties_in_the_reference_are_no_errors():
+    values = [0, 1, 2, 4]
+    reference = np.array([[1, -2, 1, 0], [0, 0, 0, 0], [-1, 1, 0, 0], [0, 0, -1, 1]], dtype=float)
+    for make in (FlippingTutor, BradleyTerryTutor):
+        tutor = make.from_error_rate(values, 0.2, reference)
+        tutor.signs(np.tile(reference, (4000, 1)))
+        assert abs(tutor.realised_error_rate - 0.2) < 0.02
+        with pytest.raises(ValueError, match=r"0\.25"):
+            make.from_error_rate(values, 0.25, reference)
+        with pytest.raises(ValueError, match="0 reference"):
+            make.from_error_rate(values, 0.2, reference[:0])
+
+
+@pytest.mark.parametrize("rate", [0, 0.5, -0.1, 1, np.nan, "a", None])
+def test_bad_error_rates(rate):
+    reference = shares(np.random.default_rng(8), 30, 5)
+    for make in (FlippingTutor, BradleyTerryTutor):
+        with pytest.raises(ValueError, match="error rate"):
+            make.from_error_rate(HIDDEN, rate, reference)
+
+
+def test_bad_settings():
+    with pytest.raises(ValueError, match=r"1\.5"):
+        FlippingTutor(HIDDEN, 1.5, 0)
+    with pytest.raises(ValueError, match=r"error_rate must be .* not 'a'"):
+        FlippingTutor(HIDDEN, "a", 0)
+    for precision in (-1, np.nan, np.inf, "a", None):
+        with pytest.raises(ValueError, match="precision"):
+            BradleyTerryTutor(HIDDEN, precision, 0)
+    with pytest.raises(ValueError, match="reference"):
+        BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, [[1, -1]])
+
+
+# --- replay
+
+
+def recorded(answers, k=5):
+    log = AnswerLog(k=k)
+    for answer in answers:
+        log.append(answer)
+    return log
+
+
+def test_what_was_retracted_is_not_replayed():
+    query = Query("q", np.array([0.5, 0.0, 0.5]), np.array([0.0, 1.0, 0.0]))
+    log = AnswerLog()
+    log.append(Answer(query, Verdict.BETTER))
+    log.retract("q")
+    with pytest.raises(NotInLog):
+        ReplayTutor(log)(query)
+    log.append(Answer(query, Verdict.WORSE))
+    assert ReplayTutor(log)(query).verdict is Verdict.WORSE
+
+
+def test_a_log_replays_by_id_and_by_pair():
+    d = shares(np.random.default_rng(1), 30, 5)
+    tutor = FlippingTutor(HIDDEN, 0.3, 1)
+    answers = [tutor(query(row, f"id {i}")) for i, row in enumerate(d)]
+    replay = ReplayTutor(recorded(answers))
+    assert [replay(a.query).verdict for a in reversed(answers)] == [a.verdict for a in reversed(answers)]
+    by_pair = ReplayTutor(recorded(answers))
+    assert [by_pair(query(row, f"other {i}")).verdict for i, row in enumerate(d)] == [a.verdict for a in answers]
+    mirrored = ReplayTutor(answers)
+    found = [mirrored(query(-row, f"other {i}")) for i, row in enumerate(d)]
+    assert [a.verdict for a in found] == [a.verdict.flipped for a in answers]
+    assert all(a.swapped for a in found)
+    assert all(a.query.id.startswith("other") for a in found)
+
+
+def test_repeated_pairs_replay_in_order_and_a_repeated_id_stays():
+    d = [0.5, -1, 0, 0, 0.5]
+    verdicts = [Verdict.BETTER, None, Verdict.EQUAL, Verdict.WORSE]
+    log = [Answer(query(d, f"q{i}"), v) for i, v in enumerate(verdicts)]
+    replay = ReplayTutor(log)
+    assert [replay(query(d, f"r{i}")).verdict for i in range(4)] == verdicts
+    assert [replay(query(d, f"r{i}")).verdict for i in (3, 0, 2)] == [verdicts[i] for i in (3, 0, 2)]
+    with pytest.raises(LookupError, match="all 4 answers"):
+        replay(query(d, "r4"))
+    # an id takes its own answer out of the queue of its pair
+    mixed = ReplayTutor(log)
+    assert mixed(query(d, "q0")).verdict is Verdict.BETTER
+    assert mixed(query(d, "x")).verdict is None
+    assert mixed(query(d, "q0")).verdict is Verdict.BETTER
+    # and it has its own answer even where another query of the same pair came first
+    taken = ReplayTutor(log[:1])
+    assert [taken(query(d, name)).verdict for name in ("x", "q0", "q0", "x")] == [Verdict.BETTER] * 4
+
+
+def test_an_id_answered_twice_replays_twice():
+    d = [0.5, -1, 0, 0, 0.5]
+    replay = ReplayTutor([Answer(query(d, "q"), Verdict.BETTER), Answer(query(d, "q"), Verdict.WORSE)])
+    assert [replay(query(d, "q")).verdict for _ in range(3)] == [Verdict.BETTER, Verdict.WORSE, Verdict.WORSE]
+
+
+def test_signed_zeros_and_unused_entries_are_found():
+    zero = Query("a", [0.5, 0.0, 0.5], [0.0, 1.0, 0.0])
+    minus = Query("b", [0.5, -0.0, 0.5], [-0.0, 1.0, 0.0])
+    replay = ReplayTutor([Entry(Answer(zero, Verdict.WORSE, swapped=True), used=False)])
+    assert replay(minus) == Answer(minus, Verdict.WORSE, swapped=True)
+
+
+def test_a_query_that_the_log_does_not_hold():
+    replay = ReplayTutor(recorded([Answer(query([1, -1, 0, 0, 0], "known"), Verdict.WORSE)]))
+    with pytest.raises(NotInLog, match="stranger") as caught:
+        replay(query([0, 0, -1, 0.5, 0.5], "stranger"))
+    assert isinstance(caught.value, LookupError)
+    with pytest.raises(NotInLog, match="other vectors"):
+        replay(query([0, 0, -1, 0.5, 0.5], "known"))
+
+
+# --- contract
+
+
+@pytest.mark.parametrize("k", [2, 5])
+def test_all_tutors_conform(k):
+    values = np.arange(k) ** 2
+    check_tutor(TruthfulTutor(values), k, truthful=True)
+    check_tutor(FlippingTutor(values, 0.2, 0), k)
+    check_tutor(BradleyTerryTutor(values, 3.0, 0), k)
+    assert isinstance(TruthfulTutor(values), Tutor)
+    with pytest.raises(AssertionError, match=r"truthful|every scale"):
+        check_tutor(FlippingTutor(values, 0.5, 0), k, truthful=True)
+
+
+@pytest.mark.parametrize(
+    ("answer", "complaint"),
+    [
+        (lambda q: q.left, "must return an elicit.Answer"),
+        (lambda q: Answer(query([1, -1, 0], "else"), Verdict.BETTER), "names another one"),
+        (lambda q: Answer(q, Verdict.BETTER), "identical vectors"),
+    ],
+)
+def test_bad_tutors_are_found_out(answer, complaint):
+    with pytest.raises(AssertionError, match=complaint):
+        check_tutor(answer, 3)
+
+
+def test_a_tutor_can_be_copied():
+    tutor = FlippingTutor(HIDDEN, 0.4, 0)
+    d = shares(np.random.default_rng(0), 50, 5)
+    tutor.signs(d)
+    twin = copy.deepcopy(tutor)
+    assert (tutor.signs(d) == twin.signs(d)).all()

@@ -1,0 +1,237 @@
+"""A tiny ablation from end to end."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.image import imread
+
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import Tier
+from elicit.tutors.simulated import FlippingTutor
+from qlearn.experiments import run as runs
+from qlearn.experiments.ablation import KEYS, Interrupted, ablate, cells, run, summarise
+from qlearn.experiments.ablation_plot import LEGEND, plot_ablation, table
+from qlearn.experiments.metrics import MEASURES
+from qlearn.learners.learner import drive
+from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.mdp.planning import policy_loss
+from qlearn.problems.random_mdp import random_mdp
+
+TINY: dict[str, Any] = {
+    "problems": ["random"], "states": 8, "actions": 3, "levels": 4, "seeds": 1, "steps": 200, "tolerance": 0.05,
+    "max_sweeps": 80, "max_queries": 40, "n_boot": 10, "error_rates": (0.0, 0.15),
+    "audit_steps": 20, "audit_sweeps": 8,
+}  # fmt: skip
+
+
+def text_of(frame: pd.DataFrame) -> str:
+    return str(frame.drop(columns="seconds").to_csv(index=False))
+
+
+@pytest.fixture(scope="module")
+def frame() -> pd.DataFrame:
+    return ablate(**TINY, jobs=1)
+
+
+def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(frame: pd.DataFrame, tmp_path: Path) -> None:
+    journal = tmp_path / "journal"
+    seen: list[tuple[int, int]] = []
+    part = TINY | {"comparators": ["polytope"], "error_rates": [0.15], "learners": ["ivi"]}
+    ablate(**part, jobs=1, journal=journal)  # three runs of the whole
+    whole = ablate(**TINY, jobs=2, journal=journal, progress=lambda *now: seen.append(now))
+    assert seen[0] == (3, len(frame))
+    assert text_of(whole) == text_of(frame)
+
+    kept = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(kept[4:]) + kept[0][:-30])
+    seen.clear()
+    # an oracle is among the missing; and a default is the same setting, named or not
+    resumed = ablate(**TINY, lapse=0.1, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
+    assert seen == [(done, len(frame)) for done in range(len(frame) - 4, len(frame) + 1)]
+    assert text_of(resumed) == text_of(frame)
+
+
+def test_a_part_of_the_sweep_gives_the_same_rows(frame: pd.DataFrame) -> None:
+    part = ablate(**TINY | {"comparators": ["polytope"], "error_rates": [0.15], "learners": ["ivi"]}, jobs=1)
+    assert part.comparator.tolist() == ["always", "polytope", "polytope"]  # the oracle always runs
+    keys = list(KEYS)
+    same = frame.merge(part[keys], on=keys)
+    assert text_of(same) == text_of(part)
+
+
+def test_one_row_a_cell_in_order(frame: pd.DataFrame) -> None:
+    # 2 error rates each: plain runs of all but the relaxed polytope, which is always audited, as the polytope is once
+    # more; the posterior with an indifference for Q-learning only
+    assert len(frame) == 2 * (6 + 2) + 2 * (5 + 2)
+    assert not frame.duplicated(list(KEYS)).any()
+    assert frame.learner.unique().tolist() == ["q-learning", "ivi"]
+    assert frame.comparator.unique().tolist() == [
+        "always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box"
+    ]  # fmt: skip
+    tiers = [tier.name.lower() for tier in Tier]
+    assert (frame[tiers].sum(axis=1) == frame.compared).all()
+    assert (frame.tutor == frame.asked).all()
+    assert (frame.audited[frame.audit == 0] == 0).all()
+    assert (frame.realised_error_rate[frame.error_rate == 0] == 0).all()
+    assert frame.asked[frame.comparator != "always"].max() <= 40
+
+
+def test_the_oracle_is_its_own_baseline(frame: pd.DataFrame) -> None:
+    oracle = frame[(frame.comparator == "always") & (frame.error_rate == 0)]
+    assert len(oracle) == 2
+    for column in ("excess_loss", "excess_loss_initial", "paper_loss_percent"):
+        assert (oracle[column] == 0).all()
+
+
+def test_polytope_with_a_truthful_tutor_is_the_oracle_with_fewer_questions(frame: pd.DataFrame) -> None:
+    plain = frame[(frame.learner == "q-learning") & (frame.error_rate == 0) & (frame.audit == 0)]
+    learned = plain.set_index("comparator")
+    polytope = learned.loc[["polytope"]]
+    assert (polytope.excess_loss == 0).all()
+    assert (polytope.paper_loss_percent == 0).all()
+    assert (polytope.wrong_before + polytope.wrong_after == 0).all()
+    assert (polytope.judged_before > 0).all()
+    assert (polytope.asked < learned.asked["always"]).all()
+
+
+def test_audited_runs_are_shorter_and_not_paired(frame: pd.DataFrame) -> None:
+    audited = frame[frame.audit > 0]
+    assert (audited[audited.learner == "q-learning"].rounds == 20).all()
+    assert (audited[audited.learner == "ivi"].rounds <= 8).all()
+    assert audited.audited.sum() > 0
+    paired = ["excess_loss", "excess_loss_initial", "paper_loss_percent"]
+    assert audited[paired].isna().all(axis=None)
+    assert frame[frame.audit == 0][paired].notna().all(axis=None)
+
+
+def test_a_run_can_be_rebuilt_by_hand(frame: pd.DataFrame) -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=0)
+    learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=200, epsilon=1.0, rng=0, max_queries=40)
+    tutor = FlippingTutor(values, 0.15, seed=0)
+    result = drive(learner, tutor)
+    loss = policy_loss(mdp, result.policy, values)
+    row = frame.query("learner == 'q-learning' and comparator == 'polytope' and error_rate == .15 and audit == 0").iloc[
+        0
+    ]
+    assert (row.asked, row.compared, row.realised_error_rate, row.loss, row.loss_initial) == (
+        result.asked,
+        result.compared,
+        tutor.realised_error_rate,
+        loss.mean(),
+        mdp.initial @ loss,
+    )
+
+
+def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    one = TINY | {"comparators": ["always"], "error_rates": [0.0], "learners": ["ivi"]}
+    ablate(**one, jobs=1, journal=tmp_path / "journal")
+    ablate(**one, jobs=1, journal=tmp_path / "journal")
+    older, now = ["older"], runs.sources  # the sweep asks first, then the worker
+    monkeypatch.setattr(runs, "sources", lambda: older.pop() if older else now())
+    # neither from the journal, nor by a worker that has sources of its own
+    with pytest.raises(RuntimeError, match="other sources or libraries than the process that started the sweep"):
+        ablate(**one, jobs=1, journal=tmp_path / "journal")
+
+
+def test_a_setting_that_is_none_is_said_before_the_runs() -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'stepz'"):
+        ablate(**TINY, stepz=3)
+
+
+def test_logistic_noise_errs_at_near_ties() -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=0)
+    cell = dict(zip(KEYS, ("random", "q-learning", "always", 0.15, 0.0, 0), strict=True))
+    flip, logistic = (run(cell, mdp, values, steps=300, noise=noise).row for noise in ("flip", "logistic"))
+    assert 0 < logistic["realised_error_rate"] != flip["realised_error_rate"] > 0
+    with pytest.raises(ValueError, match="noise must be"):
+        run(cell, mdp, values, steps=1, noise="loud")  # type: ignore[arg-type]
+
+
+def test_a_named_exploration_takes_the_place_of_epsilon() -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=0)
+    cell = dict(zip(KEYS, ("random", "q-learning", "always", 0.0, 0.0, 0), strict=True))
+    named, constant, other = (
+        run(cell, mdp, values, steps=300, **settings).v.tolist()
+        for settings in ({"exploration": "constant", "epsilon": 0.3}, {"epsilon": 0.1}, {"exploration": "decaying"})
+    )
+    assert named == constant != other
+
+
+def test_unknown_names_and_rates_are_refused() -> None:
+    with pytest.raises(ValueError, match="no comparator 'sphere'; choose among always"):
+        ablate(comparators=["sphere"])
+    with pytest.raises(ValueError, match=r"below 1/2, not 0\.5"):
+        cells(["random"], ["ivi"], ["box"], [0.5], 0.0, [0])
+
+
+def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
+    def stop(done: int, total: int) -> None:
+        assert total == len(frame)
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        ablate(**TINY, jobs=1, progress=stop)
+    assert len(caught.value.frame) == 3
+    assert caught.value.frame.columns.tolist() == frame.columns.tolist()
+
+
+def test_summary_has_the_mean_and_the_t_interval() -> None:
+    rows = ablate(**TINY | {"seeds": 3, "steps": 60, "learners": ["q-learning"], "comparators": ["ensemble"]}, jobs=1)
+    summary = summarise(rows)
+    assert (summary.runs == 3).all()
+    cell = rows[(rows.comparator == "ensemble") & (rows.error_rate == 0.15) & (rows.audit == 0)]
+    line = summary[(summary.comparator == "ensemble") & (summary.error_rate == 0.15) & (summary.audit == 0)].iloc[0]
+    assert line.asked == pytest.approx(cell.asked.mean())
+    assert line.asked_half == pytest.approx(
+        4.302652729911275 * cell.asked.std() / np.sqrt(3)
+    )  # t, 2 degrees of freedom
+    assert line.budget_spent == (cell.guess > 0).sum()
+    assert {*MEASURES} <= {*summary.columns}
+
+
+def test_one_seed_has_a_mean_and_no_interval(frame: pd.DataFrame) -> None:
+    summary = summarise(frame)
+    assert summary.asked.tolist() == frame.asked.tolist()
+    assert summary.asked_half.isna().all()
+
+
+def test_the_table_says_all_cells_in_120_columns(frame: pd.DataFrame) -> None:
+    text = table(summarise(frame), {"random": "a tiny MDP"})
+    lines = text.splitlines()
+    assert max(map(len, [*lines, *LEGEND.splitlines()])) <= 120
+    assert "a tiny MDP, Q-learning" in text
+    named = ("always", "polytope", "relaxed", "posterior", "ensemble", "box")
+    assert sum(line.startswith(named) for line in lines) == 2 * (6 + 2) + 2 * (5 + 2)
+    assert "nan" not in text
+
+
+@pytest.mark.parametrize("max_queries", [None, 40])
+def test_the_figure_shows_something(frame: pd.DataFrame, max_queries: int | None) -> None:
+    figure = plot_ablation(summarise(frame), max_queries=max_queries)
+    assert len(figure.axes) == 2
+    assert all("questions" in axes.get_xlabel() for axes in figure.axes)
+    file = BytesIO()
+    figure.savefig(file, format="png")
+    file.seek(0)
+    picture = imread(file)
+    assert picture.shape[0] > 300
+    assert picture.std() > 0.05
+
+
+@pytest.mark.parametrize("problem", ["frozen-lake", "deep-sea-treasure"])
+def test_known_tasks_are_problems_too(problem: str) -> None:
+    pytest.importorskip("mo_gymnasium")
+    settings = TINY | {"problems": [problem], "comparators": ["polytope"], "error_rates": [0.0], "audit": 0.0}
+    rows = ablate(**settings, jobs=1)
+    assert len(rows) == 4
+    assert (rows.problem == problem).all()
+    polytope = rows[(rows.comparator == "polytope") & (rows.learner == "q-learning")]
+    assert (polytope.excess_loss == 0).all()
+    assert "FrozenLake 8x8, Q-learning" in table(summarise(rows)) or problem != "frozen-lake"

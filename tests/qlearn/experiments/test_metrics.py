@@ -1,0 +1,177 @@
+"""Each metric is held to a case worked out by hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit.model.comparator import AlwaysAsk, Decisions, Tier
+from elicit.model.query import Answers, Query, Verdict
+from elicit.model.scale import Floats, normalise, tail_sums
+from qlearn.experiments.metrics import Watch, audits, counts, estimated_values, paper_loss, reference_differences
+from qlearn.learners.learner import Audit, Result, Status
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import value_iteration
+from qlearn.problems.random_mdp import random_mdp
+
+VALUES = (10.0, 20.0, 50.0)  # normalised: 0, 1/4, 1
+
+
+def decided(verdicts: Sequence[int], tier: Tier = Tier.MODEL) -> Decisions:
+    return Decisions(np.array(verdicts, dtype=np.int8), np.full(len(verdicts), tier, dtype=np.int8))
+
+
+# d.e is .5 * 1 - .5 * .25 = .375; its opposite; and .02 * 1 - .1 * .25 = -.005, close
+DIFFERENCES = np.array([[0.0, -0.5, 0.5], [0.0, 0.5, -0.5], [0.08, -0.1, 0.02]])
+
+
+def test_watch_counts_verdicts_against_the_hidden_scale() -> None:
+    watch = Watch(VALUES)
+    watch(DIFFERENCES, decided([1, 1, -1]))
+    assert watch.counts == (3, 1, 0, 0)
+    watch(DIFFERENCES, decided([1, -1, 1]))
+    assert watch.counts == (6, 2, 0, 0)
+
+
+def test_watch_splits_at_the_tutors_first_wrong_answer() -> None:
+    erred = [False]
+    watch = Watch(VALUES, erred=lambda: erred[0])
+    watch(DIFFERENCES[:2], decided([-1, -1]))
+    erred[0] = True
+    watch(DIFFERENCES, decided([-1, 1, 1]))
+    assert watch.counts == (2, 1, 3, 3)
+    assert watch.counts._fields == ("judged_before", "wrong_before", "judged_after", "wrong_after")
+
+
+def test_watch_leaves_out_pairs_within_the_indifference_and_exact_ties() -> None:
+    watch = Watch(VALUES, indifference=0.01)
+    watch(DIFFERENCES, decided([1, -1, 1]))
+    assert watch.counts == (2, 0, 0, 0)
+    tie = np.array([[0.75, -1.0, 0.25]])
+    exact = Watch(VALUES)
+    exact(tie, decided([1]))
+    assert exact.counts == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("tier", Tier)
+def test_watch_counts_only_what_the_answers_decided(tier: Tier) -> None:
+    watch = Watch(VALUES)
+    watch(DIFFERENCES, decided([-1, 1, 1], tier))
+    counted = tier in (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
+    assert watch.counts == ((3, 3, 0, 0) if counted else (0, 0, 0, 0))
+
+
+def test_watch_counts_no_equal_and_no_unknown() -> None:
+    watch = Watch(VALUES)
+    watch(DIFFERENCES, decided([Verdict.EQUAL, Verdict.UNKNOWN, Verdict.BETTER], Tier.LP))
+    assert watch.counts == (1, 1, 0, 0)
+
+
+def test_watch_judges_many_small_calls_like_one() -> None:
+    rng = np.random.default_rng(0)
+    d = rng.dirichlet(np.ones(3), 6000) - rng.dirichlet(np.ones(3), 6000)
+    said = rng.choice([-1, 1], 6000)
+    one, many = Watch(VALUES, 0.01), Watch(VALUES, 0.01)
+    one(d, decided(list(said)))
+    for i in range(6000):
+        many(d[i : i + 1], decided([said[i]]))
+    true = d @ normalise(VALUES)
+    far = np.abs(true) > 0.01
+    assert one.counts == many.counts == (far.sum(), (far & (np.sign(true) != said)).sum(), 0, 0)
+
+
+def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] = ()) -> Result:
+    tiers = {tier.name.lower(): 0 for tier in Tier} | decided
+    return Result(
+        policy=np.zeros(1, np.int64),
+        q=np.zeros((1, 1, 3)),
+        status=Status.DONE,
+        asked=asked,
+        decided=tiers,
+        comparator=AlwaysAsk(3),
+        answers=Answers.none(3),
+        audits=checked,
+        cannot_tell=0,
+        rounds=7,
+    )
+
+
+def test_counts_name_every_denominator() -> None:
+    row = counts(result({"equal": 10, "dominance": 50, "lp": 36, "tutor": 4}, asked=4))
+    assert (row["asked_percent_all"], row["asked_percent_unequal"], row["asked_percent_open"]) == (4.0, 400 / 90, 10.0)
+    assert row["compared"] == 100
+    assert (row["equal"], row["lp"], row["guess"]) == (10, 36, 0)
+    assert (row["status"], row["rounds"]) == ("done", 7)
+
+
+def test_counts_without_comparisons_have_no_percentage() -> None:
+    row = counts(result({"equal": 3}))
+    assert row["asked_percent_all"] == 0
+    assert math.isnan(row["asked_percent_unequal"])
+    assert math.isnan(row["asked_percent_open"])
+
+
+def audit(d: Floats, expected: int, answer: int | None) -> Audit:
+    query = Query.make("", 0, d, np.zeros(3))
+    return Audit(query, Verdict(expected), None if answer is None else Verdict(answer))
+
+
+@pytest.mark.parametrize(
+    ("expected", "answer", "guilty"), [(1, -1, "audit"), (-1, 1, "answers")], ids=["audit", "answers"]
+)
+def test_the_first_contradiction_is_blamed_on_who_was_wrong(expected: int, answer: int, guilty: str) -> None:
+    better = DIFFERENCES[0]
+    checked = (audit(better, 1, 1), audit(better, 1, None), audit(better, expected, answer), audit(better, 1, -1))
+    row = audits(result({}, checked=checked), VALUES)
+    assert row == {"audited": 4, "audits_to_contradiction": 3, "contradiction_due_to": guilty}
+
+
+def test_no_contradiction_and_a_tie() -> None:
+    row = audits(result({}, checked=(audit(DIFFERENCES[0], 1, 1),)), VALUES)
+    assert row["audited"] == 1
+    assert math.isnan(row["audits_to_contradiction"])
+    assert row["contradiction_due_to"] == ""
+    tie = (audit(np.array([0.75, -1.0, 0.25]), 1, -1),)
+    assert audits(result({}, checked=tie), VALUES)["contradiction_due_to"] == "neither"
+
+
+def small_mdp() -> OrdinalMDP:
+    """Two states; from the second the third action is inadmissible, and it alone bears the best level."""
+    return OrdinalMDP(
+        np.zeros((2, 3, 1), dtype=int), np.ones((2, 3, 1)), [[0, 1, 1], [1, 0, 2]], 0.5, ("low", "middle", "high"),
+        admissible=[[True, True, True], [True, True, False]],
+    )  # fmt: skip
+
+
+def test_the_papers_loss_by_hand() -> None:
+    mdp = small_mdp()
+    q = np.array([[[1, 0, 0], [0.5, 0.5, 0], [0.2, 0.8, 0]], [[0, 1, 0], [1, 0, 0], [0, 0, 1]]], dtype=float)
+    # shares / (1 - discount) on raw values: 2 * (.2 * 10 + .8 * 20) = 36, and 2 * 20, the best level being barred
+    v = estimated_values(mdp, q, VALUES)
+    assert v.tolist() == pytest.approx([36.0, 40.0])
+    # the greatest reward that can be had is 20: 100 * ((36 - 40) + (40 - 40)) / (2 * 20)
+    assert paper_loss(mdp, v, np.array([40.0, 40.0]), VALUES) == pytest.approx(-10.0)
+    assert paper_loss(mdp, v, v, VALUES) == 0.0
+
+
+def test_the_papers_loss_is_undefined_where_no_reward_is_positive() -> None:
+    mdp = small_mdp()
+    assert math.isnan(paper_loss(mdp, np.ones(2), np.zeros(2), (-5.0, 0.0, 7.0)))
+
+
+def test_reference_differences_are_open_and_against_an_optimal_action() -> None:
+    mdp, values = random_mdp(12, 3, 4, rng=1)
+    d = reference_differences(mdp, values)
+    t: Any = tail_sums(d)
+    assert 0 < len(d) <= 24
+    assert ((t > 0).any(axis=1) & (t < 0).any(axis=1)).all()
+    assert (d @ normalise(values) <= 1e-12).all()
+    v, policy = value_iteration(mdp, values)
+    e = normalise(values)
+    q = 0.05 * e[mdp.levels] + 0.95 * (mdp.transitions @ v).reshape(mdp.levels.shape)
+    losses = np.sort((q - q[np.arange(12), policy][:, None]).ravel())
+    assert all(np.abs(losses - x).min() < 1e-8 for x in d @ e)

@@ -1,0 +1,770 @@
+"""Ask and tell, the loop that drives them, and the books that a learner keeps: the same for every learner."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import BY_ANSWERS, AlwaysAsk, Comparator, Dominance, Tier
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.scale import Floats, tail_sums
+from elicit.tutors.answer_log import AnswerLog
+from elicit.tutors.simulated import FlippingTutor, NotInLog, ReplayTutor, TruthfulTutor, Tutor
+from qlearn.learners.learner import Audit, Learner, Result, Status, drive
+from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.problems.random_mdp import random_mdp
+from tests.qlearn.test_reference import messy_mdp
+
+K = 5
+MDP, VALUES = random_mdp(8, 3, K, discount=0.9, rng=0)
+Make = Callable[..., Any]
+
+
+def q_learning(comparator: Comparator, **settings: Any) -> InteractiveQLearning:
+    return InteractiveQLearning(MDP, comparator, **{"steps": 400, "epsilon": 0.3, "rng": 1, **settings})
+
+
+def value_iteration(comparator: Comparator, **settings: Any) -> InteractiveValueIteration:
+    return InteractiveValueIteration(MDP, comparator, **{"tolerance": 0.01, "max_sweeps": 60, "rng": 1, **settings})
+
+
+@pytest.fixture(params=[q_learning, value_iteration])
+def make(request: pytest.FixtureRequest) -> Make:
+    chosen: Make = request.param
+    return chosen
+
+
+def truth(query: Query) -> Answer:
+    return TruthfulTutor(VALUES)(query)
+
+
+def names(queries: Iterable[Query]) -> list[bytes]:
+    """Each query's unordered pair."""
+    tails = [tail_sums(query.d) for query in queries]
+    return [min((t + 0.0).tobytes(), (0.0 - t).tobytes()) for t in tails]
+
+
+def recorded(learner: Learner, tutor: Callable[[Query], Answer], on_conflict: Any = "raise") -> list[Answer]:
+    """All answers of a run driven by hand."""
+    told = []
+    while queries := learner.ask():
+        answers = [tutor(query) for query in queries]
+        learner.tell(answers, on_conflict)
+        told += answers
+    return told
+
+
+def snapshot(result: Result) -> tuple[Any, ...]:
+    """Everything a Result says, but for the comparator's caches."""
+    return (
+        result.policy.tolist(), result.q.tobytes(), result.status, result.asked, result.audited, result.cannot_tell,
+        dict(result.decided), result.rounds, result.answers.d.tobytes(), result.answers.y.tolist(), result.answers.ids,
+        result.comparator.values.tobytes(), [(a.query.id, a.expected, a.answer) for a in result.audits],
+    )  # fmt: skip
+
+
+# --- ask and tell -----------------------------------------------------------------------------------------------
+
+
+def test_ask_is_idempotent(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    while queries := learner.ask():
+        before = snapshot(learner.result())
+        assert learner.ask() == queries
+        assert learner.ask()[0] is queries[0]
+        assert snapshot(learner.result()) == before
+        learner.tell([truth(query) for query in queries])
+    assert learner.ask() == ()
+    assert learner.ask() == ()
+
+
+def test_telling_nothing_changes_nothing(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    queries = learner.ask()
+    before = snapshot(learner.result())
+    assert learner.tell([]) == ()
+    assert learner.ask() == queries
+    assert snapshot(learner.result()) == before
+
+
+def test_unknown_ids_are_stale(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    assert_stale(learner, Answer(Query("nobody", np.eye(K)[0], np.eye(K)[1]), Verdict.BETTER))
+
+
+def test_a_second_answer_is_stale(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    (query,) = learner.ask()
+    learner.tell([truth(query)])
+    assert_stale(learner, truth(query))
+    learner.ask()
+    assert_stale(learner, truth(query))
+
+
+def test_two_answers_at_once_are_stale(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    (query,) = learner.ask()
+    assert_stale(learner, truth(query), truth(query))
+
+
+def test_answers_of_another_run_are_stale(make: Make) -> None:
+    learner, other = make(PolytopeComparator(K)), make(PolytopeComparator(K))
+    other._desk._fingerprint += "another problem"
+    learner.ask()
+    (query,) = other.ask()
+    assert_stale(learner, truth(query))
+
+
+def test_one_bad_answer_spoils_the_batch() -> None:
+    learner = value_iteration(PolytopeComparator(K), batch=4)
+    queries = learner.ask()
+    assert len(queries) > 1
+    stray = Answer(Query("nobody", np.eye(K)[0], np.eye(K)[1]), Verdict.BETTER)
+    assert_stale(learner, *[truth(query) for query in queries], stray)
+
+
+def test_an_answer_about_rounded_vectors_is_stale(make: Make) -> None:
+    # a page that shows three decimals must send back the id, or the query, not what it showed
+    learner = make(PolytopeComparator(K))
+    (query,) = learner.ask()
+    rounded = Query(query.id, query.left.round(2), query.right.round(2))
+    assert (rounded.d != query.d).any()
+    assert_stale(learner, Answer(rounded, Verdict.BETTER), match="rounded")
+    equal_copy = Query(query.id, query.left.copy(), query.right.copy(), "the text is for people only")
+    learner.tell([Answer(equal_copy, Verdict.BETTER)])
+    assert learner.result().asked == 1
+
+
+def assert_stale(learner: Any, *answers: Answer, match: str | None = None) -> None:
+    """Told to the learner, the answers raise StaleAnswer and change nothing."""
+    queries = learner.ask()
+    before = snapshot(learner.result())
+    with pytest.raises(StaleAnswer, match=match):
+        learner.tell(answers)
+    assert learner.ask() == queries
+    assert snapshot(learner.result()) == before
+
+
+def test_unknown_is_no_answer(make: Make) -> None:
+    (query,) = make(PolytopeComparator(K)).ask()
+    with pytest.raises(ValueError, match="None"):
+        Answer(query, Verdict.UNKNOWN)
+
+
+def test_a_generator_of_answers_is_as_good_as_a_list(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    learner.tell(truth(query) for query in learner.ask())
+    assert learner.result().asked == 1
+
+
+def test_on_conflict_must_be_known(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    queries = learner.ask()
+    with pytest.raises(ValueError, match="'Drop'"):
+        learner.tell([truth(query) for query in queries], "Drop")
+    with pytest.raises(ValueError, match="'Drop'"):
+        drive(learner, TruthfulTutor(VALUES), on_conflict="Drop")  # type: ignore[arg-type]
+    assert learner.ask() == queries
+
+
+def test_a_contradiction_leaves_the_learner_as_it_was(make: Make) -> None:
+    # with audit=1 every decided pair is put to the tutor; one who always prefers left contradicts himself soon
+    learner = make(PolytopeComparator(K), audit=1.0)
+
+    def left_is_better() -> None:
+        while queries := learner.ask():
+            states.append(snapshot(learner.result()))
+            learner.tell([Answer(query, Verdict.BETTER) for query in queries])
+
+    states: list[tuple[Any, ...]] = []
+    with pytest.raises(InconsistentAnswers) as raised:
+        left_is_better()
+    queries, before = learner.ask(), states[-1]
+    assert queries[0].id in [name for _, name in raised.value.answers]
+    assert len(states) == before[3] + before[4] + 1  # answers told, and the question now open
+    assert snapshot(learner.result()) == before
+    learner.tell([Answer(query, Verdict.WORSE) for query in queries])
+    assert learner.ask() != queries
+    after = learner.result()
+    assert after.asked + after.audited == before[3] + before[4] + 1
+
+
+def test_a_tutor_who_fails_leaves_the_question_open(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+
+    def tired(query: Query) -> Answer:
+        raise TimeoutError("gone for lunch")
+
+    with pytest.raises(TimeoutError):
+        drive(learner, tired)
+    assert learner.result().status is Status.WAITING
+    assert snapshot(drive(learner, TruthfulTutor(VALUES))) == snapshot(
+        drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES))
+    )
+
+
+# --- results ----------------------------------------------------------------------------------------------------
+
+
+def test_a_result_can_be_had_at_any_time(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    results = [learner.result()]
+    while queries := learner.ask():
+        results.append(learner.result())
+        learner.tell([truth(query) for query in queries])
+        results.append(learner.result())
+    assert {result.status for result in results} == {Status.WAITING}
+    for before, after in pairwise(results):
+        assert before.asked <= after.asked
+        assert before.compared <= after.compared
+        assert before.rounds <= after.rounds
+    for result in results:
+        assert MDP.admissible[np.arange(MDP.n_states), result.policy].all()
+        assert result.asked == result.decided["tutor"] == len(result.answers)
+    assert learner.result().status in (Status.DONE, Status.CONVERGED)
+
+
+def test_a_result_does_not_change_later(make: Make) -> None:
+    learner = make(PolytopeComparator(K))
+    learner.ask()
+    first = learner.result()
+    before = copy.deepcopy(snapshot(first))
+    first.policy[:] = 0
+    first.q[:] = 0.0  # nor does the learner, whatever is done to its result
+    recorded(learner, truth)
+    undisturbed = make(PolytopeComparator(K))
+    recorded(undisturbed, truth)
+    assert snapshot(learner.result()) == snapshot(undisturbed.result())
+    assert before[2] is Status.WAITING
+
+
+def test_statuses_are_sentences() -> None:
+    for status in Status:
+        assert " " in status.value
+        assert status.value.startswith(("finished", "not finished", "stopped"))
+
+
+def test_the_comparator_given_is_not_changed(make: Make) -> None:
+    comparator = PolytopeComparator(K)
+    learner = make(comparator)
+    result = drive(learner, TruthfulTutor(VALUES))
+    assert len(comparator.answers) == 0
+    assert len(result.comparator.answers) == result.asked > 0  # type: ignore[attr-defined]
+    assert learner.comparator is result.comparator
+
+
+# --- never twice, ties, cannot tell -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "comparator",
+    [Dominance(K), PolytopeComparator(K), BradleyTerryComparator(K, n_boot=20), AlwaysAsk(K)],
+    ids=["dominance", "polytope", "ensemble", "always ask"],
+)
+def test_no_pair_is_asked_twice(make: Make, comparator: Comparator) -> None:
+    settings = {"learning_rate": 1.0} if make is q_learning else {"max_sweeps": 15}  # rate 1: vectors come back
+    learner = make(comparator, **settings)
+    tutor = FlippingTutor(VALUES, 0.1, seed=0)
+    answers = recorded(learner, lambda query: tutor(query))
+    asked = names(answer.query for answer in answers)
+    assert len(set(asked)) == len(asked) > 0
+    if isinstance(comparator, Dominance) and make is q_learning:
+        assert learner.result().decided["known"] > 0
+
+
+@pytest.mark.parametrize("comparator", [PolytopeComparator(K), BradleyTerryComparator(K, n_boot=20)])
+def test_a_tie_is_binding(make: Make, comparator: Comparator) -> None:
+    learner = make(comparator)
+    (query,) = learner.ask()
+    learner.tell([Answer(query, Verdict.EQUAL)])
+    for d in (query.d, -query.d):
+        decisions = learner._desk.judge(d[None, :])
+        assert (decisions.verdicts[0], decisions.tiers[0]) == (Verdict.EQUAL, Tier.KNOWN)
+    recorded(learner, truth, on_conflict="drop")
+    assert learner.result().answers.y.tolist().count(0) == 1
+
+
+class Convinced(Dominance):
+    """Knows nothing until told of a preference; from then on calls whatever dominance leaves open WORSE."""
+
+    told = False
+
+    def compare(self, d: Any) -> Any:
+        verdicts = super().compare(d)
+        return np.where((verdicts == Verdict.UNKNOWN) & self.told, np.int8(Verdict.WORSE), verdicts)
+
+    def update(self, answers: Answers) -> Convinced:
+        new = Convinced(self.k)
+        object.__setattr__(new, "told", self.told or bool(answers.y.any()))
+        return new
+
+
+@pytest.mark.parametrize("tie", [Verdict.EQUAL, None])
+def test_a_model_may_overrule_an_answer_but_no_tie(make: Make, tie: Verdict | None) -> None:
+    learner = make(Convinced(K))
+    (first,) = learner.ask()
+    learner.tell([Answer(first, tie)])
+    (second,) = learner.ask()
+    learner.tell([Answer(second, Verdict.BETTER)])
+    decisions = learner._desk.judge(np.stack([first.d, -first.d, second.d, -second.d]))
+    assert decisions.verdicts.tolist() == [Verdict.EQUAL, Verdict.EQUAL, Verdict.WORSE, Verdict.WORSE]
+    assert decisions.tiers.tolist() == [Tier.KNOWN, Tier.KNOWN, Tier.MODEL, Tier.MODEL]
+
+
+def test_a_model_has_the_last_word_on_an_audit_it_has_learned_from(make: Make) -> None:
+    learner = make(Convinced(K), audit=1.0)
+    (query,) = learner.ask()
+    learner.tell([Answer(query, Verdict.BETTER)])
+    seen: list[tuple[int, int]] = []
+    learner.watch(lambda d, decisions: seen.extend(zip(*(column.tolist() for column in decisions), strict=True)))
+    (audit,) = learner.ask()
+    seen.clear()
+    learner.tell([Answer(audit, Verdict.BETTER)])
+    assert seen == [(Verdict.WORSE, Tier.MODEL)]
+    result = learner.result()
+    assert (result.asked, result.audited) == (1, 1)
+    assert result.audits[0].contradicts
+
+
+def test_a_guess_goes_by_the_latest_values(make: Make) -> None:
+    class Tilted(Dominance):
+        guess = np.linspace(0.0, 1.0, K)
+
+        @property
+        def values(self) -> Floats:
+            return self.guess
+
+        def update(self, answers: Answers) -> Tilted:
+            new = Tilted(self.k)
+            object.__setattr__(new, "guess", np.array([0.0, 0.9, 0.92, 0.94, 1.0]))
+            return new
+
+    learner = make(Tilted(K), max_queries=0)
+    d = np.array([[0.2, -0.3, 0.0, 0.0, 0.1]])
+    for _ in range(2):
+        decisions = learner._desk.judge(d)
+        assert decisions.tiers[0] == Tier.GUESS
+        assert decisions.verdicts[0] == np.sign(d[0] @ learner.comparator.values)
+        learner._desk.comparator = learner.comparator.update(Answers.none(K))
+    assert np.sign(d[0] @ Tilted(K).values) == -decisions.verdicts[0]
+
+
+def test_indifference_wants_both_bounds_close(make: Make) -> None:
+    up = np.array([0.01, -0.03, 0.0, 0.0, 0.02])
+    assert [float(bound[0]) for bound in Dominance(K).bounds(up)] == pytest.approx([-0.01, 0.02])
+    for share, verdict in ((0.009, 2), (0.0101, 2), (0.0199, 2), (0.0201, 0)):
+        desk = make(Dominance(K), indifference=share)._desk
+        assert desk.judge(np.stack([up, -up])).verdicts.tolist() == [verdict, verdict]
+    assert desk.judge(np.stack([up, -up])).tiers.tolist() == [Tier.INDIFFERENT, Tier.INDIFFERENT]
+
+
+def test_a_pair_answered_before_is_known_in_both_directions(make: Make) -> None:
+    learner = make(Dominance(K))
+    (query,) = learner.ask()
+    for d in (query.d, -query.d):
+        assert learner._desk.judge(d[None, :]).verdicts[0] == Verdict.UNKNOWN
+    learner.tell([Answer(query, Verdict.WORSE)])
+    for d, verdict in ((query.d, Verdict.WORSE), (-query.d, Verdict.BETTER)):
+        decisions = learner._desk.judge(d[None, :])
+        assert (decisions.verdicts[0], decisions.tiers[0]) == (verdict, Tier.KNOWN)
+
+
+@pytest.mark.parametrize("comparator", [Dominance(K), PolytopeComparator(K), BradleyTerryComparator(K, n_boot=20)])
+def test_who_cannot_tell_keeps_the_incumbent(make: Make, comparator: Comparator) -> None:
+    learner = make(comparator)
+    answers = recorded(learner, lambda query: Answer(query, None))
+    result = learner.result()
+    assert result.cannot_tell == result.asked == len(answers) > 0
+    assert len(result.answers) == 0
+    asked = names(answer.query for answer in answers)
+    assert len(set(asked)) == len(asked)
+    # then only dominance speaks, as if every open pair were a tie
+    indifferent = make(Dominance(K), indifference=1.0)
+    assert indifferent.ask() == ()
+    assert result.q.tobytes() == indifferent.result().q.tobytes()
+    assert result.policy.tolist() == indifferent.result().policy.tolist()
+
+
+# --- budget -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("budget", [0, 1, 3])
+@pytest.mark.parametrize("batch", [1, 5])
+def test_beyond_the_budget_the_best_guess_decides(make: Make, budget: int, batch: int) -> None:
+    log = AnswerLog()
+    result = drive(make(PolytopeComparator(K), max_queries=budget, batch=batch), TruthfulTutor(VALUES), log=log)
+    assert result.asked == budget == len(log) == len(result.answers)
+    assert result.status is Status.GUESSED
+    assert result.decided["guess"] > 0
+    assert "max_queries" in result.status.value
+
+
+def test_a_guess_is_the_sign_at_the_values_of_the_comparator(make: Make) -> None:
+    learner = make(Dominance(K), max_queries=0)
+    guesses = []
+    learner.watch(lambda d, decisions: guesses.extend(zip(d, *decisions, strict=True)))
+    learner.ask()
+    guessed = [(d, verdict) for d, verdict, tier in guesses if tier == Tier.GUESS]
+    assert guessed
+    for d, verdict in guessed:
+        at_centre = float(tail_sums(d).sum())
+        assert verdict == np.sign(at_centre) or abs(at_centre) < 1e-12
+
+
+def test_a_budget_that_suffices_changes_nothing(make: Make) -> None:
+    free = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES))
+    exact = drive(make(PolytopeComparator(K), max_queries=free.asked), TruthfulTutor(VALUES))
+    assert snapshot(exact) == snapshot(free)
+
+
+# --- audits -----------------------------------------------------------------------------------------------------
+
+
+def test_audits_are_counted_apart_and_change_nothing_if_true(make: Make) -> None:
+    plain = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES))
+    for share in (0.2, 1.0):
+        log = AnswerLog()
+        audited = drive(make(PolytopeComparator(K), audit=share), TruthfulTutor(VALUES), log=log)
+        assert audited.asked == plain.asked == audited.decided["tutor"]
+        assert audited.policy.tolist() == plain.policy.tolist()
+        assert audited.q.tobytes() == plain.q.tobytes()
+        assert audited.audited > 0
+        assert audited.compared == plain.compared
+        assert len(log) == len(audited.answers) == audited.asked + audited.audited
+        assert not any(audit.contradicts for audit in audited.audits)
+        assert all(audit.expected in (Verdict.BETTER, Verdict.WORSE) for audit in audited.audits)
+        pairs = names(entry.answer.query for entry in log)
+        assert len(set(pairs)) == len(pairs)
+
+
+def test_audits_are_no_part_of_the_budget(make: Make) -> None:
+    result = drive(make(PolytopeComparator(K), audit=0.5, max_queries=2), TruthfulTutor(VALUES))
+    assert result.asked == 2
+    assert result.audited > 2
+
+
+def test_the_share_of_audits_is_as_stated(make: Make) -> None:
+    every = drive(make(PolytopeComparator(K), audit=1.0), TruthfulTutor(VALUES))
+    fifth = drive(make(PolytopeComparator(K), audit=0.2), TruthfulTutor(VALUES))
+    sd = np.sqrt(every.audited * 0.2 * 0.8)
+    assert abs(fifth.audited - 0.2 * every.audited) < 4 * sd
+    assert set(names(a.query for a in fifth.audits)) <= set(names(a.query for a in every.audits))
+    assert sum(every.decided[tier.name.lower()] for tier in BY_ANSWERS) >= every.audited
+
+
+def test_dominance_and_ties_are_not_audited(make: Make) -> None:
+    result = drive(make(Dominance(K), audit=1.0), TruthfulTutor(VALUES))
+    assert result.audited == 0
+
+
+def test_who_cannot_tell_in_an_audit_overrules_nothing(make: Make) -> None:
+    plain = make(PolytopeComparator(K))
+    open_pairs = set(names(answer.query for answer in recorded(plain, truth)))
+
+    def shy(query: Query) -> Answer:
+        return truth(query) if names([query])[0] in open_pairs else Answer(query, None)
+
+    audited = make(PolytopeComparator(K), audit=1.0)
+    recorded(audited, shy)
+    result = audited.result()
+    assert result.cannot_tell == result.audited > 0
+    assert result.policy.tolist() == plain.result().policy.tolist()
+    assert result.q.tobytes() == plain.result().q.tobytes()
+
+
+@pytest.mark.parametrize("contrary", [Verdict.EQUAL, None, "opposite"])
+def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contrary: Any) -> None:
+    # truthful when asked, contrary when audited
+    open_pairs = set(names(answer.query for answer in recorded(make(PolytopeComparator(K)), truth)))
+
+    def tutor(query: Query) -> Answer:
+        answer = truth(query)
+        if names([query])[0] in open_pairs or np.abs(query.d).sum() < 0.02:
+            return answer
+        return Answer(query, answer.verdict.flipped if contrary == "opposite" and answer.verdict else contrary)
+
+    learner = make(PolytopeComparator(K), audit=0.3, max_queries=300)
+    log = AnswerLog()
+    seen: list[tuple[Verdict, Tier]] = []
+    learner.watch(lambda d, decisions: seen.extend(zip(decisions.verdicts, decisions.tiers, strict=True)))
+    result = drive(learner, tutor, log=log, on_conflict="drop")
+    assert result.status is not Status.WAITING
+    unused = [entry.answer for entry in log if not entry.used]
+    if contrary is None:
+        assert not unused
+        return
+    assert unused
+    assert len(log) == result.asked + result.audited
+    assert log.answers().d.tobytes() == result.answers.d.tobytes()
+    assert log.answers().y.tolist() == result.answers.y.tolist()
+    assert result.decided["known"] >= len(unused)
+    for answer in unused:
+        decisions = learner._desk.judge(np.stack([answer.query.d, -answer.query.d]))
+        assert answer.verdict is not None
+        assert decisions.verdicts.tolist() == [answer.verdict, answer.verdict.flipped]
+        assert decisions.tiers.tolist() == [Tier.KNOWN, Tier.KNOWN]
+
+
+def test_of_a_batch_only_what_contradicts_is_dropped() -> None:
+    log, mixed = AnswerLog(), 0
+    learner = value_iteration(PolytopeComparator(K), batch=6, audit=0.3, max_sweeps=15)
+    tutor = FlippingTutor(VALUES, 0.15, seed=2)
+    while queries := learner.ask():
+        answers = [tutor(query) for query in queries]
+        dropped = learner.tell(answers, "drop")
+        mixed += 0 < len(dropped) < len(answers)
+        for answer in answers:
+            log.append(answer, used=answer not in dropped)
+    result = learner.result()
+    assert mixed > 0
+    assert log.answers().ids == result.answers.ids
+    assert log.answers().y.tolist() == result.answers.y.tolist()
+    assert result.asked + result.audited == len(log)
+    relearned = PolytopeComparator(K).update(result.answers)
+    np.testing.assert_allclose(relearned.values, result.comparator.values, atol=1e-9)
+
+
+def test_an_audit_knows_whether_it_contradicts() -> None:
+    query = Query("x", np.eye(3)[0], np.eye(3)[1])
+    assert Audit(query, Verdict.BETTER, Verdict.WORSE).contradicts
+    assert not Audit(query, Verdict.BETTER, Verdict.BETTER).contradicts
+    assert not Audit(query, Verdict.BETTER, Verdict.EQUAL).contradicts
+    assert not Audit(query, Verdict.BETTER, None).contradicts
+
+
+# --- drive ------------------------------------------------------------------------------------------------------
+
+
+COMPARATORS: dict[str, Callable[[], Comparator]] = {
+    "polytope": lambda: PolytopeComparator(K),
+    "dominance": lambda: Dominance(K),
+    "ensemble": lambda: BradleyTerryComparator(K, n_boot=20),
+}
+
+
+@pytest.mark.parametrize("comparator", COMPARATORS)
+@pytest.mark.parametrize("settings", [{}, {"audit": 0.1}, {"max_queries": 5}, {"batch": 3}], ids=str)
+def test_a_run_can_be_replayed_from_its_log(
+    make: Make, comparator: str, settings: dict[str, Any], tmp_path: Path
+) -> None:
+    def run(tutor: Tutor, log: AnswerLog | None = None) -> Result:
+        learner = make(COMPARATORS[comparator](), **{"max_sweeps": 12} if make is value_iteration else {}, **settings)
+        return drive(learner, tutor, log=log, on_conflict="drop")
+
+    log = AnswerLog(tmp_path / "answers.jsonl")
+    first = run(FlippingTutor(VALUES, 0.1, seed=3), log)
+    assert len(log) == first.asked + first.audited > 0
+    for source in (log, AnswerLog.read(tmp_path / "answers.jsonl")):
+        assert snapshot(run(ReplayTutor(source))) == snapshot(first)
+
+
+@pytest.mark.parametrize("comparator", COMPARATORS)
+def test_a_run_may_be_cut_anywhere_and_resumed(make: Make, comparator: str) -> None:
+    """Rebuilt from the log before every answer, the learner ends where an undisturbed one does."""
+    settings: dict[str, Any] = {"steps": 150} if make is q_learning else {"max_sweeps": 4}
+    settings["audit"] = 0.1
+
+    def fresh() -> Any:
+        return make(COMPARATORS[comparator](), **settings)
+
+    undisturbed = fresh()
+    tutor = FlippingTutor(VALUES, 0.1, seed=3)
+    answers = recorded(undisturbed, lambda query: tutor(query), on_conflict="drop")
+    assert len(answers) > 3
+    tutor = FlippingTutor(VALUES, 0.1, seed=3)
+    log = AnswerLog()
+    while True:
+        learner = fresh()
+        replay = ReplayTutor(log)
+        for _ in range(len(log)):
+            learner.tell([replay(query) for query in learner.ask()], "drop")
+        queries = learner.ask()
+        if not queries:
+            break
+        for query in queries:
+            log.append(tutor(query))
+    assert snapshot(learner.result()) == snapshot(undisturbed.result())
+
+
+def test_a_run_goes_on_where_its_log_ends(make: Make) -> None:
+    undisturbed = AnswerLog()
+    whole = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES), log=undisturbed)
+    log = AnswerLog()
+    for entry in list(undisturbed)[:3]:
+        log.append(entry.answer)
+    learner = make(PolytopeComparator(K))
+    with pytest.raises(NotInLog):
+        drive(learner, ReplayTutor(log))
+    resumed = drive(learner, TruthfulTutor(VALUES), log=log)
+    assert snapshot(resumed) == snapshot(whole)
+    assert [entry.answer.query.id for entry in log] == [entry.answer.query.id for entry in undisturbed]
+
+
+def test_a_learner_can_be_copied_before_every_answer(make: Make) -> None:
+    learner: Any = make(BradleyTerryComparator(K, n_boot=20))
+    undisturbed = make(BradleyTerryComparator(K, n_boot=20))
+    recorded(undisturbed, truth)
+    while queries := learner.ask():
+        twin = copy.deepcopy(learner)
+        twin.tell([truth(query) for query in queries])
+        learner.tell([Answer(query, None) for query in queries])  # must not reach the copy
+        learner = twin
+    assert snapshot(learner.result()) == snapshot(undisturbed.result())
+
+
+def test_driving_is_the_loop(make: Make) -> None:
+    by_hand = make(PolytopeComparator(K))
+    told = recorded(by_hand, truth)
+    log = AnswerLog()
+    driven = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES), log=log)
+    assert snapshot(by_hand.result()) == snapshot(driven)
+    assert [entry.answer.query.id for entry in log] == [answer.query.id for answer in told] == list(driven.answers.ids)
+    assert all(entry.used for entry in log)
+    assert log.answers().d.tobytes() == driven.answers.d.tobytes()
+    assert log.answers().y.tolist() == driven.answers.y.tolist()
+    assert Answers.of(told, K).y.tolist() == driven.answers.y.tolist()
+
+
+def test_those_who_cannot_tell_are_in_the_log(make: Make) -> None:
+    log = AnswerLog()
+    result = drive(make(Dominance(K)), lambda query: Answer(query, None), log=log)
+    assert len(log) == result.cannot_tell
+    assert all(entry.used and entry.answer.verdict is None for entry in log)
+
+
+def test_progress_is_reported_after_every_round() -> None:
+    for batch in (1, 3):
+        results: list[Result] = []
+        final = drive(value_iteration(PolytopeComparator(K), batch=batch), truth, progress=results.append)
+        asked = [result.asked for result in results]
+        assert asked == sorted(set(asked))
+        assert asked[-1] == final.asked
+        assert all(after - before <= batch for before, after in pairwise(asked))
+
+
+def test_a_contradiction_is_logged_unused_and_raised(make: Make) -> None:
+    log = AnswerLog()
+    learner = make(PolytopeComparator(K), audit=1.0)
+    with pytest.raises(InconsistentAnswers):
+        drive(learner, lambda query: Answer(query, Verdict.BETTER), log=log)
+    *before, last = log
+    assert not last.used
+    assert all(entry.used for entry in before)
+    assert [query.id for query in learner.ask()] == [last.answer.query.id]
+    assert log.answers().y.tolist() == learner.result().answers.y.tolist()
+
+
+def test_the_oracle_is_only_counted(make: Make) -> None:
+    log = AnswerLog()
+    learner = make(AlwaysAsk(K), max_queries=3)  # no budget either
+    tutor = TruthfulTutor(VALUES)
+    given: list[int] = []
+
+    class Counting(TruthfulTutor):
+        def signs(self, d: Any) -> Any:
+            given.append(len(np.atleast_2d(d)))
+            return super().signs(d)
+
+    result = drive(learner, Counting(VALUES), log=log)
+    assert len(log) == len(result.answers) == 0
+    assert result.asked == sum(given) == result.decided["tutor"] > 3
+    assert result.status in (Status.DONE, Status.CONVERGED)
+    assert tutor.realised_error_rate != tutor.realised_error_rate  # untouched: nan
+
+
+def test_questions_of_a_run_have_ids_of_their_own(make: Make) -> None:
+    ids = [answer.query.id for answer in recorded(make(Dominance(K)), truth)]
+    assert len(set(ids)) == len(ids)
+    again = [answer.query.id for answer in recorded(make(Dominance(K)), truth)]
+    assert again == ids
+
+
+def test_any_function_is_a_tutor_and_any_comparator_will_do(make: Make) -> None:
+    class Mine:
+        """Knows the scale from the start, and has no ``decide``."""
+
+        k = K
+        values = MDP.normalise(VALUES)
+
+        def compare(self, d: Any) -> Any:
+            return TruthfulTutor(VALUES).signs(d)
+
+        def bounds(self, d: Any) -> tuple[Floats, Floats]:
+            x = np.atleast_2d(d) @ self.values
+            return x, x
+
+        def update(self, answers: Answers) -> Mine:
+            return self
+
+    def nobody(query: Query) -> Answer:
+        raise AssertionError("there is nothing to ask")
+
+    result = drive(make(Mine()), nobody)
+    assert result.asked == 0
+    assert result.decided["model"] > 0
+    assert result.policy.tolist() == drive(make(AlwaysAsk(K), **exact(make)), TruthfulTutor(VALUES)).policy.tolist()
+
+
+def exact(make: Make) -> dict[str, Any]:
+    return {} if make is q_learning else {"indifference": 0.0}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_everything_holds_on_messy_problems(seed: int) -> None:
+    mdp, values = messy_mdp(seed, n=12, k=5)
+    relabelled = replace(mdp, labels=tuple("abcde"))
+    for learner in (
+        InteractiveQLearning(relabelled, PolytopeComparator(5), steps=400, epsilon=0.4, audit=0.1, max_queries=10),
+        InteractiveValueIteration(relabelled, PolytopeComparator(5), audit=0.1, max_queries=10, batch=4),
+    ):
+        result = drive(learner, FlippingTutor(values, 0.1, seed=seed), on_conflict="drop")
+        assert result.status is not Status.WAITING
+        assert result.asked <= 10
+        assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
+
+
+def test_learners_share_one_protocol() -> None:
+    def methods(cls: type) -> Iterator[str]:
+        return (name for name in vars(cls) if not name.startswith("_"))
+
+    for cls in (InteractiveQLearning, InteractiveValueIteration):
+        assert set(methods(Learner)) <= set(dir(cls))
+
+
+@pytest.mark.parametrize("make", [InteractiveQLearning, InteractiveValueIteration])
+def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move(make: Callable[..., Any]) -> None:
+    mdp, values = random_mdp(20, 3, K, rng=5)
+    truthful = TruthfulTutor(values)
+    unclear: list[str] = []
+
+    def tutor(query: Query) -> Answer:
+        if "action 0 " in query.about:
+            unclear.append(query.about)
+            return Answer(query, None)
+        return truthful(query)
+
+    result = drive(make(mdp, PolytopeComparator(K), **({"steps": 3000} if make is InteractiveQLearning else {})), tutor)
+    numbers = [re.findall(r"\d+", about) for about in unclear]
+    places = [(state, *sorted(actions)) for state, *actions in numbers]
+    assert len(places) == len(set(places)) == result.cannot_tell > 0
+
+
+def test_what_is_no_answer_is_refused_by_name() -> None:
+    learner = InteractiveValueIteration(random_mdp(20, 3, K, rng=5)[0], PolytopeComparator(K))
+    (query,) = learner.ask()
+    with pytest.raises(TypeError, match=r"must return elicit.Answer.*BETTER"):
+        learner.tell([Verdict.BETTER])  # type: ignore[list-item]
+    with pytest.raises(TypeError, match="into a list"):
+        learner.tell(Answer(query, Verdict.BETTER))  # type: ignore[arg-type]
+    assert learner.ask() == (query,)

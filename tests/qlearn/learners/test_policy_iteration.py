@@ -1,0 +1,309 @@
+"""Certify first: its bound against brute force, its policy against value iteration, and its manners."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from elicit.asking.bags import Bags
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+from elicit.model.comparator import AlwaysAsk, Dominance
+from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
+from elicit.model.scale import values_of
+from elicit.tutors.answer_log import AnswerLog
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn.learners.learner import Status, drive
+from qlearn.learners.loss_bound import advantages, drawn_set, loss_bound, loss_over_draws
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
+from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.query_strategies import most_even_cut
+from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
+from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
+from tests.qlearn.test_reference import messy_mdp
+
+
+def solve(mdp, comparator, tutor, **settings):
+    return drive(InteractivePolicyIteration(mdp, comparator, **{"tolerance": 0.005, **settings}), tutor)
+
+
+def losses_under(mdp, policy, gaps):
+    """The policy's greatest loss under each column of gaps, by solving the MDP for each."""
+    return np.array([policy_loss(mdp, policy, values_of(np.maximum(g, 1e-9))).max() for g in gaps.T])
+
+
+@pytest.mark.parametrize("k", [2, 4, 7])
+def test_a_proven_policy_is_within_its_bound_for_every_scale_that_fits(k):
+    mdp, values = random_mdp(25, 4, k, rng=k)
+    result = solve(mdp, PolytopeComparator(k), TruthfulTutor(values))
+    assert result.status is Status.CONVERGED
+    assert result.confidence == 1
+    # brute force: at corners of what is plausible, where the loss, convex in the scale, is greatest, and inside
+    known = result.comparator.rule.known
+    corners = known.points[:, : known.counts[0]]
+    scales = np.concatenate([corners, result.comparator.draws.gaps[:, :40]], axis=1)
+    worst = losses_under(mdp, result.policy, scales).max()
+    assert worst <= result.loss_bound + 1e-9
+    assert result.loss_bound <= 0.005
+    assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-12
+
+
+def test_it_finds_the_policy_of_value_iteration_for_a_known_scale():
+    for mdp, values in (random_mdp(30, 3, 5, rng=0), messy_mdp(1), messy_mdp(2, discount=0.5)):
+        e = mdp.normalise(values)
+        policy = optimal_policy(mdp, e, np.argmax(mdp.admissible, axis=1))
+        v = value_iteration(mdp, values)[0]
+        np.testing.assert_allclose(evaluate_policy(mdp, policy) @ e, v, atol=1e-9)
+        assert (optimal_policy(mdp, e, policy) == policy).all()
+
+
+def test_terminal_states_inadmissible_actions_and_short_discounts():
+    for seed, discount in ((1, 0.95), (2, 0.5), (3, 0.0)):
+        mdp, values = messy_mdp(seed, discount=discount)
+        result = solve(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=0.001)
+        assert result.status is Status.CONVERGED
+        live = np.flatnonzero(~mdp.terminal)
+        assert mdp.admissible[live, result.policy[live]].all()
+        assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-12 <= 0.001 + 1e-12
+
+
+def test_it_asks_a_fraction_of_what_value_iteration_asks():
+    asked = np.zeros(2)
+    for seed in range(2):
+        mdp, values = random_mdp(40, 4, 6, rng=seed)
+        for i, learner in enumerate((InteractivePolicyIteration, InteractiveValueIteration)):
+            asked[i] += drive(learner(mdp, PolytopeComparator(6), tolerance=5e-4), TruthfulTutor(values)).asked
+    assert asked[0] <= 0.4 * asked[1]
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=some.integers(0, 10_000), k=some.integers(2, 6), answers=some.integers(0, 12))
+def test_the_bound_is_never_below_the_loss_at_any_time_of_any_learner(seed, k, answers):
+    mdp, values = random_mdp(12, 3, k, discount=0.9, rng=seed)
+    makers = (
+        partial(InteractivePolicyIteration, tolerance=1e-4),
+        partial(InteractiveValueIteration, tolerance=1e-3),
+        partial(InteractiveValueIteration, tolerance=1e-3, asking="late"),
+        partial(InteractiveQLearning, steps=300, epsilon=1.0),
+        partial(InteractiveQLearning, steps=300, epsilon=1.0, asking="late"),
+    )
+    for make in makers:
+        learner, tutor = make(mdp, PolytopeComparator(k)), TruthfulTutor(values)
+        for _ in range(answers):
+            if not (queries := learner.ask()):
+                break
+            learner.tell([tutor(query) for query in queries])
+        result = learner.result()
+        assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-10
+        assert result.confidence == 1
+        assert 0 <= result.loss_bound <= 1
+
+
+def test_the_loss_under_each_draw_is_that_of_solving_for_it():
+    mdp, values = random_mdp(20, 3, 5, discount=0.9, rng=3)
+    comparator = PosteriorComparator(5, seed=2, particles=60)
+    tutor = FlippingTutor(values, 0.1, seed=1)
+    learner = InteractivePolicyIteration(mdp, comparator, tolerance=0.001, max_queries=6)
+    result = drive(learner, tutor)
+    draws, level = drawn_set(result.comparator)
+    exact = losses_under(mdp, result.policy, draws.gaps)
+    order = np.argsort(exact)
+    quantile = exact[order[np.searchsorted(np.cumsum(draws.weights[order]), level - 1e-9)]]
+    assert quantile > 0.002  # else this would show little
+    assert quantile - 1e-6 <= result.loss_bound <= 1.02 * quantile + 1e-6
+    assert result.confidence == level
+    over = advantages(mdp, result.policy)
+    assert loss_over_draws(mdp, over, draws, level, enough=0.5 * quantile) > 0.5 * quantile
+    assert loss_over_draws(mdp, over, draws, level, enough=1.1 * quantile) <= 1.1 * quantile
+    assert loss_over_draws(mdp, over, draws, level=1 - 1e-12) >= exact.max() - 1e-6
+
+
+def test_the_promise_of_a_posterior_is_kept_under_flips():
+    kept, asked = [], []
+    for seed in range(12):
+        mdp, values = random_mdp(30, 3, 4, rng=seed)
+        comparator = PosteriorComparator(4, lapse=0.2, particles=200, seed=seed)
+        result = solve(mdp, comparator, FlippingTutor(values, 0.1, seed=seed), tolerance=0.02, max_queries=200)
+        kept.append(policy_loss(mdp, result.policy, values).max() <= result.loss_bound)
+        asked.append(result.asked)
+        assert result.confidence == 0.95
+    assert np.mean(kept) >= 0.9
+    assert np.mean(asked) < 40
+
+
+def test_the_same_seeds_give_the_same_questions_and_ask_is_idempotent():
+    mdp, values = random_mdp(20, 3, 5, rng=1)
+    runs = [solve(mdp, PosteriorComparator(5, seed=4, particles=100), TruthfulTutor(values)) for _ in range(2)]
+    assert runs[0].answers.ids == runs[1].answers.ids
+    assert (runs[0].policy == runs[1].policy).all()
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-4)
+    assert learner.ask() is not None
+    assert [q.id for q in learner.ask()] == [q.id for q in learner.ask()]
+    assert learner.result().status is Status.WAITING
+    with pytest.raises(StaleAnswer):
+        learner.tell([Answer(solve_query(mdp), Verdict.BETTER)])
+
+
+def solve_query(mdp):
+    """A query of another run."""
+    return InteractivePolicyIteration(mdp, PolytopeComparator(mdp.k), tolerance=0.0123).ask()[0]
+
+
+def test_batches_budgets_and_logs():
+    mdp, values = random_mdp(30, 3, 6, rng=2)
+    log = AnswerLog()
+    result = drive(
+        InteractivePolicyIteration(mdp, PolytopeComparator(6), tolerance=1e-3, batch=3), TruthfulTutor(values), log
+    )
+    assert result.status is Status.CONVERGED
+    assert len(log.answers()) == result.asked == result.decided["tutor"]
+    stopped = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=1e-4, max_queries=3)
+    assert stopped.asked == 3
+    assert stopped.status is Status.GUESSED
+    assert stopped.decided["guess"] > 0
+    assert policy_loss(mdp, stopped.policy, values).max() <= stopped.loss_bound
+    enough = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=1e-4, max_loss=0.05)
+    assert enough.asked < result.asked
+    assert 1e-4 < enough.loss_bound <= 0.05
+
+
+def test_what_a_tutor_cannot_tell_is_not_asked_again():
+    mdp, _ = random_mdp(10, 3, 4, rng=5)
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), tolerance=1e-4)
+    seen = []
+    while queries := learner.ask():
+        seen += [query.about for query in queries]
+        learner.tell([Answer(query, None) for query in queries])
+    result = learner.result()
+    assert result.status is Status.EXHAUSTED
+    assert len(seen) == len(set(seen)) == result.cannot_tell
+    assert result.loss_bound > 1e-4  # and it says so
+
+
+def test_audits_ask_what_the_finished_policy_rests_on():
+    mdp, values = random_mdp(20, 3, 5, rng=4)
+    plain = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), tolerance=1e-3)
+    audited = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), tolerance=1e-3, audit=0.3)
+    assert audited.audited > 0
+    assert audited.asked == plain.asked
+    assert not any(audit.contradicts for audit in audited.audits)
+    lies = TruthfulTutor(values[::-1] * -1)  # its scale has the gaps in the opposite order
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, audit=1.0)
+    honest = TruthfulTutor(values)
+
+    def answer_all():
+        while queries := learner.ask():
+            audit = any(p.expected is not None for p in learner._desk.pending)
+            learner.tell([lies(q) if audit else honest(q) for q in queries])
+
+    with pytest.raises(InconsistentAnswers):
+        answer_all()
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda k: RelaxedPolytopeComparator(k, slack=0.0),
+        lambda k: BradleyTerryComparator(k, n_boot=60, seed=1),
+        lambda k: BradleyTerryComparator(k, n_boot=60, region="box", seed=1),
+        Dominance,
+        AlwaysAsk,
+    ],
+    ids=["relaxed", "ensemble", "box", "dominance", "always"],
+)
+def test_every_comparator_serves_and_none_promises_too_much(make):
+    mdp, values = random_mdp(15, 3, 4, discount=0.9, rng=6)
+    result = solve(mdp, make(4), TruthfulTutor(values), tolerance=0.02, max_queries=40)
+    loss = policy_loss(mdp, result.policy, values).max()
+    assert loss <= result.loss_bound + 1e-12 <= 1 + 1e-12
+    assert result.confidence in (1.0, 0.95)
+
+
+def test_bags_replace_the_long_questions():
+    mdp, values = random_mdp(30, 3, 5, rng=7)
+    bags = Bags(days=10, simplicity=0.5)
+    log = AnswerLog()
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=0.02, bags=bags)
+    result = drive(learner, TruthfulTutor(values), log)
+    assert result.status is Status.CONVERGED
+    assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 0.02
+    simple = [np.allclose(row * 10, np.round(row * 10)) for row in result.answers.d]
+    assert np.mean(simple) > 0.5
+
+
+def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked():
+    mdp, values = random_mdp(30, 3, 5, rng=7)
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=0.02, bags=Bags())
+    tutor, first, seen = TruthfulTutor(values), True, []
+    while queries := learner.ask():
+        seen.append(queries[0].about)
+        learner.tell([Answer(queries[0], None) if first else tutor(queries[0])])
+        first = False
+    assert learner.result().cannot_tell == 1
+    assert seen[0].startswith("of 10 days")
+    assert seen[1].startswith("of 10 days")
+    assert seen.count(seen[0]) == 1
+    assert learner.result().status is Status.CONVERGED
+
+
+def test_settings_that_make_no_sense_are_refused():
+    mdp, _ = random_mdp(6, 2, 3, rng=0)
+    for bad in ({"tolerance": 0.0}, {"tolerance": np.nan}, {"max_loss": -1.0}, {"max_queries": -1}, {"bags": True}):
+        with pytest.raises(ValueError, match=next(iter(bad))):
+            InteractivePolicyIteration(mdp, PolytopeComparator(3), **bad)
+    with pytest.raises(ValueError, match="k = 4"):
+        InteractivePolicyIteration(mdp, PolytopeComparator(4))
+    with pytest.raises(ValueError, match="one number"):
+        InteractivePolicyIteration(mdp, PolytopeComparator(3), tolerance=1e-6, strategy=lambda c: np.zeros(1)).ask()
+
+
+def test_a_bound_can_be_had_for_any_policy():
+    mdp, values = random_mdp(15, 3, 4, rng=8)
+    worst = value_iteration(mdp, values)[1][::-1].copy()
+    found = loss_bound(mdp, worst, PolytopeComparator(4))
+    assert policy_loss(mdp, worst, values).max() <= found.loss_bound <= 1
+    assert found.confidence == 1
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), strategy=most_even_cut, tolerance=1e-3)
+    known = drive(learner, TruthfulTutor(values)).comparator
+    assert loss_bound(mdp, worst, known).loss_bound <= found.loss_bound
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "most", "most_erring"), [(5, 12, 35), (10, 28, 75), (20, 53, 80)])
+def test_how_many_questions_it_takes_on_the_papers_problems(k, most, most_erring):
+    asked, kept, erring = [], [], []
+    for seed in range(20):
+        mdp, values = random_mdp(100, 5, k, rng=seed)
+        result = solve(mdp, PolytopeComparator(k), TruthfulTutor(values), tolerance=5e-5)
+        assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-12 <= 5e-5 + 1e-12
+        asked.append(result.asked)
+        comparator = PosteriorComparator(k, lapse=0.2, seed=seed)
+        result = solve(mdp, comparator, FlippingTutor(values, 0.1, seed=seed), tolerance=0.01)
+        erring.append(result.asked)
+        kept.append(policy_loss(mdp, result.policy, values).max() <= result.loss_bound)
+    assert np.mean(asked) <= most
+    assert np.mean(erring) <= most_erring
+    assert np.mean(kept) >= 0.9  # of twenty; 95% is promised
+
+
+@pytest.mark.slow
+def test_how_many_questions_it_takes_on_icu_sepsis():
+    mdp, asked = icu_sepsis(), []
+    for seed in range(5):
+        values = draw_values(6, rng=seed)
+        result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=0.01)
+        assert result.asked <= 20
+        assert result.confidence == 1
+        assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 0.01
+        comparator = PosteriorComparator(6, lapse=0.2, seed=seed)
+        result = solve(mdp, comparator, FlippingTutor(values, 0.1, seed=seed), tolerance=0.01)
+        asked.append(result.asked)
+        assert policy_loss(mdp, result.policy, values).max() <= 0.01
+    assert np.mean(asked) <= 60

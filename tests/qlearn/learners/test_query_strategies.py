@@ -1,0 +1,287 @@
+"""Question strategies against their formulas written out, and learners that put questions off."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+from elicit.asking.bags import entropy
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import AlwaysAsk, Dominance
+from elicit.model.query import Answer, Answers, Verdict
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn import strategies
+from qlearn.learners.learner import Status, drive
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
+from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.query_strategies import Candidates
+from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.mdp.planning import policy_loss
+from qlearn.problems.random_mdp import random_mdp
+
+ALL = ("first_come", "widest_bound", "max_regret", "most_even_cut", "mutual_information", "telling_violation")
+
+
+def candidates(comparator, n=7, limit=0.05, seed=0):
+    rng = np.random.default_rng(seed)
+    k = comparator.k
+    d = rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
+    return Candidates(d, np.arange(n), np.zeros(n, np.int64), limit, comparator)
+
+
+def posterior():
+    d = np.array([[0.5, -0.5, 0.0, 0.0], [0.2, -0.6, 0.4, 0.0], [0.0, 0.5, -0.9, 0.4]])
+    return PosteriorComparator(4, lapse=0.2, particles=40, seed=3).update(Answers(d, [-1, 1, 1]))
+
+
+def bits(p):
+    return 0.0 if p in (0.0, 1.0) else -p * math.log2(p) - (1 - p) * math.log2(1 - p)
+
+
+def test_each_strategy_is_its_formula():
+    pool = candidates(posterior())
+    gaps, weights, precision = pool.comparator.draws
+    even, told, beyond = [], [], []
+    for d in pool.d:
+        up = down = mean = noise = over = 0.0
+        for j, w in enumerate(weights):
+            e = np.concatenate([[0.0], np.cumsum(gaps[:, j])])
+            score = float(d @ e)
+            p = 0.1 + 0.8 / (1.0 + math.exp(-precision[j] * score)) if precision[j] * score > -700 else 0.1
+            up, down, over = up + w * (score > 0), down + w * (score < 0), over + w * (score > 0.05)
+            mean, noise = mean + w * p, noise + w * bits(p)
+        even.append(min(up, down))
+        told.append(bits(mean) - noise)
+        beyond.append(over)
+    np.testing.assert_allclose(strategies.most_even_cut(pool), even, atol=1e-12)
+    np.testing.assert_allclose(strategies.mutual_information(pool), told, atol=1e-9)
+    np.testing.assert_allclose(strategies.violated_weight(pool), beyond, atol=1e-12)
+    joint = np.array(told) * (np.array(beyond) + 1 / 40)
+    np.testing.assert_allclose(strategies.telling_violation(pool), joint, atol=1e-9)
+    assert strategies.first_come(pool).argmax() == 0
+
+
+def test_bounds_of_a_polytope_give_the_widest_and_the_greatest_regret():
+    comparator = PolytopeComparator(5).update(Answers([[0.3, -0.6, 0.0, 0.3, 0.0]], [1]))
+    pool = candidates(comparator)
+    low, high = comparator.bounds(pool.d)
+    np.testing.assert_allclose(strategies.max_regret(pool), high, atol=1e-8)
+    np.testing.assert_allclose(strategies.widest_bound(pool), high - low, atol=1e-8)
+
+
+def test_a_truthful_tutor_tells_the_entropy_of_the_cut():
+    pool = candidates(PolytopeComparator(4))
+    np.testing.assert_allclose(
+        strategies.mutual_information(pool), entropy((pool.scores > 0) @ pool.weights), atol=1e-9
+    )
+
+
+def test_a_comparator_without_draws_is_served_by_all_ordered_scales():
+    pool = candidates(Dominance(4))
+    assert pool.scores.shape == (7, len(pool.weights))
+    for name in ALL:
+        assert np.isfinite(getattr(strategies, name)(pool)).all()
+
+
+def test_the_strategy_of_the_documentation_is_one():
+    source = strategies.__doc__.split("Your own:\n")[1].split("\n``candidates")[0]
+    namespace: dict = {}
+    exec("\n".join(line.removeprefix("    ") for line in source.splitlines()), namespace)
+    own = namespace["closest_to_even_odds"]
+    pool = candidates(PolytopeComparator(4))
+    assert own(pool).shape == (7,)
+    assert strategies.best(own, pool) == strategies.best(strategies.most_even_cut, pool)
+    mdp, values = random_mdp(20, 3, 4, rng=0)
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), tolerance=0.01, strategy=own)
+    assert drive(learner, TruthfulTutor(values)).status is Status.CONVERGED
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_every_strategy_reaches_the_same_promise(name):
+    mdp, values = random_mdp(20, 3, 5, rng=2)
+    strategy = getattr(strategies, name)
+    for learner in (
+        InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, strategy=strategy),
+        InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=1e-3, asking="late", strategy=strategy),
+    ):
+        result = drive(learner, TruthfulTutor(values))
+        assert result.status is Status.CONVERGED
+        assert policy_loss(mdp, result.policy, values).max() <= 1e-3
+
+
+def test_scores_that_are_no_numbers_are_refused():
+    pool = candidates(PolytopeComparator(4))
+    for bad in (lambda c: np.full(7, np.nan), lambda c: np.zeros((7, 1))):
+        with pytest.raises(ValueError, match="a strategy must return one number"):
+            strategies.best(bad, pool)
+    assert strategies.best(lambda c: np.array([0, 2, 1, 2, 0, 0, 0]), pool, 3) == [1, 3, 2]
+
+
+def test_value_iteration_that_asks_late_keeps_its_promise_with_fewer_questions():
+    asked = np.zeros(2)
+    for seed in range(2):
+        mdp, values = random_mdp(30, 4, 5, discount=0.85, rng=seed)
+        for i, asking in enumerate(("at once", "late")):
+            learner = InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=1e-3, asking=asking)
+            result = drive(learner, TruthfulTutor(values))
+            asked[i] += result.asked
+            assert result.status is Status.CONVERGED
+            assert policy_loss(mdp, result.policy, values).max() <= 1e-3
+    assert asked[1] <= 0.6 * asked[0]
+
+
+def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
+    mdp, values = random_mdp(15, 3, 4, discount=0.8, rng=4)
+    comparator = PosteriorComparator(4, lapse=0.2, particles=100)
+    learner = InteractiveValueIteration(mdp, comparator, tolerance=0.01, asking="late")
+    assert drive(learner, FlippingTutor(values, 0.1, seed=0)).status is Status.CONVERGED
+    learner = InteractiveValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, asking="late", max_queries=2)
+    spent = drive(learner, TruthfulTutor(values))
+    assert (spent.status, spent.asked) == (Status.GUESSED, 2)
+    learner = InteractiveValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, asking="late", batch=3)
+    while queries := learner.ask():
+        learner.tell([Answer(query, None) for query in queries])
+    assert learner.result().status is Status.UNSURE
+    assert learner.result().cannot_tell == learner.result().asked > 0
+
+
+@pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=100)])
+def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
+    for seed in range(3):
+        mdp, values = random_mdp(6, 3, 4, rng=seed)
+        learner = InteractiveQLearning(mdp, comparator, steps=3000, rng=seed, asking="late")
+        tutor, asked = TruthfulTutor(values), 0
+        while queries := learner.ask():
+            asked += 1
+            learner.tell([Answer(query, None) if asked % 3 == 1 else tutor(query) for query in queries])
+        assert learner.result().status is Status.DONE
+        assert learner.result().cannot_tell == (asked + 2) // 3 > 0
+
+
+@pytest.mark.parametrize("asking", ["at once", "late"])
+def test_learners_stop_where_the_loss_is_small_enough(asking):
+    mdp, values = random_mdp(20, 3, 5, discount=0.9, rng=3)
+    comparator, tutor = PolytopeComparator(5), TruthfulTutor(values)
+    full = drive(InteractiveValueIteration(mdp, comparator, tolerance=1e-4, asking=asking), tutor)
+    some = drive(InteractiveValueIteration(mdp, comparator, tolerance=1e-4, asking=asking, max_loss=0.1), tutor)
+    assert some.status is Status.CERTIFIED
+    assert some.rounds < full.rounds
+    assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= 0.1
+    settings = {"steps": 20_000, "epsilon": 1.0, "asking": asking}
+    some = drive(InteractiveQLearning(mdp, comparator, **settings, max_loss=0.15), tutor)
+    assert some.status is Status.CERTIFIED
+    assert some.rounds < 20_000
+    assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= 0.15
+
+
+def test_q_learning_that_asks_late_asks_few_and_loses_no_more():
+    few, many, lost = 0, 0, []
+    for seed in range(4):
+        mdp, values = random_mdp(30, 3, 5, discount=0.9, rng=seed)
+        settings = {"steps": 20_000, "epsilon": 1.0, "rng": seed}
+        tutor = FlippingTutor(values, 0.1, seed=seed)
+        late, usual = (
+            drive(
+                InteractiveQLearning(
+                    mdp, PosteriorComparator(5, lapse=0.2, particles=150, seed=seed), **settings, asking=asking
+                ),
+                tutor,
+            )
+            for asking in ("late", "at once")
+        )
+        few, many = few + late.asked, many + usual.asked
+        losses = [policy_loss(mdp, r.policy, values).mean() for r in (late, usual)]
+        lost.append(losses[0] - losses[1])
+        assert late.status is usual.status is Status.DONE
+        assert late.rounds == 20_000
+    assert few <= 0.6 * many
+    assert np.mean(lost) <= 0.002
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("exploration", ["optimistic", "uniform"])
+@pytest.mark.parametrize("k", [10, 20])
+def test_asking_late_halves_the_questions_on_the_papers_problems(k, exploration):
+    few, many, lost = 0, 0, []
+    for seed in range(6):
+        mdp, values = random_mdp(100, 5, k, rng=seed)
+        learner = partial(InteractiveQLearning, mdp, rng=seed, exploration=exploration)
+        tutor = FlippingTutor(values, 0.1, seed=seed)
+        late = drive(learner(PosteriorComparator(k, lapse=0.2, seed=seed), asking="late"), tutor)
+        usual = drive(learner(PosteriorComparator(k, lapse=0.2, seed=seed)), tutor)
+        oracle = drive(learner(AlwaysAsk(k)), TruthfulTutor(values))
+        few, many = few + late.asked, many + usual.asked
+        lost.append(policy_loss(mdp, late.policy, values).mean() - policy_loss(mdp, oracle.policy, values).mean())
+    assert few <= many / 2
+    assert abs(np.mean(lost)) <= 0.001
+
+
+def test_a_budget_that_nothing_was_refused_for_is_no_guess():
+    mdp, values = random_mdp(20, 3, 4, rng=0)
+
+    def late(budget):
+        learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=4000, asking="late", max_queries=budget)
+        return drive(learner, TruthfulTutor(values))
+
+    free = late(None)
+    assert free.status is late(free.asked).status is Status.DONE
+    assert late(free.asked - 1).status is Status.GUESSED
+
+
+def test_an_oracle_is_asked_at_once_all_the_same():
+    mdp, values = random_mdp(10, 3, 4, discount=0.8, rng=4)
+    for make in (
+        lambda asking: InteractiveValueIteration(mdp, AlwaysAsk(4), tolerance=0.01, asking=asking),
+        lambda asking: InteractiveQLearning(mdp, AlwaysAsk(4), steps=500, asking=asking),
+    ):
+        late, usual = (drive(make(asking), TruthfulTutor(values)) for asking in ("late", "at once"))
+        assert (late.policy == usual.policy).all()
+        assert late.status is usual.status
+        assert late.decided["guess"] == 0
+
+
+def test_late_questions_grow_with_the_logarithm_of_the_steps():
+    mdp, values = random_mdp(20, 3, 4, discount=0.9, rng=1)
+    asked = []
+    for steps in (1_000, 8_000, 64_000):
+        learner = InteractiveQLearning(
+            mdp, PosteriorComparator(4, particles=100), steps=steps, epsilon=1.0, asking="late"
+        )
+        asked.append(drive(learner, FlippingTutor(values, 0.1, seed=0)).asked)
+    checkpoints = [1 + math.ceil(math.log2(steps / (2 * 60))) for steps in (1_000, 8_000, 64_000)]
+    assert all(n <= 6 * stops for n, stops in zip(asked, checkpoints, strict=True))
+    assert asked[2] < 8 * max(1, asked[0])
+
+
+def test_ways_to_ask_that_there_are_not_are_refused():
+    mdp, _ = random_mdp(6, 2, 3, rng=0)
+    for learner in (InteractiveValueIteration, InteractiveQLearning):
+        with pytest.raises(ValueError, match="asking must be"):
+            learner(mdp, PolytopeComparator(3), asking="never")
+        with pytest.raises(ValueError, match="max_loss must be"):
+            learner(mdp, PolytopeComparator(3), max_loss=0.0)
+
+
+@pytest.mark.parametrize("wrong", ["x", float("nan"), float("inf")])
+@pytest.mark.parametrize("name", ["strategy", "max_loss", "max_queries", "indifference", "audit", "batch"])
+def test_a_setting_of_no_kind_is_refused_before_the_first_question(name, wrong):
+    mdp, _ = random_mdp(6, 2, 3, rng=0)
+    for learner in (InteractivePolicyIteration, InteractiveValueIteration, InteractiveQLearning):
+        with pytest.raises(ValueError, match=f"{name}.* must .*, not {wrong!r}"):
+            learner(mdp, PolytopeComparator(3), **{name: wrong})
+
+
+def test_late_answers_of_q_learning_do_not_settle_the_next_step():
+    # the verdict on a question between two steps must not leak into the loop's next comparison
+    mdp, values = random_mdp(12, 3, 4, discount=0.9, rng=9)
+    learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=5_000, epsilon=1.0, asking="late")
+    tutor = TruthfulTutor(values)
+    while queries := learner.ask():
+        learner.tell([tutor(query) for query in queries])
+        assert learner._verdict == Verdict.UNKNOWN
+        assert learner.result().status is Status.WAITING
+    assert learner.result().status is Status.DONE

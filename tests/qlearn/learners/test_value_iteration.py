@@ -1,0 +1,417 @@
+"""Interactive value iteration against its reference, scalar value iteration, and its own promises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, Tier
+from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.model.scale import Floats, tail_sums
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor, Tutor
+from qlearn.learners.learner import Result, Status, drive
+from qlearn.learners.value_iteration import InteractiveValueIteration, _sweeps_needed
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import evaluate_policy, policy_loss
+from qlearn.problems.random_mdp import random_mdp
+from qlearn.reference import interactive_value_iteration
+from tests.qlearn.test_reference import messy_mdp
+
+
+def solve(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Result:
+    return drive(InteractiveValueIteration(mdp, comparator, **{"tolerance": 0.01, **settings}), tutor)
+
+
+def twin_mdp(seed: int) -> tuple[OrdinalMDP, Floats]:
+    """A random MDP followed by a copy of itself: every question has a twin."""
+    mdp, values = random_mdp(6, 3, 5, discount=0.9, rng=seed)
+    n = mdp.n_states
+    twice = OrdinalMDP(
+        np.concatenate([mdp.successors, mdp.successors + n]),
+        np.concatenate([mdp.probabilities] * 2),
+        np.concatenate([mdp.levels] * 2),
+        mdp.discount,
+        mdp.labels,
+    )
+    return twice, values
+
+
+def test_converged_is_said_only_where_no_pair_was_left_untold() -> None:
+    mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=2)
+    truthful = TruthfulTutor(values)
+    sure = solve(mdp, PolytopeComparator(5), truthful)
+    assert (sure.status, sure.cannot_tell) == (Status.CONVERGED, 0)
+
+    silent = solve(mdp, PolytopeComparator(5), lambda query: Answer(query, None))
+    assert silent.status is Status.UNSURE
+    assert silent.cannot_tell == silent.asked > 0
+    assert policy_loss(mdp, silent.policy, values).max() > 0.01, "what CONVERGED would have promised is not so"
+    assert policy_loss(mdp, silent.policy, values).max() <= silent.loss_bound
+
+    once = iter([True])
+    some = solve(
+        mdp, PolytopeComparator(5), lambda query: Answer(query, None) if next(once, False) else truthful(query)
+    )
+    assert (some.status, some.cannot_tell) == (Status.UNSURE, 1)
+
+    spent = solve(mdp, PolytopeComparator(5), lambda query: Answer(query, None), max_queries=1)
+    assert spent.status is Status.GUESSED, "the worse of the two is said"
+
+
+def test_an_audit_that_the_tutor_cannot_tell_leaves_it_converged() -> None:
+    mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
+    truthful, learner = TruthfulTutor(values), InteractiveValueIteration(mdp, PolytopeComparator(5), audit=0.5)
+
+    def tutor(query: Query) -> Answer:
+        settled = learner.comparator.compare(query.d)[0] != Verdict.UNKNOWN
+        return Answer(query, None) if settled else truthful(query)
+
+    result = drive(learner, tutor)
+    assert result.cannot_tell == result.audited > 0
+    assert result.status is Status.CONVERGED
+
+
+@pytest.mark.parametrize("indifference", [0.0, None])
+@pytest.mark.parametrize(
+    ("make", "tutor"),
+    [
+        (PolytopeComparator, TruthfulTutor),
+        (PolytopeComparator, lambda values: FlippingTutor(values, 0.1, seed=1)),
+        (Dominance, TruthfulTutor),
+    ],
+    ids=["polytope, truthful", "polytope, flipping", "dominance, truthful"],
+)
+def test_asks_the_questions_of_the_reference_in_its_order(
+    make: Callable[[int], Comparator], tutor: Callable[[Floats], Tutor], indifference: float | None
+) -> None:
+    # one question at a time, and what a polytope has decided stays decided: looking ahead at
+    # later states, as the learner does, changes nothing
+    for mdp, values in (random_mdp(10, 3, 5, discount=0.9, rng=0), messy_mdp(1), messy_mdp(2, discount=0.5)):
+        result = solve(mdp, make(mdp.k), tutor(values), indifference=indifference)
+        expected, _, told = interactive_value_iteration(
+            mdp, make(mdp.k), tutor(values), tolerance=0.01, indifference=indifference
+        )
+        answers = Answers.of(told.answers, mdp.k)
+        np.testing.assert_allclose(result.answers.d, answers.d, atol=1e-12)
+        assert result.answers.y.tolist() == answers.y.tolist()
+        assert result.asked == len(told.answers)
+        assert result.policy.tolist() == expected.best
+        assert result.compared == len(expected.comparisons)
+        np.testing.assert_allclose(result.q[mdp.admissible], expected.q[mdp.admissible], atol=1e-12)
+        assert result.status is Status.CONVERGED
+
+
+def test_a_statistical_comparator_reaches_the_policy_of_the_reference() -> None:
+    # decided in another order, its questions may differ: states decided already keep their verdict
+    for seed in range(3):
+        mdp, values = random_mdp(8, 3, 4, discount=0.8, rng=seed)
+        comparator = BradleyTerryComparator(4, n_boot=30)
+        result = solve(mdp, comparator, TruthfulTutor(values))
+        expected, _, told = interactive_value_iteration(mdp, comparator, TruthfulTutor(values), tolerance=0.01)
+        assert result.asked > 0
+        assert told.answers
+        assert policy_loss(mdp, result.policy, values).max() <= 0.01
+        assert policy_loss(mdp, expected.best, values).max() <= 0.01
+
+
+@pytest.mark.parametrize(
+    ("discount", "tolerance"),
+    [(0.0, 0.01), (0.5, 0.1), (0.5, 0.0005), (0.95, 0.1), (0.95, 0.0005), (0.99, 0.1), (0.99, 0.01)],
+)
+def test_loses_no_more_than_the_tolerance(discount: float, tolerance: float) -> None:
+    for seed in range(2):
+        for mdp, values in (messy_mdp(seed, discount=discount), random_mdp(8, 3, 5, discount=discount, rng=seed)):
+            result = solve(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=tolerance)
+            assert result.status is Status.CONVERGED
+            assert policy_loss(mdp, result.policy, values).max() <= tolerance
+            np.testing.assert_allclose(result.q.sum(axis=2), 1.0, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("discount", [0.0, 0.5, 0.95, 0.99])
+def test_loses_no_more_than_the_tolerance_on_more_problems(discount: float, seed: int) -> None:
+    for tolerance in (0.1, 0.01, 0.0005):
+        for mdp, values in (
+            messy_mdp(seed, n=20, k=6, discount=discount),
+            random_mdp(20, 4, 6, discount=discount, rng=seed),
+        ):
+            result = solve(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=tolerance)
+            assert policy_loss(mdp, result.policy, values).max() <= tolerance
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_always_asking_the_truth_is_scalar_value_iteration(seed: int) -> None:
+    mdp, values = random_mdp(10, 4, 6, discount=0.9, rng=seed)
+    e = mdp.normalise(values)
+    oracle = solve(mdp, AlwaysAsk(6), TruthfulTutor(values), indifference=0.0)
+    v = np.zeros(mdp.n_states)
+    for _ in range(oracle.rounds):
+        q = 0.1 * e[mdp.levels] + 0.9 * (mdp.transitions @ v).reshape(mdp.levels.shape)
+        v = q.max(axis=1)
+    np.testing.assert_allclose(oracle.q @ e, q, atol=1e-12)
+    assert oracle.policy.tolist() == q.argmax(axis=1).tolist()
+    assert oracle.asked == oracle.decided["tutor"] > 0
+    fewer = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), indifference=0.0)
+    assert fewer.policy.tolist() == oracle.policy.tolist()
+    assert fewer.q.tobytes() == oracle.q.tobytes()
+    assert fewer.asked < oracle.asked / 10
+
+
+def test_an_erring_oracle_answers_each_question_once() -> None:
+    # its errors depend on how often a pair was asked: judging more than is acted on would show
+    compared = 0
+    for seed in range(4):
+        mdp, values = messy_mdp(seed, discount=0.5)
+        result = solve(mdp, AlwaysAsk(4), FlippingTutor(values, 0.05, seed=seed), tolerance=0.2)
+        if result.status is Status.CONVERGED:
+            expected, _, told = interactive_value_iteration(
+                mdp, AlwaysAsk(4), FlippingTutor(values, 0.05, seed=seed), tolerance=0.2
+            )
+            assert result.asked == len(told.answers)
+            assert result.policy.tolist() == expected.best
+            compared += 1
+    assert compared > 0
+
+
+def test_asks_about_as_often_as_was_measured() -> None:
+    # |S| = 100, |A| = 5, k = 10: throw-away implementations asked 65 to 141 questions
+    mdp, values = random_mdp(100, 5, 10, discount=0.95, rng=1)
+    result = solve(mdp, PolytopeComparator(10), TruthfulTutor(values), tolerance=0.0005)
+    assert 50 <= result.asked <= 160
+    assert result.asked < 0.005 * result.compared
+    assert policy_loss(mdp, result.policy, values).max() <= 0.0005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "low", "high"), [(5, 20, 60), (10, 50, 160), (15, 80, 220)])
+def test_asks_about_as_often_as_was_measured_for_more_levels(k: int, low: int, high: int) -> None:
+    asked = []
+    for seed in range(3):
+        mdp, values = random_mdp(100, 5, k, discount=0.95, rng=seed)
+        asked.append(solve(mdp, PolytopeComparator(k), TruthfulTutor(values), tolerance=0.0005).asked)
+    assert low <= np.mean(asked) <= high
+
+
+def test_terminal_states_and_inadmissible_actions() -> None:
+    mdp, values = messy_mdp(5, n=12, discount=0.95)
+    result = solve(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=0.001)
+    assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
+    for s in np.flatnonzero(mdp.terminal):
+        assert (result.q[s] == np.eye(mdp.k)[mdp.final_level[s]]).all()
+    vectors = result.q[np.arange(mdp.n_states), result.policy]
+    np.testing.assert_allclose(vectors, evaluate_policy(mdp, result.policy), atol=0.001)
+
+
+def test_no_discount_one_sweep() -> None:
+    mdp, values = random_mdp(10, 4, 5, discount=0.0, rng=0)
+    result = solve(mdp, AlwaysAsk(5), TruthfulTutor(values))
+    assert (result.rounds, result.status) == (1, Status.CONVERGED)
+    # the greatest level, and of several actions at it the first
+    assert result.policy.tolist() == mdp.levels.argmax(axis=1).tolist()
+    # single levels are ordered: dominance decides everything
+    assert solve(mdp, PolytopeComparator(5), TruthfulTutor(values)).asked == 0
+
+
+def test_limit_of_sweeps() -> None:
+    mdp, values = random_mdp(8, 3, 5, discount=0.95, rng=0)
+    for limit in (1, 3):
+        result = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), max_sweeps=limit)
+        assert (result.rounds, result.status) == (limit, Status.SWEEP_LIMIT)
+    assert "max_sweeps" in Status.SWEEP_LIMIT.value
+
+
+def test_an_erring_oracle_meets_the_default_limit_of_sweeps() -> None:
+    # a tutor who errs anew each time keeps the values moving: there must be an end to it
+    mdp, values = random_mdp(6, 3, 5, discount=0.5, rng=0)
+    result = solve(mdp, AlwaysAsk(5), FlippingTutor(values, 0.4, seed=0), tolerance=0.001)
+    assert result.status is Status.SWEEP_LIMIT
+    assert result.rounds == 2 * _sweeps_needed(0.5, 0.001)
+
+
+@pytest.mark.parametrize("discount", [0.05, 0.5, 0.9, 0.99])
+@pytest.mark.parametrize("tolerance", [1.0, 0.1, 0.001])
+def test_the_default_limit_of_sweeps_is_enough_for_a_known_scale(discount: float, tolerance: float) -> None:
+    for seed in range(3):
+        mdp, values = random_mdp(6, 2, 3, discount=discount, rng=seed)
+        result = solve(mdp, AlwaysAsk(3), TruthfulTutor(values), tolerance=tolerance)
+        assert result.status is Status.CONVERGED
+        assert result.rounds <= _sweeps_needed(discount, tolerance) + 1
+
+
+def test_loose_indifference_asks_less() -> None:
+    mdp, values = random_mdp(12, 4, 6, discount=0.9, rng=0)
+    tight = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), indifference=0.0)
+    loose = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), indifference=0.02)
+    assert tight.decided["indifferent"] == 0
+    assert loose.decided["indifferent"] > 0
+    assert loose.asked < tight.asked
+
+
+@pytest.mark.parametrize("batch", [1, 2, 100])
+def test_at_most_a_batch_at_a_time(batch: int) -> None:
+    mdp, values = random_mdp(12, 4, 6, discount=0.9, rng=0)
+    learner = InteractiveValueIteration(mdp, PolytopeComparator(6), tolerance=0.01, batch=batch)
+    tutor, sizes = TruthfulTutor(values), []
+    while queries := learner.ask():
+        sizes.append(len(queries))
+        learner.tell([tutor(query) for query in queries])
+    assert max(sizes) <= batch
+    assert batch == 1 or max(sizes) > 1
+    assert policy_loss(mdp, learner.result().policy, values).max() <= 0.01
+
+
+@pytest.mark.parametrize("make", [Dominance, PolytopeComparator, lambda k: BradleyTerryComparator(k, n_boot=20)])
+@pytest.mark.parametrize("batch", [1, 3, 7])
+@pytest.mark.parametrize("audit", [0.0, 1.0])
+def test_twins_in_one_batch_are_asked_once(make: Callable[[int], Comparator], batch: int, audit: float) -> None:
+    mdp, values = twin_mdp(3)
+    learner = InteractiveValueIteration(mdp, make(5), tolerance=0.01, batch=batch, audit=audit, max_sweeps=6)
+    tutor, pairs = FlippingTutor(values, 0.1, seed=0), []
+    while queries := learner.ask():
+        pairs += [tail_sums(query.d) + 0.0 for query in queries]
+        learner.tell([tutor(query) for query in queries], "drop")
+    asked = {t.tobytes() for t in pairs} | {(0.0 - t).tobytes() for t in pairs}
+    assert len(asked) == 2 * len(pairs) > 0
+    policy = learner.result().policy
+    if make is PolytopeComparator and audit == 0:
+        assert policy[:6].tolist() == policy[6:].tolist()
+
+
+def test_part_of_a_batch_may_be_told() -> None:
+    mdp, values = random_mdp(12, 4, 6, discount=0.9, rng=0)
+    tutor = TruthfulTutor(values)
+    learner = InteractiveValueIteration(mdp, PolytopeComparator(6), tolerance=0.01, batch=5)
+    while queries := learner.ask():
+        learner.tell([tutor(queries[-1])])
+        assert learner.ask() == queries[:-1] or len(queries) == 1
+    whole = solve(mdp, PolytopeComparator(6), tutor, batch=5)
+    assert learner.result().asked == whole.asked
+    assert learner.result().policy.tolist() == whole.policy.tolist()
+
+
+def test_watching_sees_every_comparison_once() -> None:
+    mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
+    for make in (PolytopeComparator, AlwaysAsk, Dominance):
+        for settings in ({}, {"audit": 0.3}, {"max_queries": 4}, {"indifference": 0.01}, {"batch": 4}):
+            tiers = np.zeros(len(Tier), dtype=int)
+
+            def watcher(d: Floats, decisions: Decisions, count: Any = tiers) -> None:
+                assert len(d) == len(decisions.verdicts) == len(decisions.tiers) > 0
+                assert not (decisions.verdicts == Verdict.UNKNOWN).any()
+                np.add.at(count, decisions.tiers, 1)
+
+            learner = InteractiveValueIteration(mdp, make(5), tolerance=0.01, **settings)
+            learner.watch(watcher)
+            result = drive(learner, TruthfulTutor(values))
+            assert {tier.name.lower(): tiers[tier] for tier in Tier} == result.decided
+
+
+def test_an_interruption_while_judging_does_no_harm() -> None:
+    class Interrupted(Dominance):
+        calls = 0
+
+        def compare(self, d: Any) -> Any:
+            type(self).calls += 1
+            if type(self).calls % 4 == 0:
+                raise KeyboardInterrupt
+            return super().compare(d)
+
+    mdp, values = random_mdp(6, 3, 5, discount=0.8, rng=0)
+    learner = InteractiveValueIteration(mdp, Interrupted(5), tolerance=0.01)
+    tutor = TruthfulTutor(values)
+    while True:
+        try:
+            queries = learner.ask()
+        except KeyboardInterrupt:
+            continue
+        if not queries:
+            break
+        learner.tell([tutor(query) for query in queries])
+    undisturbed = solve(mdp, Dominance(5), tutor)
+    assert learner.result().q.tobytes() == undisturbed.q.tobytes()
+    assert learner.result().decided == undisturbed.decided
+
+
+def test_answers_by_a_function_and_audits_do_not_hang() -> None:
+    mdp, values = random_mdp(6, 3, 5, discount=0.8, rng=0)
+    learner = InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.01, audit=0.5)
+    first = learner.ask()
+    learner.tell([TruthfulTutor(values)(query) for query in first])
+    learner.consult(TruthfulTutor(values).signs)
+    while queries := learner.ask():
+        learner.tell([TruthfulTutor(values)(query) for query in queries])
+    assert learner.result().status is Status.CONVERGED
+
+
+def test_small_problems() -> None:
+    one_action, values = random_mdp(5, 1, 4, rng=0)
+    result = solve(one_action, AlwaysAsk(4), TruthfulTutor(values))
+    assert (result.compared, result.asked, result.status) == (0, 0, Status.CONVERGED)
+    one_state = OrdinalMDP(np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good"))
+    assert solve(one_state, PolytopeComparator(3), TruthfulTutor([0, 1, 2])).policy.tolist() == [1]
+    two_levels, values = random_mdp(8, 3, 2, discount=0.9, rng=0)
+    result = solve(two_levels, PolytopeComparator(2), TruthfulTutor(values))
+    assert result.asked == 0
+    assert policy_loss(two_levels, result.policy, values).max() <= 0.01
+
+
+def test_a_question_is_about_its_state() -> None:
+    mdp, _ = random_mdp(10, 3, 5, discount=0.9, rng=0)
+    learner = InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.01, batch=4)
+    for query in learner.ask():
+        s, left, right = (int(word.strip(":?")) for word in query.about.split() if word.strip(":?").isdigit())
+        q = learner.result().q
+        assert q[s, left].tolist() == query.left.tolist()
+        assert q[s, right].tolist() == query.right.tolist()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"tolerance": 0.0}, "0.0"),
+        ({"tolerance": float("nan")}, "nan"),
+        ({"tolerance": -0.5}, "-0.5"),
+        ({"max_sweeps": 0}, "0"),
+        ({"max_sweeps": 2.5}, "2.5"),
+        ({"indifference": -0.125}, "-0.125"),
+        ({"max_queries": -2}, "-2"),
+        ({"audit": 1.5}, "1.5"),
+        ({"audit": float("nan")}, "nan"),
+        ({"batch": 0}, "0"),
+        ({"batch": 1.5}, "1.5"),
+    ],
+)
+def test_bad_settings_are_named(wrong: dict[str, Any], text: str) -> None:
+    mdp, _ = random_mdp(4, 2, 3, rng=0)
+    (name,) = wrong
+    with pytest.raises(ValueError, match=f"{name}.*{text}"):
+        InteractiveValueIteration(mdp, PolytopeComparator(3), **wrong)
+
+
+def test_levels_must_agree() -> None:
+    mdp, _ = random_mdp(4, 2, 3, rng=0)
+    with pytest.raises(ValueError, match=r"3 levels.*k = 5"):
+        InteractiveValueIteration(mdp, PolytopeComparator(5))
+
+
+def test_the_seed_only_picks_audits() -> None:
+    mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
+    plain = [solve(mdp, PolytopeComparator(5), TruthfulTutor(values), rng=seed) for seed in (1, 2)]
+    assert plain[0].answers.d.tobytes() == plain[1].answers.d.tobytes()
+    audited = [solve(mdp, PolytopeComparator(5), TruthfulTutor(values), rng=seed, audit=0.01) for seed in (1, 1, 2)]
+    audits = [[audit.query.d.tobytes() for audit in result.audits] for result in audited]
+    assert audits[0] == audits[1] != audits[2]
+
+
+def test_ids_differ_between_problems() -> None:
+    mdp, _ = random_mdp(10, 3, 5, discount=0.9, rng=0)
+    other = replace(mdp, discount=0.8)
+    asked = [InteractiveValueIteration(m, PolytopeComparator(5), batch=9).ask() for m in (mdp, other)]
+    assert not {query.id for query in asked[0]} & {query.id for query in asked[1]}

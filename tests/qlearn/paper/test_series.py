@@ -1,0 +1,277 @@
+"""The paper's figures: the rows do not depend on how they were computed, and what is said of them can be recomputed."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from qlearn.cli import figures as figures_command
+from qlearn.cli import main as cli
+from qlearn.experiments.ablation import ablate
+from qlearn.paper.claims import MEASURES, claims, claims_text, series_of, summarise_series
+from qlearn.paper.series import COMPARATORS, KEYS, SETTINGS, Interrupted, cells, figures
+
+TINY: dict[str, Any] = {
+    "levels": (3, 5), "at_states": 8, "states": (8, 12), "at_levels": 5, "actions": 3, "seeds": 2, "steps": 250,
+    "n_boot": 10, "particles": 50,
+}  # fmt: skip
+
+
+def text_of(frame: pd.DataFrame) -> str:
+    return str(frame.drop(columns="seconds").to_csv(index=False))
+
+
+@pytest.fixture(scope="module")
+def frame() -> pd.DataFrame:
+    return figures(**TINY, jobs=1)
+
+
+def test_the_same_rows_on_two_cores_and_resumed(frame: pd.DataFrame, tmp_path: Path) -> None:
+    journal = tmp_path / "journal"
+    seen: list[tuple[int, int]] = []
+    assert text_of(figures(**TINY, jobs=2, journal=journal)) == text_of(frame)
+    kept = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join(kept[3:]) + kept[0][:-30])
+    resumed = figures(**TINY, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
+    assert seen[0] == (len(frame) - 3, len(frame))
+    assert text_of(resumed) == text_of(frame)
+
+
+def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
+    def stop(done: int, total: int) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        figures(**TINY, jobs=1, progress=stop)
+    assert len(caught.value.frame) == 2
+    assert caught.value.frame.columns.tolist() == frame.columns.tolist()
+
+
+def test_one_row_a_run_and_a_problem_of_both_series_once(frame: pd.DataFrame) -> None:
+    assert len(frame) == 3 * 5 * 2  # sizes, comparators with the oracle, seeds
+    assert not frame.duplicated(list(KEYS)).any()
+    assert set(frame.error_rate[frame.comparator.isin(["always", "polytope"])]) == {0.0}
+    assert set(frame.error_rate[~frame.comparator.isin(["always", "polytope"])]) == {0.1}
+    assert (frame.guess == 0).all()  # no budget
+    assert (frame.rounds == 250).all()
+
+
+def test_with_a_truthful_tutor_the_polytope_loses_exactly_nothing(frame: pd.DataFrame) -> None:
+    rows = frame[frame.comparator == "polytope"]
+    for measure in ("paper_loss_percent", "paper_abs_percent", "excess_loss"):
+        assert (rows[measure] == 0).all()
+    assert (rows.judged_before > 0).all()
+    others = frame[frame.comparator.isin(["posterior", "box"])]
+    assert (others.paper_loss_percent != 0).any()  # else this says nothing
+    assert (others.paper_loss_percent.abs() <= others.paper_abs_percent + 1e-12).all()
+
+
+def test_every_denominator(frame: pd.DataFrame) -> None:
+    unequal = frame.compared - frame.equal
+    np.testing.assert_allclose(frame.asked_percent_all, 100 * frame.asked / frame.compared)
+    np.testing.assert_allclose(frame.asked_percent_unequal, 100 * frame.asked / unequal)
+    np.testing.assert_allclose(frame.asked_percent_open, 100 * frame.asked / (unequal - frame.dominance))
+    fresh = unequal - frame.dominance - frame.known
+    np.testing.assert_allclose(frame.asked_percent_fresh, 100 * frame.asked / fresh)
+
+
+def test_runs_of_one_seed_are_those_of_the_ablation(frame: pd.DataFrame) -> None:
+    """The same run by the other command: nothing is computed twice in two ways."""
+    settings = SETTINGS | {"steps": 250, "n_boot": 10, "particles": 50}
+    other = ablate(
+        problems=["random"], learners=["q-learning"], comparators=["box"], error_rates=[0.1], audit=0.0, seeds=1,
+        states=8, actions=3, levels=5, jobs=1, **settings,
+    )  # fmt: skip
+    (one,) = other[other.comparator == "box"].to_dict("records")
+    (two,) = frame.query("comparator == 'box' and states == 8 and levels == 5 and seed == 0").to_dict("records")
+    for name in ("asked", "model", "loss", "realised_error_rate", "paper_loss_percent", "excess_loss"):
+        assert one[name] == two[name]
+
+
+def test_both_tutors_and_some_comparators() -> None:
+    part = TINY | {"levels": (3,), "states": (8,), "at_levels": 3, "seeds": 1, "comparators": ["posterior"]}
+    rows = figures(**part, both_tutors=True, jobs=1)
+    assert [(row.comparator, row.error_rate) for row in rows.itertuples()] == [
+        ("always", 0.0), ("posterior", 0.0), ("posterior", 0.1)
+    ]  # fmt: skip
+
+
+def test_warnings_are_counted_not_shown() -> None:
+    part = TINY | {"levels": (3,), "states": (8,), "at_levels": 3, "seeds": 1, "comparators": ["box"]}
+    quiet, loud = (figures(**part, jobs=1, precision=precision) for precision in (300.0, 1e300))
+    assert (quiet.warnings == 0).all()
+    assert loud.warnings[loud.comparator == "box"].item() > 0
+
+
+def test_what_there_is_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="no comparator 'sphere' in the figures; choose among polytope"):
+        figures(comparators=["sphere"])
+    with pytest.raises(ValueError, match=r"below 1/2, not 0\.5"):
+        cells([(8, 3)], ["box"], 0.5, False, [0])
+    with pytest.raises(TypeError, match="unexpected keyword argument 'stepz'"):
+        figures(**TINY, stepz=3)
+
+
+# --- what is said of the rows
+
+
+def made_up(slope: float, loss: float, seeds: int = 6, noise: float = 0.2) -> pd.DataFrame:
+    """Rows of both series in which what is asked rises by ``slope`` a level and a hundred states."""
+    rng = np.random.default_rng(3)
+    rows = []
+    for n, k in [(100, 5), (100, 10), (100, 20), (200, 20), (300, 20)]:
+        for seed in range(seeds):
+            percent = 30 + slope * (k + n / 100) + noise * rng.normal()
+            row = {"states": n, "levels": k, "comparator": "box", "error_rate": 0.1, "seed": seed}
+            row |= {f"asked_percent_{name}": percent for name in ("all", "unequal", "open", "fresh")}
+            row |= {"paper_loss_percent": loss + 0.01 * rng.normal(), "paper_abs_percent": abs(loss)}
+            rows.append(row | {"excess_loss": loss / 100, "loss": 0.01, "asked": 7, "realised_error_rate": 0.3})
+    return pd.DataFrame(rows)
+
+
+def test_the_trend_is_the_mean_slope_of_the_seeds_with_its_interval() -> None:
+    rows = made_up(0.02, 0.5)
+    told = claims(rows).query("figure == 2 and measure == 'asked_percent_open'").iloc[0]
+    slopes, ranks = [], []
+    for _, part in rows[rows.states == 100].groupby("seed"):
+        slopes.append(5 * np.polyfit(part.levels, part.asked_percent_open, 1)[0])
+        ranks.append(stats.kendalltau(part.levels, part.asked_percent_open).statistic)
+    low, high = stats.t.interval(0.95, 5, np.mean(slopes), stats.sem(slopes))
+    assert (told.estimate, told.low, told.high) == pytest.approx((np.mean(slopes), low, high))
+    assert told.agreeing == sum(slope > 0 for slope in slopes)
+    assert np.sign(told.spearman) == np.sign(np.mean(ranks))
+    assert (told.statistic, told.runs) == ("slope per 5 levels", 6)
+    third = claims(rows).query("figure == 3 and measure == 'asked_percent_open'").iloc[0]
+    assert third.statistic == "slope per 100 states"
+
+
+@pytest.mark.parametrize(
+    ("slope", "noise", "answer"), [(0.5, 0.1, "rises"), (-0.5, 0.1, "falls"), (0.0, 0.5, "not told")]
+)
+def test_its_sign_is_told_as_it_is(slope: float, noise: float, answer: str) -> None:
+    told = claims(made_up(slope, 0.0, noise=noise))
+    assert (told.answer[told.figure == 2] == answer).all()
+    assert told.answer[told.figure == 3].nunique() == 1
+    assert "slope per 5 levels" in claims_text(told)
+    assert max(map(len, claims_text(told).splitlines())) <= 120
+
+
+@pytest.mark.parametrize(
+    ("loss", "answer"),
+    [(0.5, "below 1%"), (-0.5, "below 1%"), (3.0, "above 1%"), (-3.0, "above 1%"), (1.0, "not told")],
+)
+def test_the_bound_is_held_to_the_interval_of_every_size(loss: float, answer: str) -> None:
+    told = claims(made_up(0.0, loss)).query("figure == 4 and measure == 'paper_loss_percent'").iloc[0]
+    rows = made_up(0.0, loss).query("levels == 20")
+    by_seed = rows.groupby("seed").paper_loss_percent.mean()
+    low, high = stats.t.interval(0.95, 5, by_seed.mean(), stats.sem(by_seed))
+    assert (told.estimate, told.low, told.high) == pytest.approx((by_seed.mean(), low, high))
+    ends = [
+        stats.t.interval(0.95, 5, part.mean(), stats.sem(part)) for _, part in rows.groupby("states").paper_loss_percent
+    ]
+    assert told.worst == pytest.approx(np.abs(ends).max())
+    assert told.answer == answer
+
+
+def test_the_statistics_of_real_rows_can_be_recomputed(frame: pd.DataFrame) -> None:
+    told = claims(frame)
+    assert len(told) == 4 * (2 * 4 + 3)  # comparators; denominators of figures 2 and 3; losses of figure 4
+    for row in told[told.figure == 3].itertuples():
+        part = frame[(frame.levels == 5) & (frame.comparator == row.comparator)]
+        wide = part.pivot(index="seed", columns="states", values=row.measure)
+        slopes = 100 * (wide[12] - wide[8]) / 4
+        assert row.estimate == pytest.approx(slopes.mean())
+        assert row.answer == ("rises" if row.low > 0 else "falls" if row.high < 0 else "not told")
+    polytope = told[(told.figure == 4) & (told.comparator == "polytope")]
+    assert (polytope[["estimate", "low", "high", "worst"]] == 0).all(axis=None)
+    assert (polytope.answer == "below 1%").all()
+
+
+def test_the_summary_has_means_and_half_widths(frame: pd.DataFrame) -> None:
+    summary = summarise_series(frame)
+    assert summary.groupby("series").x.unique().map(list).to_dict() == {"levels": [3, 5], "states": [8, 12]}
+    assert {*MEASURES} <= {*summary.columns}
+    line = summary.query("series == 'states' and x == 12 and comparator == 'box'").iloc[0]
+    asked = frame.query("states == 12 and comparator == 'box'").asked
+    assert (line.asked, line.runs) == (asked.mean(), 2)
+    assert line.asked_half == pytest.approx(stats.t.ppf(0.975, 1) * asked.std() / math.sqrt(2))
+    assert series_of(frame, "levels").comparator.unique().tolist() == ["always", *COMPARATORS]
+
+
+# --- the command
+
+
+COMMAND = (
+    "figures --jobs 1 --levels 3 4 --at-states 6 --states 6 9 --at-levels 4 --actions 2 --seeds 2 --steps 60 "
+    "--n-boot 5 --particles 20"
+)
+PICTURES = [f"figure{i}.{kind}" for i in (2, 3, 4) for kind in ("png", "svg")]
+
+
+def test_the_defaults_in_the_help_are_those_of_the_library() -> None:
+    from inspect import signature
+
+    from qlearn.experiments.run import run
+
+    keywords = {name: p.default for name, p in signature(run).parameters.items()} | SETTINGS
+    keywords |= {name: p.default for name, p in signature(figures).parameters.items()}
+    assert {name: keywords[name] for name in figures_command.DEFAULTS} == figures_command.DEFAULTS
+    assert {*figures_command.QUICK} <= {*figures_command.DEFAULTS}
+
+
+def test_the_command_writes_the_same_bytes_again_and_on_two_cores(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, two = tmp_path / "new" / "one", tmp_path / "two"
+    assert cli.main([*COMMAND.split(), "--out", str(one)]) == 0
+    shown = capsys.readouterr().out
+    assert "polytope" in shown
+    assert "below 1%" in shown
+    names = sorted(path.name for path in one.iterdir())
+    assert names == sorted(
+        [*PICTURES, "claims.csv", "claims.md", "journal.jsonl", "runs.csv", "summary.csv", "times.csv"]
+    )
+    assert cli.main([*COMMAND.replace("--jobs 1", "--jobs 2").split(), "--out", str(two)]) == 0
+    for name in names:
+        if name not in ("times.csv", "journal.jsonl"):
+            assert (one / name).read_bytes() == (two / name).read_bytes(), name
+    runs = pd.read_csv(one / "runs.csv")
+    assert "seconds" not in runs.columns
+    assert len(runs) == 3 * 5 * 2
+    svg = (one / "figure4.svg").read_text(encoding="utf-8")
+    assert "<dc:date>" not in svg
+
+
+def test_interrupted_the_command_keeps_its_rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import qlearn.paper.series as module
+
+    real = module.figures
+
+    def stopped(progress: Any, **settings: Any) -> pd.DataFrame:
+        def stop(done: int, total: int) -> None:
+            if done == 3:
+                raise KeyboardInterrupt
+
+        return real(progress=stop, **settings)
+
+    monkeypatch.setattr(module, "figures", stopped)
+    assert cli.main([*COMMAND.split(), "--out", str(tmp_path)]) == 130
+    assert len(pd.read_csv(tmp_path / "runs.csv")) == 3
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [("--seeds", "0", "'0' is not a whole number of at least 1"), ("--comparators", "always", "invalid choice")],
+)
+def test_bad_options_end_in_2(option: str, value: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["figures", option, value])
+    assert caught.value.code == 2
+    assert said in capsys.readouterr().err
