@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from elicit._support.jit import compiled, loosely
-from elicit.comparators.bradley_terry.smc import shared_sign
 from elicit.decision.rule import BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
+from elicit.decision.votes import shared_sign
 from elicit.lp.sign import (
     BETTER,
     BY_SCREEN,

@@ -22,8 +22,9 @@ from elicit._support.hashing import Seed, fold, key_of
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import Prior
 from elicit.comparators.bradley_terry.mcmc import move
-from elicit.comparators.bradley_terry.smc import LEVEL_ROUNDING, SWEEPS, effective_size, learn, thetas, weigh
+from elicit.comparators.bradley_terry.smc import SWEEPS, effective_size, learn, thetas
 from elicit.decision.rule import Rule, weighted
+from elicit.decision.votes import LEVEL_ROUNDING, weigh
 from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.inequalities import PriorLike, as_prior
