@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_whole
-from elicit.model.comparator import Comparator, Tier, check_comparator_made, decide
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, Query, Verdict, match
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 

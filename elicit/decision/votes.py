@@ -1,39 +1,24 @@
-"""The vote of weighted scales on a difference: the sign of d.e that scales of enough weight share.
+"""Votes of scales on a difference: the sign of d.e that enough of them share, by weight, by number, or over a box.
 
-A scale is its gaps g, and votes by the sign of t.g. A block of scales at a time, and no more once neither sign can
-reach the level.
+A scale is its gaps g, and votes by the sign of t.g. Weights are counted a block of scales at a time, and no more once
+neither sign can reach the level.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from elicit._support.jit import compiled, loosely
-from elicit.lp.sign import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
+from elicit.lp.sign import BETTER, UNKNOWN, WORSE
 
 LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
 BLOCK = 64  # scales whose votes are counted before it is asked whether a level can still be reached
 
 
 @compiled
-def weigh(d: Any, gaps: Any, weights: Any, level: float, verdicts: Any) -> None:
-    """Verdicts (n,) on differences d (n, k): dominance, else by ``shared_sign``."""
-    p, m = gaps.shape
-    t, at = np.empty(p), np.empty(m)
-    for i in range(len(d)):
-        tail_sums_into(d, i, t)
-        verdicts[i] = by_dominance(t)
-        if verdicts[i] == UNKNOWN:
-            side = shared_sign(t, 0.0, gaps, weights, level, at)
-            verdicts[i] = UNKNOWN if side == 0 else BETTER if side > 0 else WORSE
-
-
-@compiled
-def shared_sign(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
-    """The sign of t.g + shift that particles of gaps (p, m) and total weight ``level`` share, with the scores in at
-    (m,); 0 where none has so much."""
+def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
+    """The verdict on t.g + shift that scales of gaps (p, m) and total weight ``level`` share. Their scores are written
+    into at (m,), all of them where the verdict is not UNKNOWN."""
     m, up, down, left = len(at), 0.0, 0.0, 1.0
     for start in range(0, m, BLOCK):
         end = min(m, start + BLOCK)
@@ -41,8 +26,8 @@ def shared_sign(t: Any, shift: float, gaps: Any, weights: Any, level: float, at:
         above, below, both = signed_weights(at[start:end], weights[start:end])
         up, down, left = up + above, down + below, left - both
         if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
-            return 0
-    return 1 if up >= level - LEVEL_ROUNDING else -1 if down >= level - LEVEL_ROUNDING else 0
+            return UNKNOWN
+    return BETTER if up >= level - LEVEL_ROUNDING else WORSE if down >= level - LEVEL_ROUNDING else UNKNOWN
 
 
 @compiled
@@ -78,3 +63,56 @@ def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
         up += w if at[q] > 0.0 else 0.0
         down += w if at[q] < 0.0 else 0.0
     return up, down, both
+
+
+@loosely
+def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
+    """A distance by which all scores at (m,) may sink, the weight of those that keep the sign ``side`` still reaching
+    the level; 0 for none."""
+    mean = 0.0
+    for q in range(len(at)):
+        mean += weights[q] * at[q]
+    for share in (0.5, 0.2, 0.05):
+        limit, weight = share * abs(mean), 0.0
+        for q in range(len(at)):
+            weight += weights[q] if side * at[q] > limit else 0.0
+        if weight >= level:
+            return limit - 1e-12  # what scores are computed to
+    return 0.0
+
+
+@compiled
+def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
+    """The verdict on t.g + shift that the last of the scales of gaps (p, m) gives, if all but ``left_out`` of the
+    others share it."""
+    p, last = gaps.shape[0], gaps.shape[1] - 1
+    point = t[0] * gaps[0, last]
+    for j in range(1, p):
+        point += t[j] * gaps[j, last]
+    point += shift
+    if point == 0.0:
+        return UNKNOWN
+    sign = 1.0 if point > 0.0 else -1.0
+    against = 0
+    for q in range(last):
+        at = t[0] * gaps[0, q]
+        for j in range(1, p):
+            at += t[j] * gaps[j, q]
+        if not sign * (at + shift) > 0.0:
+            against += 1
+            if against > left_out:
+                return UNKNOWN
+    return BETTER if sign > 0.0 else WORSE
+
+
+@compiled
+def by_box(d: Any, shift: float, ends: Any) -> int:
+    """The verdict on d.e + shift that all scales share whose levels 2..k lie between the two ends (p, 2)."""
+    least, greatest = 0.0, 0.0
+    for j in range(len(ends)):
+        low, high = d[j + 1] * ends[j, 0], d[j + 1] * ends[j, 1]
+        least += min(low, high)
+        greatest += max(low, high)
+    if least + shift > 0.0:
+        return BETTER
+    return WORSE if greatest + shift < 0.0 else UNKNOWN

@@ -246,7 +246,6 @@ def _of_region(region: Region) -> Known:
         margin=region.margin,
         cuts=np.ascontiguousarray(region.rows.T),
         limits=region.rhs,
-        open=np.ones(p),
         rows=none,
         lifted=none,
         masks=np.empty(0, dtype=np.uint64),
@@ -257,7 +256,7 @@ def _of_region(region: Region) -> Known:
         active=np.empty((0, p - 1), dtype=np.int64),
         kind=np.empty(0, dtype=np.int8),
         age=np.empty(0, dtype=np.int64),
-        counts=np.zeros(4, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
     )
 
 

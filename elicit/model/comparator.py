@@ -1,8 +1,7 @@
-"""The Comparator protocol, the one table from signs to verdicts, and the two comparators that learn nothing."""
+"""The Comparator protocol, who settled a comparison, and the one table from signs to verdicts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_whole
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
 
 Verdicts = NDArray[np.int8]
 
@@ -70,18 +69,6 @@ class Decisions(NamedTuple):
     tiers: NDArray[np.int8]
 
 
-def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
-    """``comparator.compare(d)`` with the tiers; a comparator may have a ``decide(d)`` that knows
-    them, for any other what is not equal or dominated counts as MODEL."""
-    own = getattr(comparator, "decide", None)
-    if own is not None:
-        result: Decisions = own(d)
-        return result
-    verdicts = np.asarray(comparator.compare(d), dtype=np.int8)
-    plain = dominance(tail_sums(as_vectors(d, comparator.k)))
-    return Decisions(verdicts, dominance_tiers(plain, Tier.MODEL))
-
-
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
     """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do.
 
@@ -131,54 +118,3 @@ def check_answers(answers: Answers, k: int) -> Answers:
     if answers.k != k:
         raise ValueError(f"these answers are about {answers.k} levels, but this comparator has k = {k}")
     return answers
-
-
-@dataclass(frozen=True)
-class _Unlearning:
-    """Only the order of the levels is known, and no answer changes that."""
-
-    k: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "k", check_levels(self.k))
-
-    @property
-    def values(self) -> Floats:
-        """(k,) the centre of K_0: equal gaps."""
-        return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
-
-    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Least and greatest d.e (n,) over every ordered scale."""
-        return order_bounds(tail_sums(as_vectors(d, self.k)), 0.0)
-
-    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e over every ordered scale, and their confidence, 1."""
-        return self.bounds(d)[1], 1.0
-
-
-class Dominance(_Unlearning):
-    """Eq. (4) alone: decides what holds for every scale, and needs no answers."""
-
-    def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) by first-order stochastic dominance."""
-        return dominance(tail_sums(as_vectors(d, self.k)))
-
-    def update(self, answers: Answers) -> Dominance:
-        """Itself: answers teach it nothing."""
-        check_answers(answers, self.k)
-        return self
-
-
-class AlwaysAsk(_Unlearning):
-    """UNKNOWN for every difference but 0. With a truthful tutor it is the oracle baseline."""
-
-    def compare(self, d: ArrayLike) -> Verdicts:
-        """EQUAL where the tail sums are all zero, else UNKNOWN (n,)."""
-        t = tail_sums(as_vectors(d, self.k))
-        out: Verdicts = np.where((t == 0).all(axis=1), Verdict.EQUAL, Verdict.UNKNOWN).astype(np.int8)
-        return out
-
-    def update(self, answers: Answers) -> AlwaysAsk:
-        """Itself: answers teach it nothing."""
-        check_answers(answers, self.k)
-        return self

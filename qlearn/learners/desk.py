@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, key_of, uniform, unordered_pairs
 from elicit._support.validation import is_number, is_whole
-from elicit.model.comparator import BY_ANSWERS, Comparator, Decisions, Tier, decide
+from elicit.decision.decide import decide
+from elicit.model.comparator import BY_ANSWERS, Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats, dot, tail_sums
 from qlearn.learners.answered_pairs import Told, first_of_each_pair

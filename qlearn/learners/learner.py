@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.validation import is_number
-from elicit.model.comparator import AlwaysAsk, Comparator, check_comparator_made
+from elicit.comparators.baselines import AlwaysAsk
+from elicit.model.comparator import Comparator, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.answer_log import AnswerLog

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
-from elicit.model.comparator import Comparator, Decisions, Tier, decide, simultaneous_bounds
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Decisions, Tier, simultaneous_bounds
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.desk import AUDIT, Desk, Watch, place

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.validation import is_number, is_whole
+from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.rule import outlasts_answers, rule_of
-from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Tier
+from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, nobody
@@ -179,7 +180,7 @@ class InteractiveQLearning:
             if code in (kernel.ASK, kernel.DEFER):
                 pair = self._pair()
                 d = (pair[0] - pair[1])[None, :]
-                if self._desk.signs is not None and not self._model.dominance:  # AlwaysAsk has no say
+                if self._desk.signs is not None and not rule.dominance:  # AlwaysAsk has no say
                     self._verdict = int(self._desk.consult(d)[0])
                     if self._oracle is not None:
                         oracle = self._oracle.respondent
@@ -293,7 +294,6 @@ def _model(
         epsilons=chances,
         steps=int(steps),
         episode_length=int(episode_length or 0),
-        dominance=not isinstance(comparator, AlwaysAsk),
         key=np.uint64(key),
     )
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import mix, unit
 from elicit._support.jit import compiled
-from elicit.decision.judge import FLOORED, holds
+from elicit.decision.judge import certifies
 from elicit.decision.rule import Rule
 from elicit.lp.sign import (
     BETTER,
@@ -54,7 +54,6 @@ class Model(NamedTuple):
     epsilons: NDArray[np.float64]  # chance of exploring by step; the last one stays
     steps: int
     episode_length: int  # 0: episodes end in terminal states only
-    dominance: bool  # whether eq. (4) may decide
     key: Any  # np.uint64
 
 
@@ -134,7 +133,7 @@ def advance(
                     verdict, tier = difference(q, s, challenger, incumbent, d, t), BY_DOMINANCE
                     if verdict == EQUAL:
                         tier = BY_EQUAL
-                    elif verdict == UNKNOWN or not model.dominance:
+                    elif verdict == UNKNOWN or not rule.dominance:
                         if len(kept.tiers) > 0 and cursor[KEPT] == len(kept.tiers):
                             return FULL
                         side = sides[s, challenger]
@@ -142,15 +141,16 @@ def advance(
                             verdict, tier = respond(t, work[0], oracle), BY_TUTOR
                             if verdict == UNSETTLED:
                                 return DEFER
-                        elif side != 0 and standing.plain and holds(t, 1 if side > 0 else -1, floors[s, challenger]):
+                        elif (
+                            side != 0 and standing.plain and certifies(floors[s, challenger], 1 if side > 0 else -1, t)
+                        ):
                             verdict, tier = (BETTER, int(side)) if side > 0 else (WORSE, -int(side))
                         else:
-                            verdict, tier = consult(d, t, work, rule, standing, floors[s, challenger])
+                            verdict, tier, certified = consult(d, t, work, rule, standing, floors[s, challenger])
                             sides[s, challenger] = 0
                             if verdict in (UNSETTLED, UNKNOWN):
                                 return DEFER if verdict == UNSETTLED else ASK
-                            if tier >= FLOORED:
-                                tier -= FLOORED
+                            if certified:
                                 sides[s, challenger] = verdict * (BY_SCREEN if tier == BY_SIMPLEX else tier)
                         if len(kept.tiers) > 0:
                             for j in range(k):

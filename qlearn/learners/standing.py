@@ -37,19 +37,19 @@ def among(code: Any, codes: Any) -> bool:
 
 
 @compiled
-def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, floor: Any) -> tuple[int, int]:
+def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, certificate: Any) -> tuple[int, int, bool]:
     """Verdict and tier of a pair on which dominance is silent, as ``Desk.judge`` has them; UNSETTLED where only
-    the desk can tell, UNKNOWN where only the tutor can."""
+    the desk can tell, UNKNOWN where only the tutor can. And whether ``certificate`` was written (``judge``)."""
     for j in range(len(t)):
         work[0, j] = t[j]
     if len(standing.binding) > 0 and among(pair_code(standing.key, t, work[1]), standing.binding):
-        return UNSETTLED, BY_EQUAL
-    verdict, tier = judge(d, t, 0.0, floor, rule)
+        return UNSETTLED, BY_EQUAL, False
+    verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
     if verdict == UNKNOWN:
         if standing.unclear or (
             len(standing.said) > 0 and among(pair_code(standing.key, work[0], work[1]), standing.said)
         ):
-            return UNSETTLED, BY_EQUAL
+            return UNSETTLED, BY_EQUAL, False
         if standing.indifference > 0.0:
             for j in range(len(t)):
                 work[1, j] = work[0, j]
@@ -58,7 +58,7 @@ def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, floor: Any
             at = 0.0
             for j in range(len(t)):
                 at += work[0, j] * standing.guess[j]
-            return (BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL), GUESS
+            return (BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL), GUESS, False
     elif verdict != EQUAL and standing.audit > 0.0 and unit(pair_code(standing.key, work[0], work[1])) < standing.audit:
-        return UNSETTLED, BY_EQUAL
-    return verdict, tier
+        return UNSETTLED, BY_EQUAL, False
+    return verdict, tier, certified

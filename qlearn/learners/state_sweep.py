@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.decision.rule import NOTHING, PROOFS, Rule, outlasts_answers, rule_of, silent
+from elicit.decision.rule import ASKING, NOTHING, PROOFS, Rule, outlasts_answers, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, tail_sums
@@ -117,13 +117,13 @@ class Competition:
     def _is_plain(self) -> bool:
         """Whether compiled code may judge: nobody looks on, and the comparator has a rule."""
         special = self._desk.signs is not None or self._desk.watch is not None
-        return not special and is_compiled() and rule_of(self._desk.comparator).kind != NOTHING
+        return not special and is_compiled() and rule_of(self._desk.comparator).kind not in (NOTHING, ASKING)
 
     def _compete(self, states: NDArray[np.int64], enough: int, rule: Rule) -> tuple[NDArray[np.int64], Found]:
         out = found(len(states))
         work = Work(self.v, self._following, self.best, self.cursor, self._floors, self._sides)
         with np.errstate(all="ignore"):  # hashes wrap around
-            reached = compete(states, enough, work, self.model, rule, self._desk.standing(), _opened(rule), out)
+            reached = compete(states, enough, work, self.model, rule, self._desk.standing(), out)
         return states[:reached], out
 
     def _take(self, states: NDArray[np.int64], out: Found) -> NDArray[np.int64]:
@@ -209,11 +209,6 @@ class Competition:
         self.cursor[states] = challengers + 1
         won = verdicts == Verdict.BETTER
         self.best[states[won]] = challengers[won]
-
-
-def _opened(rule: Rule) -> Floats:
-    """(p,) 0 where a gap of the scale is known to be 0, else 1; (0,) where none is."""
-    return rule.known.open if rule.kind in PROOFS and not rule.known.open.all() else np.empty(0)
 
 
 def _copy(rule: Rule) -> Rule:

@@ -12,17 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import compiled, unlocked
-from elicit.decision.judge import FLOORED, holds
+from elicit.decision.judge import certifies
 from elicit.lp.sign import (
     BETTER,
     BY_DOMINANCE,
     BY_EQUAL,
-    BY_SCREEN,
     EQUAL,
     UNKNOWN,
     UNSETTLED,
     WORSE,
-    by_dominance,
 )
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
@@ -65,13 +63,10 @@ def found(n: int) -> Found:
 
 
 @unlocked
-def compete(
-    states: Any, enough: int, work: Work, model: Model, rule: Any, standing: Standing, opened: Any, out: Found
-) -> int:
+def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, standing: Standing, out: Found) -> int:
     """Back up each of the states (n,) and let its actions compete from its cursor on; stop once ``enough`` of them
     have to wait. Returns how many were reached.
 
-    ``opened`` is as for ``by_order``, or (0,).
     """
     v, following, floors, sides = work.v, work.following, work.floors, work.sides
     ends, terminal, cursor, incumbents = model.ends, model.terminal, work.cursor, work.best
@@ -102,14 +97,13 @@ def compete(
                     continue
                 verdict = difference(q, a, best, d, t)
                 side = sides[row]
-                if verdict != UNKNOWN:
-                    verdict, tier = by_order(t, verdict, opened)
-                elif side != 0 and plain and holds(t, 1 if side > 0 else -1, floors[row]):
+                if verdict == EQUAL or (verdict != UNKNOWN and rule.dominance):
+                    tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
+                elif side != 0 and plain and certifies(floors[row], side, t):
                     verdict, tier = (BETTER, side) if side > 0 else (WORSE, -side)
                 else:
-                    verdict, tier = consult(d, t, sums, rule, standing, floor)
-                    if tier >= FLOORED:
-                        tier -= FLOORED
+                    verdict, tier, certified = consult(d, t, sums, rule, standing, floor)
+                    if certified:
                         sides[row] = verdict * tier
                         round_up(floor, floors[row])
                 if verdict in (UNKNOWN, UNSETTLED):
@@ -129,18 +123,6 @@ def compete(
         best_now[i], cursor_now[i], code_now[i] = best, at, code
     out.change[0] = change
     return len(states)
-
-
-@compiled
-def by_order(t: Any, verdict: int, opened: Any) -> tuple[int, int]:
-    """Verdict and tier of a pair that eq. (4) settles, on a scale some of whose gaps are known to be 0: where
-    ``opened`` (p,) is 0. Overwrites t."""
-    for j in range(len(opened)):
-        t[j] *= opened[j]
-    left = by_dominance(t) if len(opened) > 0 else verdict
-    if left != verdict:
-        return left, BY_SCREEN
-    return verdict, BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
 
 
 @compiled

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
+from elicit.decision.decide import decide_by
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws, draws_within
@@ -87,16 +88,16 @@ class PolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k): the sign of the exact optimum over K_t."""
-        return self.decide(d).verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """Verdicts (n,) and the tier of each, from EQUAL to EXACT."""
-        return self._set.decide(as_vectors(d, self.k))
+        return decide_by(self.rule, as_vectors(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
-        """What is known of K_t as plain arrays, for ``elicit.decision.judge``."""
+        """What is known of K_t as plain arrays."""
         return self._set.rule
+
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
+        return self._set.settle(d)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over K_t, tight to 1e-9 |d|_1."""

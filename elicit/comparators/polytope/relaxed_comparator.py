@@ -25,7 +25,8 @@ from elicit._support.validation import is_number
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.plausible_set import PlausibleSet
 from elicit.comparators.polytope.violation import Hinges, best_fit, solve
-from elicit.decision.rule import Rule, outer
+from elicit.decision.decide import decide_by
+from elicit.decision.rule import PROVEN, Rule, outer
 from elicit.lp.dual_simplex import End, minimise, minimise_exactly, rounding
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.inequalities import PriorLike
@@ -91,16 +92,16 @@ class RelaxedPolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k): what every plausible scale says of them."""
-        return self.decide(d).verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """Verdicts (n,) and the tier of each, from EQUAL to EXACT."""
-        return self._set.decide(as_vectors(d, self.k))
+        return decide_by(self.rule, as_vectors(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
-        """What is known of the plausible scales as plain arrays, for ``elicit.decision.judge``."""
+        """What is known of the plausible scales as plain arrays."""
         return self._set.rule
+
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
+        return self._set.settle(d)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
@@ -191,8 +192,8 @@ class _Sublevel:
             still = [self.hinges.total(g) <= self.budget + _NEAR for g in old.points]
             self.points = np.concatenate([self.points, old.points[still]])
 
-    def decide(self, d: Floats) -> Decisions:
-        """Verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts (n,) and tiers (n,) of differences d (n, k) that the rule leaves open."""
         verdicts, tiers = self.around.decide(d)
         unknown = np.flatnonzero(verdicts == Verdict.UNKNOWN)
         for first in range(0, len(unknown), _BLOCK):
@@ -209,8 +210,9 @@ class _Sublevel:
 
     @property
     def rule(self) -> Rule:
-        """The proofs about the set around."""
-        return outer(self.around.rule.known)
+        """The proofs about the set around, and the points inside."""
+        rule = self.around.rule
+        return outer(rule.known, self.points.T) if rule.kind == PROVEN else rule
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""

@@ -10,14 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.hashing import fold, uniform, unordered_pairs
 from elicit._support.hashing_kernel import mix, pair_code, unit
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+from elicit.decision.decide import decide
 from elicit.decision.judge import FLOORED, holds, judge, within
 from elicit.decision.rule import NOTHING, PROVEN, rule_of
 from elicit.lp.sign import UNSETTLED
-from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, decide
+from elicit.model.comparator import Comparator, Decisions
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor

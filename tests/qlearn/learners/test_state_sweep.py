@@ -24,7 +24,8 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
-from elicit.model.comparator import Comparator, Dominance
+from elicit.comparators.baselines import Dominance
+from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats, dot, gaps, tail_sums
 from elicit.tutors.simulated import Tutor
 from qlearn import InteractiveValueIteration, OrdinalMDP, Result, drive, random_mdp

@@ -14,7 +14,8 @@ from hypothesis.extra.numpy import arrays
 
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged, refit_point
 from elicit.comparators.bradley_terry.likelihood import sigmoid
-from elicit.model.comparator import Comparator, Tier, decide
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dominance, order_bounds, tail_sums
 

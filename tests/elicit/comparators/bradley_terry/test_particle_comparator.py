@@ -16,7 +16,8 @@ from scipy.stats import chisquare
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, Tier, decide
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
 from elicit.testing import check_comparator, sample_differences

@@ -13,9 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import null_space
 
+from elicit.comparators.baselines import Dominance
 from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.decision.decide import decide
 from elicit.lp.programs import TIE_BAND
-from elicit.model.comparator import Comparator, Dominance, Tier, decide
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import dominance, tail_sums
 from tests.lp_cases import (
