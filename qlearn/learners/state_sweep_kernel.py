@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import compiled, unlocked
+from elicit.asking.elicitation_kernel import AskingRule, judge_pair
 from elicit.decision.judge import FLOORED, holds
 from elicit.lp.sign import (
     BETTER,
@@ -26,7 +27,6 @@ from elicit.lp.sign import (
 )
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
-from qlearn.learners.standing import Standing, consult
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE = 0  # beside UNKNOWN and UNSETTLED: how a state's competition stands
@@ -66,7 +66,7 @@ def found(n: int) -> Found:
 
 @unlocked
 def compete(
-    states: Any, enough: int, work: Work, model: Model, rule: Any, standing: Standing, opened: Any, out: Found
+    states: Any, enough: int, work: Work, model: Model, rule: Any, asking: AskingRule, opened: Any, out: Found
 ) -> int:
     """Back up each of the states (n,) and let its actions compete from its cursor on; stop once ``enough`` of them
     have to wait. Returns how many were reached.
@@ -79,7 +79,7 @@ def compete(
     arrays, discount, plain = (
         (model.successors, model.probabilities, ends, model.levels),
         model.discount,
-        standing.plain,
+        asking.plain,
     )
     m, k = model.n_actions, v.shape[1]
     q, d, t = np.empty((m, k)), np.empty(k), np.empty(k - 1)
@@ -107,7 +107,7 @@ def compete(
                 elif side != 0 and plain and holds(t, 1 if side > 0 else -1, floors[row]):
                     verdict, tier = (BETTER, side) if side > 0 else (WORSE, -side)
                 else:
-                    verdict, tier = consult(d, t, sums, rule, standing, floor)
+                    verdict, tier = judge_pair(d, t, sums, rule, asking, floor)
                     if tier >= FLOORED:
                         tier -= FLOORED
                         sides[row] = verdict * tier
