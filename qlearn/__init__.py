@@ -4,7 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from qlearn.learners.learner import Audit, Learner, Result, Status, drive
+    from elicit.asking.elicitation import Audit
+    from qlearn.learners.learner import Learner, Result, Status, drive
     from qlearn.learners.loss_bound import Guarantee, loss_bound
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
 
 _LATER = {  # imported when first used, so that the command line starts fast
-    "Audit": "qlearn.learners.learner",
+    "Audit": "elicit.asking.elicitation",
     "Guarantee": "qlearn.learners.loss_bound",
     "InteractivePolicyIteration": "qlearn.learners.policy_iteration",
     "InteractiveQLearning": "qlearn.learners.q_learning",

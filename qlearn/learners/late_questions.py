@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.asking.elicitation import Elicitation, place
 from elicit.model.comparator import simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.desk import Desk, place
 from qlearn.learners.query_strategies import Candidates, Strategy, best
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -41,7 +41,7 @@ class Checkpoints:
         policy[rows[better]] = worth[rows[better]].argmax(axis=1)
 
     def question(
-        self, q: Floats, policy: NDArray[np.int64], visits: NDArray[np.int64], desk: Desk
+        self, q: Floats, policy: NDArray[np.int64], visits: NDArray[np.int64], elicitation: Elicitation
     ) -> tuple[Floats, Floats, int, int, int] | None:
         """The next pair to ask about: left and right (k,), the state, and their actions. None where nothing at this
         checkpoint is worth a question."""
@@ -52,13 +52,13 @@ class Checkpoints:
         states, actions = np.nonzero(wanted)
         own = policy[states]
         d = q[states, actions] - q[states, own]
-        unsettled = desk.indifference + self._moved(q, desk.comparator.values, states, actions, own)
-        rows = np.flatnonzero(simultaneous_bounds(desk.comparator, d)[0] > unsettled)
-        rows = rows[desk.may_ask(d[rows], lambda i: place(states[rows[i]], actions[rows[i]], own[rows[i]]))]
-        self.refused |= bool(len(rows)) and desk.spent
-        if not len(rows) or desk.spent:
+        unsettled = elicitation.indifference + self._moved(q, elicitation.comparator.values, states, actions, own)
+        rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > unsettled)
+        rows = rows[elicitation.may_ask(d[rows], lambda i: place(states[rows[i]], actions[rows[i]], own[rows[i]]))]
+        self.refused |= bool(len(rows)) and elicitation.spent
+        if not len(rows) or elicitation.spent:
             return None
-        pool = Candidates(d[rows], states[rows], actions[rows], desk.indifference, desk.comparator)
+        pool = Candidates(d[rows], states[rows], actions[rows], elicitation.indifference, elicitation.comparator)
         row = rows[best(self._strategy, pool)[0]]
         self._asked += 1
         s, a, b = int(states[row]), int(actions[row]), int(own[row])

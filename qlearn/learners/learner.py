@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.validation import is_number
+from elicit.asking.elicitation import Audit, Elicitation, OnConflict
 from elicit.comparators.baselines import AlwaysAsk
-from elicit.model.comparator import Comparator, check_comparator_made
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
+from elicit.model.comparator import Comparator, Tier, check_comparator_made
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query
 from elicit.model.scale import Floats
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import Tutor
@@ -23,7 +24,6 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 Asking: TypeAlias = Literal["at once", "late"]
 """When a learner asks: as soon as it meets a pair that it cannot decide, or not before that can matter."""
-OnConflict: TypeAlias = Literal["raise", "drop"]
 Guarantor: TypeAlias = Callable[[], tuple[float, float]]
 """Computes a bound on a policy's loss and the confidence in it (``qlearn.learners.loss_bound``)."""
 
@@ -48,20 +48,6 @@ class Status(Enum):
         "loss_bound says how much that can matter"
     )
     SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
-
-
-@dataclass(frozen=True)
-class Audit:
-    """A comparison that the answers had settled, put to the tutor all the same."""
-
-    query: Query
-    expected: Verdict
-    answer: Verdict | None
-
-    @property
-    def contradicts(self) -> bool:
-        """Whether the tutor said the opposite of what the answers imply."""
-        return self.answer is not None and self.expected * self.answer == -1
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
@@ -156,6 +142,32 @@ class Result:
     def compared(self) -> int:
         """All comparisons, whoever decided them."""
         return sum(self.decided.values())
+
+
+def result_of(
+    elicitation: Elicitation,
+    *,
+    policy: NDArray[np.int64],
+    q: Floats,
+    status: Status,
+    tiers: NDArray[np.int64],
+    rounds: int,
+    guarantee: Guarantor,
+) -> Result:
+    """The Result of a learner that stands on this elicitation; ``tiers`` (len(Tier),) counts its comparisons."""
+    return Result(
+        policy=policy,
+        q=q,
+        status=status,
+        asked=elicitation.asked,
+        decided={tier.name.lower(): int(n) for tier, n in zip(Tier, tiers, strict=True)},
+        comparator=elicitation.comparator,
+        answers=elicitation.answers,
+        audits=tuple(elicitation.audits),
+        cannot_tell=elicitation.cannot_tell,
+        rounds=rounds,
+        guarantee=guarantee,
+    )
 
 
 class Learner(Protocol):

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
+from elicit.asking.elicitation import AUDIT, Elicitation, OnConflict, Watch, place
 from elicit.decision.decide import decide
 from elicit.model.comparator import Comparator, Decisions, Tier, simultaneous_bounds
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.desk import AUDIT, Desk, Watch, place
-from qlearn.learners.learner import OnConflict, Result, Status, check_problem
+from qlearn.learners.learner import Result, Status, check_problem, result_of
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -72,7 +72,7 @@ class InteractivePolicyIteration:
             raise ValueError(f"bags must be None or an elicit.Bags, such as Bags(days=10), not {bags!r}")
         self._limit = self._enough * (1 - mdp.discount) if indifference is None else indifference
         self._strategy, self._bags = check_strategy(strategy), bags
-        self._desk = Desk(
+        self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
             indifference=self._limit,
@@ -87,12 +87,12 @@ class InteractivePolicyIteration:
 
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, or () when finished."""
-        if self._desk.pending or self._end is not None:
-            return self._desk.ask()
+        if self._elicitation.pending or self._end is not None:
+            return self._elicitation.ask()
         over, found = self._round()
         if found.loss_bound <= self._enough:
             return self._audit(over)
-        if self._desk.spent:
+        if self._elicitation.spent:
             self._end = Status.GUESSED
             return ()
         rows = self._open_pairs(over)
@@ -100,31 +100,32 @@ class InteractivePolicyIteration:
             self._end = Status.EXHAUSTED
             return ()
         candidates = Candidates(
-            over.d[rows], over.states[rows], over.actions[rows], _MATTERS * self._enough, self._desk.comparator
+            over.d[rows], over.states[rows], over.actions[rows], _MATTERS * self._enough, self._elicitation.comparator
         )
         order = rows[best(self._strategy, candidates, len(rows))]
         if self._bags is not None and (simple := self._simple(candidates, over.d[order[:_ABOUT]], self._bags)):
             return simple
-        return self._open(over, order[self._desk.next_batch(over.d[order])], Tier.TUTOR)
+        return self._open(over, order[self._elicitation.next_batch(over.d[order])], Tier.TUTOR)
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
         ``on_conflict="drop"`` (then such an answer is left unused, and is returned)."""
-        return self._desk.tell(answers, on_conflict)[1]
+        return self._elicitation.tell(answers, on_conflict)[1]
 
     def result(self) -> Result:
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
         policy's alternatives by what settled them, and the questions."""
         over, found = self._round()
-        high = simultaneous_bounds(self._desk.comparator, over.d)[0]
-        tiers = self._desk.counts + np.bincount(self._settled_by(over, high), minlength=len(Tier))
-        return self._desk.result(
+        high = simultaneous_bounds(self._elicitation.comparator, over.d)[0]
+        tiers = self._elicitation.counts + np.bincount(self._settled_by(over, high), minlength=len(Tier))
+        return result_of(
+            self._elicitation,
             policy=over.policy.copy(),
             q=over.q,
             status=self._end or Status.WAITING,
             tiers=tiers,
             rounds=self._rounds,
-            guarantee=partial(_in_full, found, self._mdp, over, self._desk.comparator),
+            guarantee=partial(_in_full, found, self._mdp, over, self._elicitation.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
@@ -132,16 +133,16 @@ class InteractivePolicyIteration:
 
     def watch(self, watcher: Watch) -> None:
         """Call ``watcher(d, decisions)`` with every question answered."""
-        self._desk.watch = watcher
+        self._elicitation.watch = watcher
 
     @property
     def comparator(self) -> Comparator:
         """What is known of the scale."""
-        return self._desk.comparator
+        return self._elicitation.comparator
 
     def _round(self) -> tuple[Advantages, Guarantee]:
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
-        comparator = self._desk.comparator
+        comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
             over = self._solved_for(comparator.values)
             found = guarantee(self._mdp, over, comparator, self._enough)
@@ -152,14 +153,16 @@ class InteractivePolicyIteration:
     def _simple(self, candidates: Candidates, about: Floats, bags: Bags) -> tuple[Query, ...]:
         """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
         asked = bags.questions(self._mdp.k)
-        skip = np.flatnonzero(~self._desk.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
+        skip = np.flatnonzero(~self._elicitation.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
         lapse = float(getattr(candidates.comparator, "lapse", 0.0))
         row, _ = bags.best(candidates.draws, about, lapse, skip.tolist())
         if row < 0:
             return ()
         pair = (asked.left[row] / bags.days, asked.right[row] / bags.days, *_nowhere(row))
         verdict = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
-        return self._desk.open([pair], verdict, bags.sentence(asked.left[row], asked.right[row], self._mdp.labels))
+        return self._elicitation.open(
+            [pair], verdict, bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)
+        )
 
     def _solved_for(self, values: Floats) -> Advantages:
         """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
@@ -172,18 +175,18 @@ class InteractivePolicyIteration:
     def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
         """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
         scale puts above the limit; of drawn scales, where no draw is left out, if there are none else."""
-        comparator = self._desk.comparator
+        comparator = self._elicitation.comparator
         rows = np.flatnonzero(simultaneous_bounds(comparator, over.d)[0] > self._limit)
-        rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
         if not len(rows) and drawn_set(comparator) is not None:
             rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > 0).any(axis=1))
-            rows = rows[self._desk.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+            rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
         return rows
 
     def _settled_by(self, over: Advantages, high: Floats) -> NDArray[np.int8]:
         """The tiers (n,) by which the policy's alternatives are no better; those still open are left out, but for a
         budget that is spent."""
-        verdicts, tiers = decide(self._desk.comparator, over.d)
+        verdicts, tiers = decide(self._elicitation.comparator, over.d)
         tiers = np.where(
             verdicts != Verdict.UNKNOWN, tiers, np.where(high <= self._limit, Tier.INDIFFERENT, Tier.GUESS)
         )
@@ -191,11 +194,11 @@ class InteractivePolicyIteration:
 
     def _audit(self, over: Advantages) -> tuple[Query, ...]:
         """The certificate stands: audit some of what it rests on."""
-        if not self._desk.audits_any:
+        if not self._elicitation.audits_any:
             self._end = Status.CONVERGED
             return ()
-        decisions = self._desk.judge(over.d, lambda row: self._place(over, row))
-        rows = np.flatnonzero(decisions.tiers >= AUDIT)[: self._desk.batch]
+        decisions = self._elicitation.judge(over.d, lambda row: self._place(over, row))
+        rows = np.flatnonzero(decisions.tiers >= AUDIT)[: self._elicitation.batch]
         if len(rows):
             return self._open(over, rows, decisions.tiers[rows])
         self._end = Status.CONVERGED
@@ -206,7 +209,7 @@ class InteractivePolicyIteration:
         own = over.policy[s]
         pairs = [(over.q[i, j], over.v[i], int(i), int(j), int(b)) for i, j, b in zip(s, a, own, strict=True)]
         verdicts = np.full(len(rows), Verdict.UNKNOWN, np.int8)
-        return self._desk.open(pairs, Decisions(verdicts, np.broadcast_to(np.int8(tiers), len(rows))))
+        return self._elicitation.open(pairs, Decisions(verdicts, np.broadcast_to(np.int8(tiers), len(rows))))
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]

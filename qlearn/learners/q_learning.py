@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.validation import is_number, is_whole
+from elicit.asking.elicitation import Elicitation, OnConflict, Watch, place
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.rule import outlasts_answers, rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
@@ -18,10 +19,9 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, nobody
 from qlearn.learners import q_learning_kernel as kernel
-from qlearn.learners.desk import Desk, Watch, place
 from qlearn.learners.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
 from qlearn.learners.late_questions import Checkpoints
-from qlearn.learners.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, check_problem
+from qlearn.learners.learner import Asking, Result, Status, check_asking, check_max_loss, check_problem, result_of
 from qlearn.learners.loss_bound import advantages, guarantee, loss_bound
 from qlearn.learners.query_strategies import Strategy, check_strategy, telling_violation
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -100,7 +100,7 @@ class InteractiveQLearning:
             raise ValueError(f"episode_length must be None or a whole number of at least 1, not {episode_length!r}")
         key = key_of(rng)
         self._mdp = mdp
-        self._desk = Desk(
+        self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/q-learning/{key}",
             indifference=indifference,
@@ -128,8 +128,8 @@ class InteractiveQLearning:
 
     def ask(self) -> tuple[Query, ...]:
         """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
-        if self._desk.pending:
-            return self._desk.ask()
+        if self._elicitation.pending:
+            return self._elicitation.ask()
         if not self._late and self._max_loss is None:
             return self._run(self._model)
         while not self._enough:
@@ -146,104 +146,105 @@ class InteractiveQLearning:
 
     def _ask_late(self) -> tuple[Query, ...]:
         """At a checkpoint: go by what is known now, and ask about what could still matter."""
-        if self._desk.signs is not None:
+        if self._elicitation.signs is not None:
             return ()
         q, policy = self._state.q, self._state.best
-        self._stops.best_by(self._desk.comparator.values, q, policy)
-        pair = self._stops.question(q, policy, self._state.visits, self._desk)
-        return () if pair is None else self._desk.open([pair], _TO_ASK)
+        self._stops.best_by(self._elicitation.comparator.values, q, policy)
+        pair = self._stops.question(q, policy, self._state.visits, self._elicitation)
+        return () if pair is None else self._elicitation.open([pair], _TO_ASK)
 
     def _certified(self) -> bool:
         """Whether no plausible scale lets the greedy policy lose more than ``max_loss``."""
         if self._max_loss is None:
             return False
         over = advantages(self._mdp, self._state.best)
-        return guarantee(self._mdp, over, self._desk.comparator, self._max_loss).loss_bound <= self._max_loss
+        return guarantee(self._mdp, over, self._elicitation.comparator, self._max_loss).loss_bound <= self._max_loss
 
     def _run(self, model: kernel.Model, puts_off: bool = False) -> tuple[Query, ...]:
         """Run the loop to the model's last step, or to a pair that only the tutor can settle: then the query."""
-        self._desk.puts_off = puts_off
-        rule, standing, oracle = rule_of(self._desk.comparator), self._desk.standing(), nobody()
-        if isinstance(self._desk.comparator, AlwaysAsk) and self._oracle is not None:
+        self._elicitation.puts_off = puts_off
+        rule, asking, oracle = rule_of(self._elicitation.comparator), self._elicitation.rule(), nobody()
+        if isinstance(self._elicitation.comparator, AlwaysAsk) and self._oracle is not None:
             oracle = self._oracle.respondent
-        kept = self._kept if self._desk.watch is not None else _kept(self._mdp.k, 0)
+        kept = self._kept if self._elicitation.watch is not None else _kept(self._mdp.k, 0)
         code = kernel.FULL
         while code != kernel.DONE:
             with np.errstate(all="ignore"):  # the hash wraps around
-                code = kernel.advance(self._state, model, self._verdict, rule, standing, oracle, kept)
+                code = kernel.advance(self._state, model, self._verdict, rule, asking, oracle, kept)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
             self._show(kept)
             if oracle.kind != NOBODY:
-                self._desk.asked = int(self._desk.counts[Tier.TUTOR] + self._state.decided[Tier.TUTOR])
-            if code == kernel.ASK and self._desk.signs is None:
-                return self._desk.open([self._pair()], _TO_ASK)
+                self._elicitation.asked = int(self._elicitation.counts[Tier.TUTOR] + self._state.decided[Tier.TUTOR])
+            if code == kernel.ASK and self._elicitation.signs is None:
+                return self._elicitation.open([self._pair()], _TO_ASK)
             if code in (kernel.ASK, kernel.DEFER):
                 pair = self._pair()
                 d = (pair[0] - pair[1])[None, :]
-                if self._desk.signs is not None and not rule.dominance:  # AlwaysAsk has no say
-                    self._verdict = int(self._desk.consult(d)[0])
+                if self._elicitation.signs is not None and not rule.dominance:  # AlwaysAsk has no say
+                    self._verdict = int(self._elicitation.consult(d)[0])
                     if self._oracle is not None:
                         oracle = self._oracle.respondent
                     continue
                 decisions = self._judge(d, pair[2:])
                 if decisions.verdicts[0] == Verdict.UNKNOWN:
-                    return self._desk.open([pair], decisions)
+                    return self._elicitation.open([pair], decisions)
                 self._verdict = int(decisions.verdicts[0])
-                self._desk.commit(d, decisions)
+                self._elicitation.commit(d, decisions)
         return ()
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take the answer to the pending query. Raises StaleAnswer, or InconsistentAnswers unless
         ``on_conflict="drop"`` (then the answer settles its own pair only, and is returned)."""
-        verdicts, dropped = self._desk.tell(answers, on_conflict)
+        verdicts, dropped = self._elicitation.tell(answers, on_conflict)
         if self._state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
             for verdict in verdicts.values():
                 self._verdict = int(verdict)
-        if not outlasts_answers(rule_of(self._desk.comparator)):
+        if not outlasts_answers(rule_of(self._elicitation.comparator)):
             self._state.sides[:] = 0
         return dropped
 
     def result(self) -> Result:
         """The greedy policy and the counts so far."""
-        done = self._state.cursor[kernel.STEP] >= self._model.steps and not self._desk.pending
-        tiers = self._desk.counts + self._state.decided
+        done = self._state.cursor[kernel.STEP] >= self._model.steps and not self._elicitation.pending
+        tiers = self._elicitation.counts + self._state.decided
         finished = Status.GUESSED if (self._stops.refused if self._late else tiers[Tier.GUESS]) else Status.DONE
         if self._enough:
             done, finished = True, Status.CERTIFIED
         elif self._late:
             done = self._over
-        return self._desk.result(
+        return result_of(
+            self._elicitation,
             policy=self._state.best.copy(),
             q=self._state.q.copy(),
             status=finished if done else Status.WAITING,
             tiers=tiers,
             rounds=int(self._state.cursor[kernel.STEP]),
-            guarantee=partial(loss_bound, self._mdp, self._state.best.copy(), self._desk.comparator),
+            guarantee=partial(loss_bound, self._mdp, self._state.best.copy(), self._elicitation.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Let ``signs`` answer from now on: counted, not logged."""
-        self._desk.signs = signs
+        self._elicitation.signs = signs
         tutor = getattr(signs, "__self__", None)
         self._oracle = tutor if hasattr(tutor, "respondent") else None
 
     def watch(self, watcher: Watch) -> None:
         """Call ``watcher(d, decisions)`` for every comparison that neither equality nor dominance settled."""
-        self._desk.watch = watcher
+        self._elicitation.watch = watcher
 
     @property
     def comparator(self) -> Comparator:
         """What is known of the scale."""
-        return self._desk.comparator
+        return self._elicitation.comparator
 
     def _judge(self, d: Floats, where: tuple[int, int, int]) -> Decisions:
-        return self._desk.judge(d, lambda row: place(*where))
+        return self._elicitation.judge(d, lambda row: place(*where))
 
     def _show(self, kept: kernel.Kept) -> None:
         """Hand what the loop kept to the watcher."""
         n, self._state.cursor[kernel.KEPT] = int(self._state.cursor[kernel.KEPT]), 0
-        if n and self._desk.watch is not None:
-            self._desk.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
+        if n and self._elicitation.watch is not None:
+            self._elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
 
     def _pair(self) -> tuple[Floats, Floats, int, int, int]:
         """The vectors at the cursor, the state, and the two actions."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import mix, unit
 from elicit._support.jit import compiled
+from elicit.asking.elicitation_kernel import AskingRule, judge_pair
 from elicit.decision.judge import certifies
 from elicit.decision.rule import Rule
 from elicit.lp.sign import (
@@ -30,7 +31,6 @@ from elicit.lp.sign import (
 )
 from elicit.model.comparator import Tier
 from elicit.tutors.simulated_kernel import NOBODY, Respondent, respond
-from qlearn.learners.standing import Standing, consult
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
@@ -107,13 +107,13 @@ def difference(q: Any, state: int, challenger: int, incumbent: int, d: Any, t: A
 
 @compiled
 def advance(
-    state: State, model: Model, verdict: int, rule: Rule, standing: Standing, oracle: Respondent, kept: Kept
+    state: State, model: Model, verdict: int, rule: Rule, asking: AskingRule, oracle: Respondent, kept: Kept
 ) -> int:
     """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet).
     With an ``oracle`` it is asked whatever dominance leaves open.
 
     Returns DONE; FULL where ``kept`` must be emptied first; or, with the cursor at a pair, ASK where only the tutor
-    can settle it and DEFER where perhaps the desk can.
+    can settle it and DEFER where perhaps the elicitation can.
     """
     q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
     floors, sides = state.floors, state.sides
@@ -141,12 +141,10 @@ def advance(
                             verdict, tier = respond(t, work[0], oracle), BY_TUTOR
                             if verdict == UNSETTLED:
                                 return DEFER
-                        elif (
-                            side != 0 and standing.plain and certifies(floors[s, challenger], 1 if side > 0 else -1, t)
-                        ):
+                        elif side != 0 and asking.plain and certifies(floors[s, challenger], 1 if side > 0 else -1, t):
                             verdict, tier = (BETTER, int(side)) if side > 0 else (WORSE, -int(side))
                         else:
-                            verdict, tier, certified = consult(d, t, work, rule, standing, floors[s, challenger])
+                            verdict, tier, certified = judge_pair(d, t, work, rule, asking, floors[s, challenger])
                             sides[s, challenger] = 0
                             if verdict in (UNSETTLED, UNKNOWN):
                                 return DEFER if verdict == UNSETTLED else ASK

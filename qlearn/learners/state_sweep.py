@@ -1,4 +1,4 @@
-"""A sweep in which every state's actions compete: compiled where that may be, else at the desk, all at once."""
+"""A sweep in which every state's actions compete: compiled where that may be, else by the elicitation, all at once."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.asking.elicitation import Elicitation, place
 from elicit.decision.rule import ASKING, NOTHING, PROOFS, Rule, outlasts_answers, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.desk import Desk, place
 from qlearn.learners.state_sweep_kernel import DONE, Found, Work, compete, found
 from qlearn.mdp.backup import is_compiled, model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -25,9 +25,9 @@ BLOCKS = 8  # at once: each has its own copy of the proofs, so that results do n
 class Competition:
     """V of the last sweep, each state's best action, and how far this sweep has come."""
 
-    def __init__(self, mdp: OrdinalMDP, desk: Desk, jobs: int) -> None:
+    def __init__(self, mdp: OrdinalMDP, elicitation: Elicitation, jobs: int) -> None:
         n, m = mdp.levels.shape
-        self._mdp, self._desk, self._jobs = mdp, desk, jobs
+        self._mdp, self._elicitation, self._jobs = mdp, elicitation, jobs
         self.model = model_of(mdp)
         self.v = np.zeros((n, mdp.k))
         self.v[:, 0] = 1.0
@@ -40,14 +40,14 @@ class Competition:
         self.lent = False  # whether somebody may still read V
         self._floors = np.empty((n * m, mdp.k - 1), dtype=np.float32)
         self._sides = np.zeros(n * m, dtype=np.int8)
-        self._judged_by = desk.comparator  # whom floors and copies are of
+        self._judged_by = elicitation.comparator  # whom floors and copies are of
         self._copies: list[Rule] = []
         self._begin()
 
     def proceed(self, batch: int | None = None) -> NDArray[np.int64]:
-        """Let all states' actions compete, up to where a batch of states needs the tutor (by default the desk's);
-        returns these states in order, and none at the end of the sweep."""
-        batch = batch or self._desk.batch
+        """Let all states' actions compete, up to where a batch of states needs the tutor (by default that of the
+        elicitation); returns these states in order, and none at the end of the sweep."""
+        batch = batch or self._elicitation.batch
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
             self._go_on()
@@ -86,7 +86,7 @@ class Competition:
                 done = list(map(self._compete, blocks, sizes, rules))
             waiting = np.concatenate([self._take(*each) for each in done])
         else:
-            waiting = self._by_desk(states)
+            waiting = self._by_elicitation(states)
             self._verified += len(waiting)
         self._waiting = np.concatenate([self._waiting, waiting])
         self._reached += len(states)
@@ -106,45 +106,45 @@ class Competition:
                 asks = out.code[:looked_at][out.code[:looked_at] != DONE] == Verdict.UNKNOWN
                 self.tiers.update(dict.fromkeys(waiting[asks].tolist(), int(Tier.TUTOR)))
                 if not asks.all():
-                    waiting = np.union1d(waiting[asks], self._by_desk(waiting[~asks]))
+                    waiting = np.union1d(waiting[asks], self._by_elicitation(waiting[~asks]))
             else:  # twice as many each time: few calls, and few judgements that the next answer outdates
                 looked_at = min(size, len(part))
-                size, waiting = 2 * size, self._by_desk(part[:size])
+                size, waiting = 2 * size, self._by_elicitation(part[:size])
             rest = self._waiting[self._verified + looked_at :]
             self._waiting = np.concatenate([self._waiting[: self._verified], waiting, rest])
             self._verified += len(waiting)
 
     def _is_plain(self) -> bool:
         """Whether compiled code may judge: nobody looks on, and the comparator has a rule."""
-        special = self._desk.signs is not None or self._desk.watch is not None
-        return not special and is_compiled() and rule_of(self._desk.comparator).kind not in (NOTHING, ASKING)
+        special = self._elicitation.signs is not None or self._elicitation.watch is not None
+        return not special and is_compiled() and rule_of(self._elicitation.comparator).kind not in (NOTHING, ASKING)
 
     def _compete(self, states: NDArray[np.int64], enough: int, rule: Rule) -> tuple[NDArray[np.int64], Found]:
         out = found(len(states))
         work = Work(self.v, self._following, self.best, self.cursor, self._floors, self._sides)
         with np.errstate(all="ignore"):  # hashes wrap around
-            reached = compete(states, enough, work, self.model, rule, self._desk.standing(), out)
+            reached = compete(states, enough, work, self.model, rule, self._elicitation.rule(), out)
         return states[:reached], out
 
     def _take(self, states: NDArray[np.int64], out: Found) -> NDArray[np.int64]:
         """Act on what compiled code found out about states; returns those that have to wait."""
         n = len(states)
         self.best[states], self.cursor[states] = out.best[:n], out.cursor[:n]
-        self._desk.counts += out.tiers
+        self._elicitation.counts += out.tiers
         self.change = max(self.change, float(out.change[0]))
         waiting: NDArray[np.int64] = states[out.code[:n] != DONE]
         return waiting
 
     def _rule(self) -> Rule:
         """What the comparator knows, as arrays. After an answer floors may not hold, except a polytope's."""
-        comparator = self._desk.comparator
+        comparator = self._elicitation.comparator
         rule = rule_of(comparator)
         if comparator is not self._judged_by:
             if not outlasts_answers(rule):
                 self._sides[:] = 0
             self._copies.clear()
             self._judged_by = comparator
-        if self._desk.puts_off and rule.kind != NOTHING:
+        if self._elicitation.puts_off and rule.kind != NOTHING:
             return silent()  # the best guess lies among the plausible scales, and is cheaper to look up
         return rule
 
@@ -156,9 +156,9 @@ class Competition:
         self._copies.extend(_copy(rule) for _ in range(n - len(self._copies)))
         return self._copies[:n]
 
-    def _by_desk(self, states: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Let the actions of states compete, all at once, each pair judged at the desk, until each state is done or
-        needs the tutor; returns those that do."""
+    def _by_elicitation(self, states: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Let the actions of states compete, all at once, each pair judged by the elicitation, until each state is done
+        or needs the tutor; returns those that do."""
         q = q_of(states, self.v, self.model)
         blocked = np.zeros(len(states), dtype=np.bool_)
         active = np.flatnonzero(~self._mdp.terminal[states])
@@ -178,13 +178,13 @@ class Competition:
         up to the first that changes the best or is unknown, and return the rows that must go on."""
         actions, here = np.arange(self._mdp.n_actions), states[active]
         wanted = self._mdp.admissible[here] & (actions >= self.cursor[here, None]) & (actions != self.best[here, None])
-        if self._desk.signs is not None:  # an oracle counts its questions: none beyond the next challenger
+        if self._elicitation.signs is not None:  # an oracle counts its questions: none beyond the next challenger
             wanted &= np.cumsum(wanted, axis=1) == 1
         at, challenger = np.nonzero(wanted)
         owner, owners = active[at], here[at]
         incumbents = self.best[owners]
         d = q[owner, challenger] - q[owner, incumbents]
-        decisions = self._desk.judge(d, lambda row: place(owners[row], challenger[row], incumbents[row]))
+        decisions = self._elicitation.judge(d, lambda row: place(owners[row], challenger[row], incumbents[row]))
         stops = (decisions.verdicts == Verdict.BETTER) | (decisions.verdicts == Verdict.UNKNOWN)
         earlier = np.cumsum(stops) - stops
         first_of_owner = np.searchsorted(owner, owner)  # rows are sorted by owner
@@ -192,12 +192,12 @@ class Competition:
         unknown = acted & (decisions.verdicts == Verdict.UNKNOWN)
         better = acted & (decisions.verdicts == Verdict.BETTER)
         used = acted & ~unknown
-        self._desk.commit(d[used], Decisions(decisions.verdicts[used], decisions.tiers[used]))
+        self._elicitation.commit(d[used], Decisions(decisions.verdicts[used], decisions.tiers[used]))
         self._settle(owners[used], challenger[used], decisions.verdicts[used])
         self.cursor[owners[unknown]] = challenger[unknown]
         blocked[owner[unknown]] = True
         self.tiers.update(zip(owners[unknown].tolist(), decisions.tiers[unknown].tolist(), strict=True))
-        if self._desk.signs is not None:
+        if self._elicitation.signs is not None:
             return np.unique(owner[used])
         going: NDArray[np.int64] = owner[better]
         return going

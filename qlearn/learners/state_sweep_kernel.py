@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import compiled, unlocked
+from elicit.asking.elicitation_kernel import AskingRule, judge_pair
 from elicit.decision.judge import certifies
 from elicit.lp.sign import (
     BETTER,
@@ -24,7 +25,6 @@ from elicit.lp.sign import (
 )
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
-from qlearn.learners.standing import Standing, consult
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE = 0  # beside UNKNOWN and UNSETTLED: how a state's competition stands
@@ -63,7 +63,7 @@ def found(n: int) -> Found:
 
 
 @unlocked
-def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, standing: Standing, out: Found) -> int:
+def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, asking: AskingRule, out: Found) -> int:
     """Back up each of the states (n,) and let its actions compete from its cursor on; stop once ``enough`` of them
     have to wait. Returns how many were reached.
 
@@ -74,7 +74,7 @@ def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, stand
     arrays, discount, plain = (
         (model.successors, model.probabilities, ends, model.levels),
         model.discount,
-        standing.plain,
+        asking.plain,
     )
     m, k = model.n_actions, v.shape[1]
     q, d, t = np.empty((m, k)), np.empty(k), np.empty(k - 1)
@@ -99,10 +99,10 @@ def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, stand
                 side = sides[row]
                 if verdict == EQUAL or (verdict != UNKNOWN and rule.dominance):
                     tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
-                elif side != 0 and plain and certifies(floors[row], side, t):
+                elif side != 0 and plain and certifies(floors[row], 1 if side > 0 else -1, t):
                     verdict, tier = (BETTER, side) if side > 0 else (WORSE, -side)
                 else:
-                    verdict, tier, certified = consult(d, t, sums, rule, standing, floor)
+                    verdict, tier, certified = judge_pair(d, t, sums, rule, asking, floor)
                     if certified:
                         sides[row] = verdict * tier
                         round_up(floor, floors[row])

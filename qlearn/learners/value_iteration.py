@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
+from elicit.asking.elicitation import Elicitation, OnConflict, Watch
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.desk import Desk, Watch
-from qlearn.learners.learner import Asking, OnConflict, Result, Status, check_asking, check_max_loss, check_problem
+from qlearn.learners.learner import Asking, Result, Status, check_asking, check_max_loss, check_problem, result_of
 from qlearn.learners.loss_bound import advantages, guarantee, loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.learners.state_sweep import Competition
@@ -78,7 +78,7 @@ class InteractiveValueIteration:
         self._mdp = mdp
         self._max_sweeps = max_sweeps or 2 * _sweeps_needed(gamma, tolerance)
         self._small_change = tolerance * (1 - gamma) / (4 * gamma) if gamma > 0 else np.inf
-        self._desk = Desk(
+        self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/value-iteration/{tolerance!r}",
             indifference=tolerance * (1 - gamma) / 2 if indifference is None else indifference,
@@ -87,8 +87,8 @@ class InteractiveValueIteration:
             batch=batch,
             seed=rng,
         )
-        self._states = Competition(mdp, self._desk, int(jobs))
-        self._desk.puts_off = self._late = check_asking(asking)
+        self._states = Competition(mdp, self._elicitation, int(jobs))
+        self._elicitation.puts_off = self._late = check_asking(asking)
         self._since, self._patient = 0, max_sweeps is None  # by default the limit is for each question put off
         self._strategy, self._max_loss = check_strategy(strategy), check_max_loss(max_loss)
         self._bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # what the loss was last bounded for
@@ -100,10 +100,10 @@ class InteractiveValueIteration:
 
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, or () when finished. Sweeps as far as it needs no tutor."""
-        if self._desk.pending:
-            return self._desk.ask()
+        if self._elicitation.pending:
+            return self._elicitation.ask()
         if self._late and self._answered:
-            self._answered.clear()  # the comparator knows, or the desk does
+            self._answered.clear()  # the comparator knows, or the elicitation does
             self._since = self._sweeps if self._patient else 0
             self._put_off(True)
         while self._answered:
@@ -118,7 +118,7 @@ class InteractiveValueIteration:
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
         ``on_conflict="drop"`` (then such an answer settles its own pair only, and is returned)."""
-        verdicts, dropped = self._desk.tell(answers, on_conflict)
+        verdicts, dropped = self._elicitation.tell(answers, on_conflict)
         for name, verdict in verdicts.items():
             self._answered[self._asking.pop(name)] = verdict
         return dropped
@@ -127,31 +127,32 @@ class InteractiveValueIteration:
         """The policy and the counts so far."""
         status = self._end or Status.WAITING
         self._states.lent = True
-        if status is Status.CONVERGED and self._desk.counts[Tier.GUESS] and not self._late:
+        if status is Status.CONVERGED and self._elicitation.counts[Tier.GUESS] and not self._late:
             status = Status.GUESSED
-        elif status is Status.CONVERGED and self._desk.unsure:
+        elif status is Status.CONVERGED and self._elicitation.unsure:
             status = Status.UNSURE
-        return self._desk.result(
+        return result_of(
+            self._elicitation,
             policy=self._states.best.copy(),
             q=cast(Floats, partial(_q, self._states.v, self._mdp)),  # computed when first read
             status=status,
-            tiers=self._desk.counts.copy(),
+            tiers=self._elicitation.counts.copy(),
             rounds=self._sweeps,
-            guarantee=partial(loss_bound, self._mdp, self._states.best.copy(), self._desk.comparator),
+            guarantee=partial(loss_bound, self._mdp, self._states.best.copy(), self._elicitation.comparator),
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Let ``signs`` answer from now on: counted, not logged."""
-        self._desk.signs = signs
+        self._elicitation.signs = signs
 
     def watch(self, watcher: Watch) -> None:
         """Call ``watcher(d, decisions)`` with every batch of comparisons acted on."""
-        self._desk.watch = watcher
+        self._elicitation.watch = watcher
 
     @property
     def comparator(self) -> Comparator:
         """What is known of the scale."""
-        return self._desk.comparator
+        return self._elicitation.comparator
 
     def _open(self, heads: NDArray[np.int64]) -> tuple[Query, ...]:
         states, rows = self._states, np.arange(len(heads))
@@ -159,25 +160,30 @@ class InteractiveValueIteration:
         d = q[rows, challengers] - q[rows, incumbents]
         order = list(range(len(heads)))
         if self._late:
-            pool = Candidates(d, heads, challengers.astype(np.int64), self._desk.indifference, self._desk.comparator)
+            pool = Candidates(
+                d, heads, challengers.astype(np.int64), self._elicitation.indifference, self._elicitation.comparator
+            )
             order = best(self._strategy, pool, len(heads))
-        chosen = [order[i] for i in self._desk.next_batch(d[order])]
+        chosen = [order[i] for i in self._elicitation.next_batch(d[order])]
         pairs = [
             (q[i, challengers[i]], q[i, incumbents[i]], int(heads[i]), int(challengers[i]), int(incumbents[i]))
             for i in chosen
         ]
         tiers = np.array([states.tiers[int(heads[i])] for i in chosen], dtype=np.int8)
-        queries = self._desk.open(pairs, Decisions(np.full(len(chosen), Verdict.UNKNOWN, np.int8), tiers))
+        queries = self._elicitation.open(pairs, Decisions(np.full(len(chosen), Verdict.UNKNOWN, np.int8), tiers))
         self._asking = {query.id: int(heads[i]) for query, i in zip(queries, chosen, strict=True)}
         return queries
 
     def _finish_sweep(self) -> None:
         self._sweeps += 1
-        guesses, self._guessed = int(self._desk.counts[Tier.GUESS]) - self._guessed, int(self._desk.counts[Tier.GUESS])
+        guesses, self._guessed = (
+            int(self._elicitation.counts[Tier.GUESS]) - self._guessed,
+            int(self._elicitation.counts[Tier.GUESS]),
+        )
         if self._certified():
             self._end = Status.CERTIFIED
         elif self._states.change < self._small_change or self._mdp.discount == 0:
-            if self._late and guesses and not self._desk.spent:
+            if self._late and guesses and not self._elicitation.spent:
                 self._put_off(False)
             else:
                 self._end = Status.GUESSED if self._late and guesses else Status.CONVERGED
@@ -188,14 +194,14 @@ class InteractiveValueIteration:
 
     def _put_off(self, questions: bool) -> None:
         """Begin the sweep anew, with questions put off or asked."""
-        self._desk.puts_off = questions
+        self._elicitation.puts_off = questions
         self._states.again()
 
     def _certified(self) -> bool:
         """Whether no plausible scale lets the policy lose more than ``max_loss``."""
         if self._max_loss is None:
             return False
-        comparator, policy = self._desk.comparator, self._states.best
+        comparator, policy = self._elicitation.comparator, self._states.best
         if self._bounded is not None and self._bounded[0] is comparator and (self._bounded[1] == policy).all():
             return False
         self._bounded = comparator, policy.copy()

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit.asking.elicitation import Audit
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Answers, Query, Verdict
 from elicit.model.scale import Floats, normalise, tail_sums
 from qlearn.experiments.metrics import Watch, audits, counts, estimated_values, paper_loss, reference_differences
-from qlearn.learners.learner import Audit, Result, Status
+from qlearn.learners.learner import Result, Status
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import value_iteration
 from qlearn.problems.random_mdp import random_mdp

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit.asking.elicitation import Audit
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -21,7 +22,7 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Stal
 from elicit.model.scale import Floats, tail_sums
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, NotInLog, ReplayTutor, TruthfulTutor, Tutor
-from qlearn.learners.learner import Audit, Learner, Result, Status, drive
+from qlearn.learners.learner import Learner, Result, Status, drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.problems.random_mdp import random_mdp
@@ -121,7 +122,7 @@ def test_two_answers_at_once_are_stale(make: Make) -> None:
 
 def test_answers_of_another_run_are_stale(make: Make) -> None:
     learner, other = make(PolytopeComparator(K)), make(PolytopeComparator(K))
-    other._desk._fingerprint += "another problem"
+    other._elicitation._fingerprint += "another problem"
     learner.ask()
     (query,) = other.ask()
     assert_stale(learner, truth(query))
@@ -290,7 +291,7 @@ def test_a_tie_is_binding(make: Make, comparator: Comparator) -> None:
     (query,) = learner.ask()
     learner.tell([Answer(query, Verdict.EQUAL)])
     for d in (query.d, -query.d):
-        decisions = learner._desk.judge(d[None, :])
+        decisions = learner._elicitation.judge(d[None, :])
         assert (decisions.verdicts[0], decisions.tiers[0]) == (Verdict.EQUAL, Tier.KNOWN)
     recorded(learner, truth, on_conflict="drop")
     assert learner.result().answers.y.tolist().count(0) == 1
@@ -318,7 +319,7 @@ def test_a_model_may_overrule_an_answer_but_no_tie(make: Make, tie: Verdict | No
     learner.tell([Answer(first, tie)])
     (second,) = learner.ask()
     learner.tell([Answer(second, Verdict.BETTER)])
-    decisions = learner._desk.judge(np.stack([first.d, -first.d, second.d, -second.d]))
+    decisions = learner._elicitation.judge(np.stack([first.d, -first.d, second.d, -second.d]))
     assert decisions.verdicts.tolist() == [Verdict.EQUAL, Verdict.EQUAL, Verdict.WORSE, Verdict.WORSE]
     assert decisions.tiers.tolist() == [Tier.KNOWN, Tier.KNOWN, Tier.MODEL, Tier.MODEL]
 
@@ -354,10 +355,10 @@ def test_a_guess_goes_by_the_latest_values(make: Make) -> None:
     learner = make(Tilted(K), max_queries=0)
     d = np.array([[0.2, -0.3, 0.0, 0.0, 0.1]])
     for _ in range(2):
-        decisions = learner._desk.judge(d)
+        decisions = learner._elicitation.judge(d)
         assert decisions.tiers[0] == Tier.GUESS
         assert decisions.verdicts[0] == np.sign(d[0] @ learner.comparator.values)
-        learner._desk.comparator = learner.comparator.update(Answers.none(K))
+        learner._elicitation.comparator = learner.comparator.update(Answers.none(K))
     assert np.sign(d[0] @ Tilted(K).values) == -decisions.verdicts[0]
 
 
@@ -365,19 +366,19 @@ def test_indifference_wants_both_bounds_close(make: Make) -> None:
     up = np.array([0.01, -0.03, 0.0, 0.0, 0.02])
     assert [float(bound[0]) for bound in Dominance(K).bounds(up)] == pytest.approx([-0.01, 0.02])
     for share, verdict in ((0.009, 2), (0.0101, 2), (0.0199, 2), (0.0201, 0)):
-        desk = make(Dominance(K), indifference=share)._desk
-        assert desk.judge(np.stack([up, -up])).verdicts.tolist() == [verdict, verdict]
-    assert desk.judge(np.stack([up, -up])).tiers.tolist() == [Tier.INDIFFERENT, Tier.INDIFFERENT]
+        asked_by = make(Dominance(K), indifference=share)._elicitation
+        assert asked_by.judge(np.stack([up, -up])).verdicts.tolist() == [verdict, verdict]
+    assert asked_by.judge(np.stack([up, -up])).tiers.tolist() == [Tier.INDIFFERENT, Tier.INDIFFERENT]
 
 
 def test_a_pair_answered_before_is_known_in_both_directions(make: Make) -> None:
     learner = make(Dominance(K))
     (query,) = learner.ask()
     for d in (query.d, -query.d):
-        assert learner._desk.judge(d[None, :]).verdicts[0] == Verdict.UNKNOWN
+        assert learner._elicitation.judge(d[None, :]).verdicts[0] == Verdict.UNKNOWN
     learner.tell([Answer(query, Verdict.WORSE)])
     for d, verdict in ((query.d, Verdict.WORSE), (-query.d, Verdict.BETTER)):
-        decisions = learner._desk.judge(d[None, :])
+        decisions = learner._elicitation.judge(d[None, :])
         assert (decisions.verdicts[0], decisions.tiers[0]) == (verdict, Tier.KNOWN)
 
 
@@ -511,7 +512,7 @@ def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contra
     assert log.answers().y.tolist() == result.answers.y.tolist()
     assert result.decided["known"] >= len(unused)
     for answer in unused:
-        decisions = learner._desk.judge(np.stack([answer.query.d, -answer.query.d]))
+        decisions = learner._elicitation.judge(np.stack([answer.query.d, -answer.query.d]))
         assert answer.verdict is not None
         assert decisions.verdicts.tolist() == [answer.verdict, answer.verdict.flipped]
         assert decisions.tiers.tolist() == [Tier.KNOWN, Tier.KNOWN]

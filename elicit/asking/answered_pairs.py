@@ -14,7 +14,7 @@ from elicit.model.scale import Floats, tail_sums
 Codes = NDArray[np.uint64]
 
 
-class Told:
+class AnsweredPairs:
     """Answers by pair. Hashes find them, for compiled loops too; where one is to be given again, the pair itself
     confirms it."""
 

@@ -1,33 +1,47 @@
-"""The desk between a learner and what settles its comparisons: comparator, earlier answers, budget, tutor.
+"""An elicitation: what settles comparisons of vectors, and whom and what to ask, for whoever needs verdicts.
 
-A learner asks the desk to judge differences, says which judgements it acted on, and gets back verdicts
-or the word that the tutor must be asked. Here lives everything that is the same for every learner:
-indifference, the question budget, audits, "cannot tell", never asking a pair twice, and the counts.
+It is given differences, and gives back verdicts or the word that the tutor must be asked; it is told on which verdicts
+its user acted. Here lives everything that is the same whoever asks: what the comparator knows, indifference, the
+question budget, audits, "cannot tell", never asking a pair twice, and the counts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, key_of, uniform, unordered_pairs
 from elicit._support.validation import is_number, is_whole
+from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
+from elicit.asking.elicitation_kernel import AskingRule
 from elicit.decision.decide import decide
 from elicit.model.comparator import BY_ANSWERS, Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats, dot, tail_sums
-from qlearn.learners.answered_pairs import Told, first_of_each_pair
-from qlearn.learners.learner import Audit, Guarantor, OnConflict, Result, Status
-from qlearn.learners.standing import Standing
 
 Watch = Callable[[Floats, Decisions], None]
-
+OnConflict: TypeAlias = Literal["raise", "drop"]
 
 Place: TypeAlias = tuple[int, int, int]
 """Where a pair is compared: the state, and its two actions in order of their numbers."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """A comparison that the answers had settled, put to the tutor all the same."""
+
+    query: Query
+    expected: Verdict
+    answer: Verdict | None
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the tutor said the opposite of what the answers imply."""
+        return self.answer is not None and self.expected * self.answer == -1
 
 
 class Pending(NamedTuple):
@@ -40,8 +54,8 @@ class Pending(NamedTuple):
     place: Place
 
 
-class Desk:
-    """Settles differences for one learner and keeps its books."""
+class Elicitation:
+    """Settles differences for one learner, and keeps the answers and the counts."""
 
     def __init__(
         self,
@@ -79,7 +93,7 @@ class Desk:
         self._audit = float(audit)
         self._key = np.uint64(key_of(seed))
         self._number = 0
-        self._told = Told(self._key)
+        self._told = AnsweredPairs(self._key)
         self._unclear: set[Place] = set()  # where the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
 
@@ -115,11 +129,11 @@ class Desk:
             verdicts[rows], tiers[rows] = np.sign(dot(tail_sums(d[rows]), self._gaps())), Tier.GUESS
         return Decisions(verdicts, tiers)
 
-    def standing(self) -> Standing:
+    def rule(self) -> AskingRule:
         """The same for compiled loops, which come back with what only ``judge`` can tell."""
         asks = self.signs is None
         guesses = asks and self.guesses
-        return Standing(
+        return AskingRule(
             indifference=self.indifference if asks else 0.0,
             audit=self._audit,
             key=self._key,
@@ -237,31 +251,6 @@ class Desk:
         and budget allow, and of several rows about one pair only the first."""
         room = self.batch if self._max_queries is None else max(1, min(self.batch, self._max_queries - self.asked))
         return first_of_each_pair(d, room)
-
-    def result(
-        self,
-        *,
-        policy: NDArray[np.int64],
-        q: Floats,
-        status: Status,
-        tiers: NDArray[np.int64],
-        rounds: int,
-        guarantee: Guarantor,
-    ) -> Result:
-        """The Result of a learner that stands here."""
-        return Result(
-            policy=policy,
-            q=q,
-            status=status,
-            asked=self.asked,
-            decided={tier.name.lower(): int(n) for tier, n in zip(Tier, tiers, strict=True)},
-            comparator=self.comparator,
-            answers=self.answers,
-            audits=tuple(self.audits),
-            cannot_tell=self.cannot_tell,
-            rounds=rounds,
-            guarantee=guarantee,
-        )
 
     def _learn(
         self, answers: Sequence[Answer], on_conflict: OnConflict

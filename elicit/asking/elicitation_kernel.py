@@ -1,4 +1,4 @@
-"""What the desk would say of a pair, as far as that needs no Python: its part in the learners' compiled loops."""
+"""What an elicitation says of one pair, as far as that needs no Python: its part in the learners' compiled loops."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from elicit.model.comparator import Tier
 INDIFFERENT, GUESS = int(Tier.INDIFFERENT), int(Tier.GUESS)
 
 
-class Standing(NamedTuple):
-    """How the desk stands, as plain arrays. Pairs are named by their hash with its key."""
+class AskingRule(NamedTuple):
+    """How an elicitation stands, as plain arrays. Pairs are named by their hash with its key."""
 
     indifference: float
     audit: float  # share of the pairs settled by answers that the tutor is to confirm
@@ -37,28 +37,26 @@ def among(code: Any, codes: Any) -> bool:
 
 
 @compiled
-def consult(d: Any, t: Any, work: Any, rule: Any, standing: Standing, certificate: Any) -> tuple[int, int, bool]:
-    """Verdict and tier of a pair on which dominance is silent, as ``Desk.judge`` has them; UNSETTLED where only
-    the desk can tell, UNKNOWN where only the tutor can. And whether ``certificate`` was written (``judge``)."""
+def judge_pair(d: Any, t: Any, work: Any, rule: Any, asking: AskingRule, certificate: Any) -> tuple[int, int, bool]:
+    """Verdict and tier of a pair on which dominance is silent, as ``Elicitation.judge`` has them; UNSETTLED where only
+    the elicitation can tell, UNKNOWN where only the tutor can. And whether ``certificate`` was written (``judge``)."""
     for j in range(len(t)):
         work[0, j] = t[j]
-    if len(standing.binding) > 0 and among(pair_code(standing.key, t, work[1]), standing.binding):
+    if len(asking.binding) > 0 and among(pair_code(asking.key, t, work[1]), asking.binding):
         return UNSETTLED, BY_EQUAL, False
     verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
     if verdict == UNKNOWN:
-        if standing.unclear or (
-            len(standing.said) > 0 and among(pair_code(standing.key, work[0], work[1]), standing.said)
-        ):
+        if asking.unclear or (len(asking.said) > 0 and among(pair_code(asking.key, work[0], work[1]), asking.said)):
             return UNSETTLED, BY_EQUAL, False
-        if standing.indifference > 0.0:
+        if asking.indifference > 0.0:
             for j in range(len(t)):
                 work[1, j] = work[0, j]
-            verdict, tier = within(d, work[1], standing.indifference, rule), INDIFFERENT
-        if verdict == UNKNOWN and len(standing.guess) > 0:
+            verdict, tier = within(d, work[1], asking.indifference, rule), INDIFFERENT
+        if verdict == UNKNOWN and len(asking.guess) > 0:
             at = 0.0
             for j in range(len(t)):
-                at += work[0, j] * standing.guess[j]
+                at += work[0, j] * asking.guess[j]
             return (BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL), GUESS, False
-    elif verdict != EQUAL and standing.audit > 0.0 and unit(pair_code(standing.key, work[0], work[1])) < standing.audit:
+    elif verdict != EQUAL and asking.audit > 0.0 and unit(pair_code(asking.key, work[0], work[1])) < asking.audit:
         return UNSETTLED, BY_EQUAL, False
     return verdict, tier, certified
