@@ -25,11 +25,10 @@ from elicit.comparators.bradley_terry.mcmc import move
 from elicit.comparators.bradley_terry.smc import SWEEPS, effective_size, learn, thetas
 from elicit.decision.rule import Rule, weighted
 from elicit.decision.votes import LEVEL_ROUNDING, weigh
-from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.inequalities import PriorLike, as_prior
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.programs import prior_rows
+from elicit.lp.region import Region, prior_rows
 from elicit.model.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of

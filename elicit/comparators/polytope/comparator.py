@@ -16,11 +16,10 @@ from numpy.typing import ArrayLike
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
 from elicit.lp.analytic_centre import analytic_centre
-from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.inequalities import Prior, PriorLike, as_prior
 from elicit.lp.infeasibility import Contradiction
-from elicit.lp.programs import answer_rows, prior_rows
+from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import Decisions, Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, values_of

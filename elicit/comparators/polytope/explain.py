@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
-from elicit.lp.dual_simplex import Numbers, Region, minimise_exactly, rounding
+from elicit.lp.dual_simplex import Numbers, minimise_exactly
 from elicit.lp.inequalities import Prior, as_prior
-from elicit.lp.programs import Programs, answer_rows, certified_bound, pull_inside, strictly_inside
+from elicit.lp.programs import Programs
+from elicit.lp.region import Region, answer_rows, certified_bound, pull_inside, rounding, strictly_inside
 from elicit.model.comparator import Verdicts
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, as_vectors, tail_sums

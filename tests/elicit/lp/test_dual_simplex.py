@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.lp.dual_simplex import End, Region, Vertex, minimise, minimise_exactly, rounding
+from elicit.lp.dual_simplex import End, Vertex, minimise, minimise_exactly
+from elicit.lp.region import Region, rounding
 from elicit.model.query import Answers
 from elicit.model.scale import tail_sums
 from tests.lp_cases import Case, cases, dot, exact, is_empty, least_from_scratch, tails

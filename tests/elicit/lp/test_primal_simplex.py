@@ -14,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
-from elicit.lp.dual_simplex import Region, minimise_exactly
+from elicit.lp.dual_simplex import minimise_exactly
 from elicit.lp.primal_simplex import bound_of, keep, pulled_inside, redundant, surely_inside, walk
+from elicit.lp.region import Region
 from elicit.lp.sign import to_unit
 from elicit.lp.vertex_store import prune
 from elicit.lp.vertices import (

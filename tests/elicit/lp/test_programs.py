@@ -13,8 +13,8 @@ from scipy.optimize import linprog
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.lp.analytic_centre import analytic_centre
-from elicit.lp.dual_simplex import Region
-from elicit.lp.programs import Programs, Solved, certified_bound, least_cvxpy, pull_inside, strictly_inside
+from elicit.lp.programs import Programs, Solved, least_cvxpy
+from elicit.lp.region import Region, certified_bound, pull_inside, strictly_inside
 from elicit.model.query import Answers
 from elicit.model.scale import tail_sums
 from tests.elicit.lp.test_dual_simplex import region, same, the_region

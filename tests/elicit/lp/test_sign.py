@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 import elicit.comparators.polytope.plausible_set
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.plausible_set import PlausibleSet
-from elicit.lp.dual_simplex import Region, minimise_exactly
+from elicit.lp.dual_simplex import minimise_exactly
+from elicit.lp.region import Region
 from elicit.lp.sign import (
     UNSETTLED,
     by_dominance,

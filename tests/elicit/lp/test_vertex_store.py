@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.lp.dual_simplex import Region, minimise_exactly
+from elicit.lp.dual_simplex import minimise_exactly
+from elicit.lp.region import Region
 from elicit.lp.sign import settle_all
 from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, EPS, ROW, SLOT, SMALL, USED, corner_of, slacks_of
 from elicit.model.query import Answers, InconsistentAnswers, Verdict

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.linalg import null_space
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.lp.programs import TIE_BAND
+from elicit.lp.region import TIE_BAND
 from elicit.model.comparator import Comparator, Dominance, Tier, decide
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import dominance, tail_sums

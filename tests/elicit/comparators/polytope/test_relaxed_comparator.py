@@ -16,7 +16,7 @@ import pytest
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import LEAST_SLACK, RelaxedPolytopeComparator, _Sublevel
 from elicit.comparators.polytope.violation import Hinges, best_fit
-from elicit.lp.programs import TIE_BAND, answer_rows
+from elicit.lp.region import TIE_BAND, answer_rows
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import tail_sums
