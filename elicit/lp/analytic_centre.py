@@ -139,6 +139,8 @@ def climb(x: Floats, rows: Floats, limits: Floats, along: Floats, driver: str = 
     """The point of x + span(along), x (n,) and along (n, q), where the product of the slacks of rows x >= limits is
     greatest, from an x of positive slacks: damped Newton steps on the self-concordant barrier (Nesterov and
     Nemirovskii 1994). ``driver``: LAPACK's for least squares; "gelsy" is faster and less exact."""
+    if not along.size:
+        return x
     moves = rows @ along
     moving = np.abs(moves).max(axis=1) > 1e-13 * np.abs(rows).max(axis=1)
     rows, limits, moves = rows[moving], limits[moving], moves[moving]

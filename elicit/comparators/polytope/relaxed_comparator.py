@@ -315,12 +315,8 @@ def _unit_tails(d: Floats) -> Floats:
 def _centre(level: _Sublevel) -> Floats:
     """The g (p,) of the analytic centre of {(g, s): g within the order and the prior, s >= 0, s >= what g lacks of
     each answer, sum s <= budget}."""
-    hinges, (rows, limits), p, m = (
-        level.hinges,
-        level.order.region.constraints,
-        len(level.inside),
-        len(level.hinges.rows),
-    )
+    hinges, (rows, limits) = level.hinges, level.order.region.constraints
+    m, p = hinges.rows.shape
     flat = rows @ level.middle - limits <= 1e-12 * np.abs(rows).max(axis=1)  # the middle has all the room there is
     along = null_space(np.concatenate([np.ones((1, p)), rows[flat]]), rcond=1e-12)
     s = np.maximum(hinges.lacking(level.inside), 0.0)
