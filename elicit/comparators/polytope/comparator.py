@@ -115,7 +115,7 @@ class PolytopeComparator:
         """Why the tutor need not be asked about d (k,): a smallest set of answers and prior inequalities, and the
         order of the levels, with multipliers that prove the verdict; or, where it is UNKNOWN, two scales that
         disagree. ``str()`` of it is a sentence; ``labels`` (k,) names the levels."""
-        from elicit.comparators.polytope.explain import explain
+        from elicit.comparators.polytope.minimal_proof import explain
 
         return explain(d, self, labels)
 
