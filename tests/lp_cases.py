@@ -1,4 +1,4 @@
-"""Random and adversarial polytopes, and an exact second opinion on them that shares no code with elicit.
+"""Random and adversarial polytopes, and an exact second opinion on them that shares no code with elicit's methods.
 
 A ``Case`` is a set of answers that some hidden scale satisfies exactly, with differences to ask about. ``Region``
 states its polytope in rationals, from the tail sums of the float differences. ``Oracle`` gives least t.g over it:
@@ -17,6 +17,10 @@ from typing import Any
 import highspy
 import numpy as np
 from numpy.typing import NDArray
+
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.lp import region as floats
+from elicit.model.query import Answers
 
 Floats = NDArray[np.float64]
 Rationals = list[Fraction]
@@ -293,6 +297,10 @@ class Case:
 
     def region(self) -> Region:
         return region_of(self.k, self.margin, self.prior, self.d, list(self.y))
+
+    def known(self) -> PolytopeComparator:
+        """A comparator that was told the answers at once."""
+        return PolytopeComparator(self.k, self.margin, self.prior).update(Answers(self.d, self.y))
 
 
 Rng = np.random.Generator
@@ -591,3 +599,27 @@ def cases(
         k = 2 + int((most_levels - 1) * rng.random() ** 2)
         n = int((most_answers + 1) * rng.random() ** 3)
         yield KINDS[i % len(KINDS)](rng, k, n, asks)
+
+
+# ---- regions of floats, as elicit has them -----------------------------------------------------------------------
+
+
+def region(rows: Any, margin: float = 0.0, rhs: Any = None) -> floats.Region:
+    rows = np.array(rows, dtype=np.float64)
+    limits = np.zeros(len(rows)) if rhs is None else np.array(rhs, dtype=np.float64)
+    return floats.Region(margin, rows, limits, np.arange(len(rows)))
+
+
+def exactly(r: floats.Region) -> Region:
+    """The same region in rationals."""
+    out = Region(r.p, r.exact_margin, [], [])
+    for row, limit in zip(r.rows, r.rhs, strict=True):
+        out.add(exact(row), Fraction(float(limit)))
+    return out
+
+
+def normalised(g: Any) -> Rationals:
+    """The point of total 1 on the ray through floats g."""
+    numbers = exact(g)
+    total = sum(numbers, Fraction(0))
+    return [x / total for x in numbers]
