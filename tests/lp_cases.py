@@ -20,6 +20,11 @@ from numpy.typing import NDArray
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.lp import region as floats
+from elicit.lp.dual_simplex import minimise_exactly
+from elicit.lp.infeasibility import is_empty as infeasible
+from elicit.lp.sign import to_unit
+from elicit.lp.vertex_store import start
+from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, USED, Known
 from elicit.model.query import Answers
 
 Floats = NDArray[np.float64]
@@ -623,3 +628,91 @@ def normalised(g: Any) -> Rationals:
     numbers = exact(g)
     total = sum(numbers, Fraction(0))
     return [x / total for x in numbers]
+
+
+KINDS_OF_REGIONS = ("plain", "limits", "double", "parallel", "vertex", "thin", "few bits")
+
+
+def drawn(rng: Rng, kind: str, p: int, m: int) -> floats.Region:
+    """A region of rows of order 1 around a hidden point; only its rounding can make it empty."""
+    weights = rng.integers(1, 60, size=p)
+    truth = [Fraction(int(w), int(weights.sum())) for w in weights]
+    rows = rng.uniform(-1, 1, size=(m, p))
+    if kind in ("vertex", "few bits"):
+        rows = rng.integers(-4, 5, size=(m, p)).astype(np.float64)
+    if kind == "vertex":  # each row is exactly 0 at the hidden point
+        rows = np.zeros((m, p))
+        for row in rows:
+            a, b = rng.choice(p, 2, replace=False)
+            row[a], row[b] = weights[b], -weights[a]
+    if kind == "double":
+        rows = np.concatenate([rows, rows[: m // 2], 0.75 * rows])
+    if kind == "parallel":
+        tiny = 10.0 ** rng.uniform(-16, -6, size=(m, 1)) * rng.normal(size=(m, p))
+        rows = rows[rng.integers(2, size=m)] + tiny
+    if kind == "thin":
+        at = float(dot(exact(rows[0]), truth))
+        rows = np.concatenate([rows, [rows[0] - at + 10.0 ** rng.uniform(-13, -6), at - rows[0]]])
+    rows = rows / 2.0 ** np.frexp(np.abs(rows).max(axis=1, keepdims=True))[1]
+    values = [dot(exact(row), truth) for row in rows]
+    rows = np.array([row if v >= 0 else -row for row, v in zip(rows, values, strict=True)])
+    rhs = np.zeros(len(rows))
+    if kind == "limits":
+        rhs = np.array([float(abs(v)) - rng.choice([1e-9, 0.01, 0.3]) for v in values])
+    return region(rows, float(rng.choice([0.0, 1e-6, 0.5 / weights.sum()])), rhs)
+
+
+def known_sets(seed: int, count: int, most: int = 9) -> list[tuple[str, floats.Region, Known]]:
+    """Regions of each kind in turn, and what is known of them at first."""
+    rng, out = np.random.default_rng(seed), []
+    for i in range(count):
+        kind = KINDS_OF_REGIONS[i % len(KINDS_OF_REGIONS)]
+        r = drawn(rng, kind, int(rng.integers(2, most)), int(rng.integers(2, 3 * most)))
+        if infeasible(r) is None:
+            out.append((kind, r, start(r)))
+    assert len(out) > 0.8 * count
+    return out
+
+
+def objectives(rng: Rng, r: floats.Region, count: int) -> list[Floats]:
+    """Of order 1: random ones, rows and sums of rows, and such that the least value is 0, or nearly."""
+    out = []
+    for _ in range(count):
+        s = rng.normal(size=r.p) * 10.0 ** rng.integers(-3, 1)
+        how = rng.integers(4)
+        if how == 1:
+            s = rng.integers(0, 3, size=len(r.rows)) @ r.rows + rng.choice([0.0, 1e-16, -1e-13]) * s
+        if how > 1:
+            s = s - float(minimise_exactly(s, r).value) + rng.choice([0.0, 1e-16, -1e-15, 1e-13, 1e-12, -1e-12, 1e-10])
+        if s.any():
+            to_unit(s)
+            out.append(s)
+    return out
+
+
+def rows_kept(c: PolytopeComparator) -> int:
+    """How many rows are left of a comparator's once those are dropped that follow from others."""
+    return len(c._set.region.rows)
+
+
+def check_proofs(c: PolytopeComparator) -> None:
+    """What a comparator has come to know is true, in rationals: rows that hold on K_t, points in it, one of them
+    strictly inside. Only here and in ``rows_kept`` do tests look at how it is kept."""
+    kept, known = c._set.region, c._set._known
+
+    def least_slack(g: Rationals) -> Fraction:
+        near = np.array([float(x) for x in g])
+        rows = np.flatnonzero(kept.rows @ near - kept.rhs < 1e-9)  # the others hold beyond doubt
+        slacks = [dot(exact(kept.rows[i]), g) - Fraction(float(kept.rhs[i])) for i in rows]
+        return min([*slacks, min(g) - kept.exact_margin])
+
+    for row, limit in zip(c.region.rows, c.region.rhs, strict=True):  # those left out follow from those kept
+        if not ((kept.rows == row).all(axis=1) & (kept.rhs == limit)).any():
+            assert minimise_exactly(row, kept).value >= Fraction(float(limit))
+    assert all(minimise_exactly(row, kept).value >= 0 for row in known.rows)
+    if c._set.inside is not None:
+        assert least_slack(normalised(known.inside)) > 0
+    used = known.counts[USED]
+    for point, kind in zip(known.points[:, :used].T, known.kind[:used], strict=True):
+        if kind != DOUBTFUL_CORNER:  # points of exact optima are right to their last bits
+            assert least_slack(normalised(point)) >= -(kept.p + 8) * Fraction(EPS) * (kind == CERTAIN_POINT)

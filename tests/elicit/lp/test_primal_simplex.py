@@ -12,10 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.lp.infeasibility import is_empty
 from elicit.lp.primal_simplex import bound_of, keep, pulled_inside, redundant, surely_inside, walk
 from elicit.lp.region import Region
-from elicit.lp.sign import to_unit
 from elicit.lp.vertex_store import prune, start
 from elicit.lp.vertices import (
     CERTAIN_POINT,
@@ -31,70 +29,13 @@ from elicit.lp.vertices import (
     rates_of,
     slacks_of,
 )
-from tests.lp_cases import dot, exact, exactly, normalised, region
+from tests.lp_cases import KINDS_OF_REGIONS as KINDS
+from tests.lp_cases import dot, exact, exactly, known_sets, normalised, objectives, region
 
 Floats = np.ndarray[Any, Any]
 Rng = np.random.Generator
 NOTHING = np.zeros(0, dtype=np.bool_)
 NO_NUMBERS = (math.nan, math.inf, -math.inf)
-KINDS = ("plain", "limits", "double", "parallel", "vertex", "thin", "few bits")
-
-
-def drawn(rng: Rng, kind: str, p: int, m: int) -> Region:
-    """A region of rows of order 1 around a hidden point; only its rounding can make it empty."""
-    weights = rng.integers(1, 60, size=p)
-    truth = [Fraction(int(w), int(weights.sum())) for w in weights]
-    rows = rng.uniform(-1, 1, size=(m, p))
-    if kind in ("vertex", "few bits"):
-        rows = rng.integers(-4, 5, size=(m, p)).astype(np.float64)
-    if kind == "vertex":  # each row is exactly 0 at the hidden point
-        rows = np.zeros((m, p))
-        for row in rows:
-            a, b = rng.choice(p, 2, replace=False)
-            row[a], row[b] = weights[b], -weights[a]
-    if kind == "double":
-        rows = np.concatenate([rows, rows[: m // 2], 0.75 * rows])
-    if kind == "parallel":
-        tiny = 10.0 ** rng.uniform(-16, -6, size=(m, 1)) * rng.normal(size=(m, p))
-        rows = rows[rng.integers(2, size=m)] + tiny
-    if kind == "thin":
-        at = float(dot(exact(rows[0]), truth))
-        rows = np.concatenate([rows, [rows[0] - at + 10.0 ** rng.uniform(-13, -6), at - rows[0]]])
-    rows = rows / 2.0 ** np.frexp(np.abs(rows).max(axis=1, keepdims=True))[1]
-    values = [dot(exact(row), truth) for row in rows]
-    rows = np.array([row if v >= 0 else -row for row, v in zip(rows, values, strict=True)])
-    rhs = np.zeros(len(rows))
-    if kind == "limits":
-        rhs = np.array([float(abs(v)) - rng.choice([1e-9, 0.01, 0.3]) for v in values])
-    return region(rows, float(rng.choice([0.0, 1e-6, 0.5 / weights.sum()])), rhs)
-
-
-def sets(seed: int, count: int, most: int = 9) -> list[tuple[str, Region, Known]]:
-    """Regions of each kind in turn, and what is known of them at first."""
-    rng, out = np.random.default_rng(seed), []
-    for i in range(count):
-        kind = KINDS[i % len(KINDS)]
-        r = drawn(rng, kind, int(rng.integers(2, most)), int(rng.integers(2, 3 * most)))
-        if is_empty(r) is None:
-            out.append((kind, r, start(r)))
-    assert len(out) > 0.8 * count
-    return out
-
-
-def objectives(rng: Rng, r: Region, count: int) -> list[Floats]:
-    """Of order 1: random ones, rows and sums of rows, and such that the least value is 0, or nearly."""
-    out = []
-    for _ in range(count):
-        s = rng.normal(size=r.p) * 10.0 ** rng.integers(-3, 1)
-        how = rng.integers(4)
-        if how == 1:
-            s = rng.integers(0, 3, size=len(r.rows)) @ r.rows + rng.choice([0.0, 1e-16, -1e-13]) * s
-        if how > 1:
-            s = s - float(minimise_exactly(s, r).value) + rng.choice([0.0, 1e-16, -1e-15, 1e-13, 1e-12, -1e-12, 1e-10])
-        if s.any():
-            to_unit(s)
-            out.append(s)
-    return out
 
 
 # ---- walks ------------------------------------------------------------------------------------------------------
@@ -109,7 +50,7 @@ def starts(known: Known) -> Any:
 def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -> None:
     rng, kept = np.random.default_rng(seed), 0
     seen = dict.fromkeys([(kind, end) for kind in KINDS for end in (-1, 0, 1)], 0)
-    for kind, r, known in sets(seed, 70):
+    for kind, r, known in known_sets(seed, 70):
         for s in objectives(rng, r, 8):
             least = minimise_exactly(s, r).value
             for corner in rng.permutation(starts(known))[:3]:
@@ -142,7 +83,7 @@ def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -
 
 def test_only_rows_that_follow_from_the_rest_are_pruned() -> None:
     pruned = 0
-    for kind, r, first in sets(31, 84):
+    for kind, r, first in known_sets(31, 84):
         out = redundant(first)
         known, rest = prune(first, r)
         assert (rest.owner == r.owner[~out]).all()
@@ -188,7 +129,7 @@ def test_a_sum_that_overflows_proves_nothing() -> None:
 
 def test_the_right_multipliers_give_a_tight_bound() -> None:
     rng, checked = np.random.default_rng(6), 0
-    for _, r, known in sets(50, 28):
+    for _, r, known in known_sets(50, 28):
         for s in objectives(rng, r, 3):
             vertex = minimise_exactly(s, r)
             active, inverse, y = np.array(vertex.basis, dtype=np.int64), np.empty((r.p, r.p)), np.empty(r.p)
@@ -207,7 +148,7 @@ def test_the_right_multipliers_give_a_tight_bound() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_point_pulled_inside_is_inside(seed: int) -> None:
     rng, pulled, left = np.random.default_rng(seed), 0, 0
-    for kind, r, known in sets(60 + seed, 42):
+    for kind, r, known in known_sets(60 + seed, 42):
         p, slack, point = r.p, np.empty(r.p + len(r.rows)), np.empty(r.p)
         for _ in range(8):
             g = minimise_exactly(rng.normal(size=p), r).g.astype(np.float64)
@@ -233,7 +174,7 @@ def test_a_point_pulled_inside_is_inside(seed: int) -> None:
 def test_a_point_on_the_border_is_not_surely_inside() -> None:
     """Where a segment from the inner point leaves the region, to the last bits: floats cannot tell the side."""
     rng, seen = np.random.default_rng(4), {True: 0, False: 0}
-    for kind, r, known in sets(80, 42):
+    for kind, r, known in known_sets(80, 42):
         slack = np.empty(r.p + len(r.rows))
         for _ in range(20 if not np.isnan(known.inside[0]) else 0):
             towards = rng.normal(size=r.p)
@@ -270,7 +211,7 @@ def matrix_of(active: Any, r: Region) -> Floats:
 
 def test_inverses_and_pivots_against_numpy() -> None:
     rng, done, singular = np.random.default_rng(7), 0, 0
-    for _, r, known in sets(70, 42):
+    for _, r, known in known_sets(70, 42):
         m = len(r.rows)
         for _ in range(12):
             active = rng.choice(r.p + m, size=r.p - 1, replace=False)

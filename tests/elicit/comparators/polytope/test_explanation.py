@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from elicit.comparators.polytope.explain import explain, verify
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.explain import explain, verify
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
 from elicit.lp.inequalities import as_prior, inequality
 from elicit.model.query import Answers, Verdict
