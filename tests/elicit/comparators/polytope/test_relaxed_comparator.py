@@ -385,6 +385,23 @@ def test_a_prior_that_leaves_a_flat_set(prior: list[str]) -> None:
         assert fit.range(c.values)[0] > 0
 
 
+def test_bounds_for_all_rows_at_once_state_a_confidence_only_while_the_answers_agree() -> None:
+    _, answers = noisy(2, 5, 10, 0.0)
+    d = shares(np.random.default_rng(2), 5, 20, 1.0)
+    relaxed = RelaxedPolytopeComparator(5, slack=0.01).update(answers)
+    high, confidence = relaxed.simultaneous_bounds(d)
+    assert confidence == 1
+    assert (high >= PolytopeComparator(5).update(answers).bounds(d)[1] - 1e-9).all()
+    assert (high >= relaxed.bounds(d)[1] - 1e-8).all()
+    assert high.max() == pytest.approx(relaxed.bounds(d)[1].max(), abs=1e-7)
+    torn = relaxed.update(Answers(answers.d[:3], -answers.y[:3]))
+    high, confidence = torn.simultaneous_bounds(d)
+    assert np.isnan(confidence) == (torn.violation > 0)
+    assert (high >= torn.bounds(d)[1] - 1e-8).all()
+    scores = tail_sums(d) @ torn.draws.gaps
+    assert (scores <= high[:, None] + 1e-7).all()
+
+
 # ---- a frozen comparator ----------------------------------------------------------------------------------------
 
 
