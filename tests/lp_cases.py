@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.lp import region as floats
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.lp.infeasibility import is_empty as infeasible
 from elicit.lp.sign import to_unit
 from elicit.lp.vertex_store import start
 from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, USED, Known
@@ -630,48 +629,12 @@ def normalised(g: Any) -> Rationals:
     return [x / total for x in numbers]
 
 
-KINDS_OF_REGIONS = ("plain", "limits", "double", "parallel", "vertex", "thin", "few bits")
-
-
-def drawn(rng: Rng, kind: str, p: int, m: int) -> floats.Region:
-    """A region of rows of order 1 around a hidden point; only its rounding can make it empty."""
-    weights = rng.integers(1, 60, size=p)
-    truth = [Fraction(int(w), int(weights.sum())) for w in weights]
-    rows = rng.uniform(-1, 1, size=(m, p))
-    if kind in ("vertex", "few bits"):
-        rows = rng.integers(-4, 5, size=(m, p)).astype(np.float64)
-    if kind == "vertex":  # each row is exactly 0 at the hidden point
-        rows = np.zeros((m, p))
-        for row in rows:
-            a, b = rng.choice(p, 2, replace=False)
-            row[a], row[b] = weights[b], -weights[a]
-    if kind == "double":
-        rows = np.concatenate([rows, rows[: m // 2], 0.75 * rows])
-    if kind == "parallel":
-        tiny = 10.0 ** rng.uniform(-16, -6, size=(m, 1)) * rng.normal(size=(m, p))
-        rows = rows[rng.integers(2, size=m)] + tiny
-    if kind == "thin":
-        at = float(dot(exact(rows[0]), truth))
-        rows = np.concatenate([rows, [rows[0] - at + 10.0 ** rng.uniform(-13, -6), at - rows[0]]])
-    rows = rows / 2.0 ** np.frexp(np.abs(rows).max(axis=1, keepdims=True))[1]
-    values = [dot(exact(row), truth) for row in rows]
-    rows = np.array([row if v >= 0 else -row for row, v in zip(rows, values, strict=True)])
-    rhs = np.zeros(len(rows))
-    if kind == "limits":
-        rhs = np.array([float(abs(v)) - rng.choice([1e-9, 0.01, 0.3]) for v in values])
-    return region(rows, float(rng.choice([0.0, 1e-6, 0.5 / weights.sum()])), rhs)
-
-
-def known_sets(seed: int, count: int, most: int = 9) -> list[tuple[str, floats.Region, Known]]:
-    """Regions of each kind in turn, and what is known of them at first."""
-    rng, out = np.random.default_rng(seed), []
-    for i in range(count):
-        kind = KINDS_OF_REGIONS[i % len(KINDS_OF_REGIONS)]
-        r = drawn(rng, kind, int(rng.integers(2, most)), int(rng.integers(2, 3 * most)))
-        if infeasible(r) is None:
-            out.append((kind, r, start(r)))
-    assert len(out) > 0.8 * count
-    return out
+def known_sets(seed: int, count: int, most: int = 9) -> Iterator[tuple[str, floats.Region, Known]]:
+    """Regions of each kind in turn, with at least two gaps, and what is known of them at first."""
+    for case in cases(seed, count, asks=1, most_levels=most, most_answers=3 * most):
+        if case.k > 2:
+            r = case.known().region
+            yield case.kind, r, start(r)
 
 
 def objectives(rng: Rng, r: floats.Region, count: int) -> list[Floats]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from fractions import Fraction
 from typing import Any
 
@@ -29,7 +30,6 @@ from elicit.lp.vertices import (
     rates_of,
     slacks_of,
 )
-from tests.lp_cases import KINDS_OF_REGIONS as KINDS
 from tests.lp_cases import dot, exact, exactly, known_sets, normalised, objectives, region
 
 Floats = np.ndarray[Any, Any]
@@ -49,7 +49,7 @@ def starts(known: Known) -> Any:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -> None:
     rng, kept = np.random.default_rng(seed), 0
-    seen = dict.fromkeys([(kind, end) for kind in KINDS for end in (-1, 0, 1)], 0)
+    seen: Counter[int] = Counter()
     for kind, r, known in known_sets(seed, 70):
         for s in objectives(rng, r, 8):
             least = minimise_exactly(s, r).value
@@ -58,24 +58,21 @@ def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -
                 found = walk(s, int(corner), known, NOTHING, 0.0)
                 assert (s == before).all()
                 assert found == 0 or (least > 0) - (least < 0) == found, f"{kind}: {found}, but {float(least)}"
-                hard = np.isnan(known.inside[0]) or kind in ("limits", "parallel", "vertex", "thin")
-                assert found or hard or abs(least) < 1e-9, f"{kind}: gave up at {float(least)}"
-                seen[kind, found] += 1
+                assert found or kind != "plain" or abs(least) < 1e-9, f"gave up at {float(least)}"
+                seen[found] += 1
         g, slack = np.empty(r.p), np.empty(r.p + len(r.rows))
         for q in np.flatnonzero(known.kind[: known.counts[USED]] == CORNER)[:12]:
             kept += 1
             assert exactly(r).contains(normalised(known.points[:, q])), kind
             assert len(set(known.active[q])) == r.p - 1
-            if kind in ("plain", "double", "few bits"):
+            if kind == "plain":
                 corner_of(known.inverses[q], known.active[q], known, g)
                 slacks_of(g, known, slack)
                 assert np.abs(slack[known.active[q]]).max() < 1e-9
                 assert slack.min() > -1e-9
                 assert np.abs(known.points[:, q] - g).max() < 1e-9
     assert kept > 50
-    for kind in KINDS:
-        if kind not in ("vertex", "thin"):  # where floats seldom find a point inside
-            assert min(seen[kind, 1], seen[kind, -1]) > 10, kind
+    assert min(seen[1], seen[-1], seen[0]) > 100
 
 
 # ---- rows that follow from others -------------------------------------------------------------------------------
@@ -148,7 +145,7 @@ def test_the_right_multipliers_give_a_tight_bound() -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_point_pulled_inside_is_inside(seed: int) -> None:
     rng, pulled, left = np.random.default_rng(seed), 0, 0
-    for kind, r, known in known_sets(60 + seed, 42):
+    for kind, r, known in known_sets(60 + seed, 70):
         p, slack, point = r.p, np.empty(r.p + len(r.rows)), np.empty(r.p)
         for _ in range(8):
             g = minimise_exactly(rng.normal(size=p), r).g.astype(np.float64)

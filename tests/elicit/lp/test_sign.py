@@ -22,7 +22,7 @@ from elicit.lp.vertices import ROW, Known, doubt_at
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import dominance, tail_sums
 from tests.lp_cases import (
-    KINDS_OF_REGIONS,
+    KINDS,
     Oracle,
     answered,
     dot,
@@ -227,7 +227,7 @@ def test_tiny_entries_prove_nothing_beyond_64_gaps() -> None:
 @pytest.mark.parametrize("seed", range(2))
 def test_what_is_settled_is_settled_rightly(seed: int) -> None:
     rng, seen = np.random.default_rng(seed), Counter[int]()
-    for kind, r, known in known_sets(90 + seed, 10 * len(KINDS_OF_REGIONS)):
+    for kind, r, known in known_sets(90 + seed, 10 * len(KINDS)):
         for s in objectives(rng, r, 8):
             given = settle(s, known)
             seen[given] += 1
