@@ -2,8 +2,8 @@
 
 A ``Case`` is a set of answers that some hidden scale satisfies exactly, with differences to ask about. ``Region``
 states its polytope in rationals, from the tail sums of the float differences. ``Oracle`` gives least t.g over it:
-HiGHS proposes a basis, which is verified in rationals (primal and dual feasibility); where that fails, a primal
-simplex method on the dual program, in exact integers, decides.
+elicit's simplex method in floats proposes a basis, which is verified in rationals (primal and dual feasibility);
+where that fails, a primal simplex method on the dual program, in exact integers, decides.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-import highspy
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.lp import region as floats
-from elicit.lp.dual_simplex import minimise_exactly
+from elicit.lp.dual_simplex import minimise, minimise_exactly
 from elicit.lp.sign import to_unit
 from elicit.lp.vertex_store import start
 from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, USED, Known
@@ -110,7 +109,7 @@ class Oracle:
         self.verified = self.from_scratch = 0
         self._rows = np.array([[float(x) for x in row] for row in region.rows]).reshape(-1, region.p)
         self._rhs = np.array([float(x) for x in region.rhs])
-        self._model = self._highs()
+        self._floats = floats.Region(float(region.margin), self._rows, self._rhs, np.arange(len(self._rhs)))
 
     def least(self, t: Rationals) -> Fraction:
         """The exact optimum of min t.g. Raises ValueError where the region is empty."""
@@ -132,44 +131,10 @@ class Oracle:
         """Least and greatest t.g."""
         return self.least(t), -self.least([-x for x in t])
 
-    def highs(self, t: Rationals) -> float:
-        """HiGHS's own value of the optimum."""
-        self._basis(t)
-        return float(self._model.getInfo().objective_function_value)
-
-    def _highs(self) -> highspy.Highs:
-        region, inf = self.region, highspy.kHighsInf
-        p, m = region.p, len(region.rows)
-        h = highspy.Highs()
-        h.setOptionValue("output_flag", False)
-        h.setOptionValue("presolve", "off")
-        h.setOptionValue("threads", 1)
-        h.setOptionValue("primal_feasibility_tolerance", 1e-10)
-        h.setOptionValue("dual_feasibility_tolerance", 1e-10)
-        lp = highspy.HighsLp()
-        lp.num_col_, lp.num_row_ = p, m + 1
-        lp.col_cost_ = np.zeros(p)
-        lp.col_lower_, lp.col_upper_ = np.full(p, float(region.margin)), np.full(p, inf)
-        lp.row_lower_ = np.concatenate([[1.0], self._rhs])
-        lp.row_upper_ = np.concatenate([[1.0], np.full(m, inf)])
-        matrix = np.concatenate([np.ones((1, p)), self._rows])
-        lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-        lp.a_matrix_.start_ = np.arange(m + 2) * p
-        lp.a_matrix_.index_ = np.tile(np.arange(p), m + 1)
-        lp.a_matrix_.value_ = matrix.ravel()
-        h.passModel(lp)
-        return h
-
     def _basis(self, t: Rationals) -> tuple[list[int], list[int]]:
-        """(gaps that are basic, rows that are active) as HiGHS ends."""
-        p = self.region.p
-        self._model.changeColsCost(p, np.arange(p, dtype=np.int32), np.array([float(x) for x in t]))
-        self._model.run()
-        basis = self._model.getBasis()
-        basic = highspy.HighsBasisStatus.kBasic
-        columns = [j for j, s in enumerate(basis.col_status) if s == basic]
-        rows = [i - 1 for i, s in enumerate(basis.row_status) if s != basic and i > 0]
-        return columns, rows
+        """(gaps that are basic, rows that are active) as elicit's simplex method ends."""
+        p, basis = self.region.p, minimise(np.array([float(x) for x in t]), self._floats).basis
+        return [j for j in range(p) if j not in basis], [c - p for c in basis if c >= p]
 
     def _verify(self, t: Rationals, basis: tuple[list[int], list[int]]) -> Fraction | None:
         """The value at the basis if it is a feasible and optimal one in rationals, else None."""
