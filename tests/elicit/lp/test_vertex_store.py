@@ -75,15 +75,15 @@ def test_five_thousand_comparisons_between_150_answers(k: int, checks: int) -> N
             old.append((c, d, given))
         if step % (150 // checks) == 149 // checks:
             check_proofs(c)
+            oracle = Oracle(region_of(k, 1e-6, None, c.answers.d, list(c.answers.y)))
+            ask = np.concatenate([questions(rng, c.answers.d, truth, 12), d[:4]])
+            for row, got in zip(ask, c.compare(ask), strict=True):
+                assert got == verdict(*oracle.range(exact(tails(row)[0])))
         # one that is not known yet, where there is one, as a learner would ask; none that makes K_t too thin
         unknown = np.append(np.flatnonzero(~sure[10:]), 0)
         one = d[10 + unknown[0]][None]
         c = c.update(Answers(one, answered(rng, one, truth)))
     assert min(seen[0], seen[2]) > 100
-    oracle = Oracle(region_of(k, 1e-6, None, c.answers.d, list(c.answers.y)))
-    ask = questions(rng, c.answers.d, truth, 4)
-    for row, got in zip(ask, c.compare(ask), strict=True):
-        assert got == verdict(*oracle.range(exact(tails(row)[0])))
     for before, d, given in old:
         assert (before.compare(d) == given).all()
 
@@ -94,9 +94,13 @@ def test_a_comparator_shares_nothing_that_changes_with_what_is_made_of_it() -> N
     d, made = shares(rng, 7, 30), PolytopeComparator(7)
     several = [made := made.update(Answers(part, answered(rng, part, truth))) for part in (d[:20], d[20:25], d[25:])]
     ask = shares(rng, 7, 500)
-    for one in (*several[::-1], *several):  # a point of an older set need not be one of a later set
-        one.compare(ask)
-        for each in several:
+    said = [(one.compare(ask), one.values, len(one.answers)) for one in several[::-1]][::-1]
+    for one, (verdicts, values, told) in zip(several, said, strict=True):
+        one.bounds(ask[:5])
+        assert (one.compare(ask) == verdicts).all()
+        assert (one.values == values).all()
+        assert len(one.answers) == told
+        for each in several:  # a point of an older set need not be one of a later set
             check_proofs(each)
     with pytest.raises(InconsistentAnswers):
         several[0].update(Answers([from_tails([-1.0, -1.0, -1.0, -1.0, -1.0, -2.0])], [1]))
