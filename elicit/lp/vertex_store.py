@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from elicit._support.jit import compiled
 from elicit.lp.analytic_centre import analytic_centre
-from elicit.lp.dual_simplex import Region, minimise
+from elicit.lp.dual_simplex import minimise
 from elicit.lp.primal_simplex import keep, next_slot, redundant, surely_inside
-from elicit.lp.programs import strictly_inside
+from elicit.lp.region import Region, strictly_inside
 from elicit.lp.vertices import (
     CERTAIN_POINT,
     DOUBTFUL_CORNER,

@@ -26,11 +26,10 @@ from elicit.comparators.bradley_terry.smc import SWEEPS, effective_size, learn, 
 from elicit.decision.decide import decide_by
 from elicit.decision.rule import Rule, weighted
 from elicit.decision.votes import LEVEL_ROUNDING
-from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.inequalities import PriorLike, as_prior
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.programs import prior_rows
+from elicit.lp.region import Region, prior_rows
 from elicit.model.comparator import Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, values_of

@@ -17,11 +17,10 @@ from elicit._support.validation import is_number
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
 from elicit.decision.decide import decide_by
 from elicit.lp.analytic_centre import analytic_centre
-from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.inequalities import Prior, PriorLike, as_prior
 from elicit.lp.infeasibility import Contradiction
-from elicit.lp.programs import answer_rows, prior_rows
+from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import Decisions, Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, values_of
@@ -117,7 +116,7 @@ class PolytopeComparator:
         """Why the tutor need not be asked about d (k,): a smallest set of answers and prior inequalities, and the
         order of the levels, with multipliers that prove the verdict; or, where it is UNKNOWN, two scales that
         disagree. ``str()`` of it is a sentence; ``labels`` (k,) names the levels."""
-        from elicit.comparators.polytope.explain import explain
+        from elicit.comparators.polytope.minimal_proof import explain
 
         return explain(d, self, labels)
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from elicit.decision.decide import decide_by
 from elicit.decision.rule import Rule, proven, unaided
-from elicit.lp.dual_simplex import Region, Vertex, minimise_exactly, rounding
+from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.programs import Programs, certified_bound, pull_inside
+from elicit.lp.programs import Programs
+from elicit.lp.region import Region, certified_bound, pull_inside, rounding
 from elicit.lp.sign import settle, signs_at_points, to_unit
 from elicit.lp.support_function import greatest
 from elicit.lp.vertex_store import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
