@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit._support.hashing import key_of
 from elicit.lp.region import TIE_BAND
-from elicit.model.comparator import Decisions, Verdicts
+from elicit.model.comparator import Verdicts
 from elicit.model.scale import Floats, dominance, tail_sums
 from qlearn import random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
@@ -97,13 +97,9 @@ class Recorder:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k), recorded."""
-        return self.decide(d).verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """Verdicts and tiers (n,) of d (n, k), recorded."""
         rows = np.atleast_2d(np.array(d, dtype=np.float64))
         self._asked.append(rows)
-        return self._inner.decide(rows)
+        return self._inner.compare(rows)
 
     def update(self, answers: Answers) -> Recorder:
         """A recorder of what comes after these answers, in the same record."""

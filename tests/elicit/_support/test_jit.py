@@ -15,6 +15,7 @@ import pytest
 
 from elicit._support import jit
 from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.decision.decide import decide
 from elicit.lp.vertices import CERTAIN_POINT, USED, Known
 from elicit.model.query import Answers
 from tests.lp_cases import cases
@@ -45,7 +46,7 @@ def report() -> list[str]:
         verdicts, tiers, digest = [], [], hashlib.blake2b(digest_size=8)
         for rows in np.array_split(np.arange(len(case.y)), 1 + i % 4):
             comparator = comparator.update(Answers(case.d[rows], case.y[rows]))
-            decided = comparator.decide(case.ask)
+            decided = decide(comparator, case.ask)
             verdicts += decided.verdicts.tolist()
             tiers += decided.tiers.tolist()
             for part in bits(comparator._set._known):

@@ -13,10 +13,21 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-import elicit.comparators.polytope.plausible_set
+import elicit.decision.decide
 from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.decision.decide import decide
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.lp.sign import UNSETTLED, by_dominance, lifts, lifts_some_row, settle, side_of, tail_sums_into, to_unit
+from elicit.lp.sign import (
+    NOWHERE,
+    UNSETTLED,
+    by_dominance,
+    lifting_row,
+    lifts,
+    settle,
+    side_of,
+    tail_sums_into,
+    to_unit,
+)
 from elicit.lp.vertex_store import know_row, start
 from elicit.lp.vertices import ROW, Known, doubt_at
 from elicit.model.query import Answers, Verdict
@@ -174,7 +185,7 @@ def near_a_multiple(rng: Rng, w: Floats) -> Floats:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_row_is_lifted_only_if_it_is(seed: int) -> None:
-    """lifts() and lifts_some_row(), for p on both sides of the 64 bits of a mask."""
+    """lifts() and lifting_row(), for p on both sides of the 64 bits of a mask."""
     rng, said, missed = np.random.default_rng(seed), 0, 0
     for i in range(2000):
         p = int(rng.integers(64, 71)) if i % 7 == 0 else int(rng.integers(2, 9))
@@ -185,17 +196,18 @@ def test_a_row_is_lifted_only_if_it_is(seed: int) -> None:
         t = side * (near_a_multiple(rng, w) if rng.random() < 0.9 else w.copy())
         really = [is_lifted(t, side, row) for row in known.rows]
         known.counts[ROW] = rng.integers(7)  # left over from a set with more rows
-        given = lifts_some_row(t, side, known.rows, known.lifted, known.masks, known.counts)
+        row = lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts)
+        given = row != NOWHERE
         assert any(really) or not given
         said += given
         missed += any(really) and not given
-        for q, (row, mask) in enumerate(zip(known.rows, known.masks, strict=True)):
-            usable = mask != ~np.uint64(0) or not (row != 0).any() or np.abs(row[row != 0]).min() >= 2.0**-500
+        for q, (w_q, mask) in enumerate(zip(known.rows, known.masks, strict=True)):
+            usable = mask != ~np.uint64(0) or not (w_q != 0).any() or np.abs(w_q[w_q != 0]).min() >= 2.0**-500
             assert really[q] or not usable or not lifts(t, side, q, known.rows, known.lifted)
-            if (side * t == row).all() and usable:  # an answered pair met again
+            if (side * t == w_q).all() and usable:  # an answered pair met again
                 assert lifts(t, side, q, known.rows, known.lifted)
         if given:
-            assert really[known.counts[ROW]]
+            assert really[row]
     assert said > 400
     assert missed < 1100
 
@@ -206,9 +218,8 @@ def test_a_multiple_of_a_known_row_is_found_whatever_its_place() -> None:
         known = knowing(np.array([rng.normal(size=p) for _ in range(6)]))
         for q in (5, 0, 3):
             t = 0.3 * known.rows[q] + 1e-9
-            assert lifts_some_row(t, 1, known.rows, known.lifted, known.masks, known.counts)
-            assert lifts_some_row(-t, -1, known.rows, known.lifted, known.masks, known.counts)
-            assert known.counts[ROW] == q
+            assert lifting_row(t, 1, known.rows, known.lifted, known.masks, known.counts) == q
+            assert lifting_row(-t, -1, known.rows, known.lifted, known.masks, known.counts) == q
 
 
 def test_tiny_entries_prove_nothing_beyond_64_gaps() -> None:
@@ -299,20 +310,20 @@ def test_any_layout_and_number_type() -> None:
     whole = np.round(8 * d).astype(np.int8)
     assert (c.compare(whole) == c.compare(whole.astype(np.float64))).all()
     for zero in (np.zeros((0, 6)), np.zeros((0, 6), dtype=np.int32), np.asfortranarray(np.zeros((6, 0))).T):
-        decided = c.decide(zero)
+        decided = decide(c, zero)
         assert decided.verdicts.shape == decided.tiers.shape == (0,)
         assert decided.verdicts.dtype == np.int8
 
 
 def test_one_layout_reaches_compiled_code(monkeypatch: pytest.MonkeyPatch) -> None:
     c, d = learned()
-    real, seen = elicit.comparators.polytope.plausible_set.settle_all, []
+    real, seen = elicit.decision.decide.judge_all, []
 
     def spy(d: Floats, *rest: Any) -> Any:
         seen.append(d.flags.c_contiguous and d.flags.writeable)
         return real(np.array(d), *rest)
 
-    monkeypatch.setattr(elicit.comparators.polytope.plausible_set, "settle_all", spy)
+    monkeypatch.setattr(elicit.decision.decide, "judge_all", spy)
     frozen = d.copy()
     frozen.flags.writeable = False
     for same in (d, np.asfortranarray(d), frozen, d[::2], d[:, ::-1]):
