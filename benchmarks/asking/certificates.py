@@ -24,7 +24,8 @@ from elicit.model.scale import Floats
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, OrdinalMDP, policy_loss, random_mdp
 from qlearn.experiments.metrics import half_width
 from qlearn.learners.learner import Learner, Result
-from qlearn.problems.random_mdp import draw_values, icu_sepsis
+from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn.problems.random_mdp import draw_values
 
 PROVEN, ENOUGH, ERROR = 5e-5, 0.01, 0.1
 Problem = Callable[[int], tuple[OrdinalMDP, Floats]]

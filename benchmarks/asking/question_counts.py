@@ -34,7 +34,8 @@ from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
-from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
+from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn.problems.random_mdp import draw_values, random_mdp
 
 GRID = (0, 5, 10, 20, 40, 80, 160)  # numbers of answers at which policies are judged
 TOLERANCE = 0.01  # a policy that may lose a hundredth of the value range will do

@@ -24,7 +24,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from qlearn.reference import scalar_q_learning
-from tests.qlearn.test_reference import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 Make = Callable[..., Any]
 

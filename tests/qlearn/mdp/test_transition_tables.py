@@ -12,7 +12,7 @@ from scipy import sparse
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractiveValueIteration, OrdinalMDP, drive, policy_loss, random_mdp, value_iteration
-from tests.qlearn.mdp.test_planning import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 ABC = ("a", "b", "c")
 
