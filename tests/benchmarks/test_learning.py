@@ -182,10 +182,10 @@ def test_the_growth_is_measured_for_every_answer():
 
 
 def test_memory_is_measured_apart():
-    found = apart(learning_growth.memory, TINY)
+    found = apart(learning_growth.memory_of_a_run, TINY)
     assert 10e6 < found["before"] <= found["peak"]
     with pytest.raises(Failed, match="n_levels"):
-        apart(learning_growth.memory, Setting(k=1))
+        apart(learning_growth.memory_of_a_run, Setting(k=1))
 
 
 def test_the_report_renders_ratios_with_their_limits():

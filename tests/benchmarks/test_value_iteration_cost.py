@@ -30,7 +30,7 @@ def test_the_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pyte
         found = {"sweeps": 4, "cpu": 1.0, "loss": 0.0, "peak": 0.5, "built": 1.0, "seconds": next(seconds)}
         return found | {"until the last answer": 1.0, "decided": {}, "asked": 7}
 
-    monkeypatch.setattr(ivi, "apart", instead)
+    monkeypatch.setattr(ivi, "measured", instead)
     ivi.main(["--states", "50", "--out", str(tmp_path / "new" / "ivi.md")])
     text = (tmp_path / "new" / "ivi.md").read_text()
     assert capsys.readouterr().out.strip() == text.strip()
@@ -51,4 +51,4 @@ def test_a_run_in_this_process() -> None:
 
 def test_another_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ivi, "find_spec", lambda name: None)
-    assert ivi.apart("pymdptoolbox", 10, 1, 0, False, 1.0) == "not installed"
+    assert ivi.measured("pymdptoolbox", 10, 1, 0, False, 1.0) == "not installed"
