@@ -380,14 +380,8 @@ def test_trap_11_what_dominance_settles_is_reported(make: Make) -> None:
     alone = drive(make(mdp, Dominance(5)), TruthfulTutor(values))
     assert 0 < result.decided["dominance"] < result.compared == sum(result.decided.values())
     assert result.decided["dominance"] == alone.decided["dominance"]
-    assert (
-        alone.asked
-        == alone.compared
-        - alone.decided["dominance"]
-        - alone.decided["equal"]
-        - alone.decided["known"]
-        - (alone.decided["indifferent"])
-    )
+    settled = sum(alone.decided[tier] for tier in ("dominance", "equal", "known", "indifferent"))
+    assert alone.asked == alone.compared - settled
 
 
 @both
