@@ -43,8 +43,7 @@ def icu_sepsis(bands: tuple[float, float, float] | None = None, discount: float 
     Raises ImportError if that package is missing, RuntimeError if its tables are not those known
     here, ValueError for bad ``bands`` or ``discount``.
     """
-    tables = _tables("tx_mat", "d_0", "sofa_scores")
-    transitions, start, sofa = tables["tx_mat"], tables["d_0"], tables["sofa_scores"]
+    transitions, start, sofa = _tables()
     _expect((transitions[_DIED:, :, _ABSORBING] == 1).all(), "death and survival lead to state 715")
     _expect(not transitions[:_DIED, :, _ABSORBING].any(), "no live state leads to state 715")
     _expect(not start[_DIED:].any(), "nobody starts dead, recovered or in state 715")
@@ -79,15 +78,16 @@ def _assets() -> Path:
     return Path(spec.submodule_search_locations[0]) / "envs" / "assets"
 
 
-def _tables(*names: str) -> dict[str, Floats]:
+def _tables() -> list[Floats]:
+    """Those of ``_SHAPES``."""
     path = _assets() / "dynamics.npz"
     _expect(path.is_file(), f"{path} exists")
+    tables: list[Floats] = []
     with np.load(path, allow_pickle=False) as data:
-        for name in names:
+        for name, shape in _SHAPES.items():
             _expect(name in data.files, f"dynamics.npz holds {name}")
-        tables: dict[str, Floats] = {name: data[name] for name in names}
-    for name, table in tables.items():
-        _expect(table.shape == _SHAPES[name], f"{name} has shape {_SHAPES[name]}, not {table.shape}")
+            tables.append(data[name])
+            _expect(tables[-1].shape == shape, f"{name} has shape {shape}, not {tables[-1].shape}")
     return tables
 
 
