@@ -196,6 +196,8 @@ def test_an_environment_without_end_has_no_terminal_state() -> None:
     table = {0: {0: [(1.0, 0, 5.0, False)], 1: [(1.0, 0, 7.0, False)]}}
     mdp = OrdinalMDP.from_environment(SimpleNamespace(P=table), 0.9)
     assert (mdp.n_states, mdp.labels, mdp.terminal.any()) == (1, ("reward 5", "reward 7"), False)
+    left = {0: {0: [(1.0, 1, 7.0, False)]}, 1: {0: [(1.0, 1, 5.0, False)]}}  # nothing leads to the first state
+    assert OrdinalMDP.from_environment(SimpleNamespace(P=left), 0.9).levels.tolist() == [[1], [0]]
 
 
 def test_the_caller_orders_the_rewards() -> None:
