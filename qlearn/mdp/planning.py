@@ -7,7 +7,6 @@ so v is between 0 and 1 whatever the discount, and a policy's vector value is a 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +15,7 @@ from scipy.sparse.linalg import bicgstab, splu
 
 from elicit._support.validation import is_number
 from elicit.model.scale import Floats
-from qlearn.mdp.array_checks import Flags
+from qlearn.mdp.array_checks import Flags, reject
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 Actions = NDArray[np.int64]
@@ -188,12 +187,12 @@ def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
     given, live = np.asarray(policy), ~mdp.terminal
     weights = np.zeros((n, m))
     if given.shape == (n,) and given.dtype.kind in "iu":
-        _refuse(live & ((given < 0) | (given >= m)), given, f"must be an action in 0..{m - 1}")
+        reject("policy", given, live & ((given < 0) | (given >= m)), f"must be an action in 0..{m - 1}")
         weights[live, given[live]] = 1.0
     elif given.shape == (n, m) and given.dtype.kind in "iuf":
         weights[live] = given[live]
         proper = (weights >= 0).all(axis=1) & (np.abs(weights.sum(axis=1) - 1) <= 1e-9)
-        _refuse(live & ~proper, given, "must be probabilities that sum to 1")
+        reject("policy", given, live & ~proper, "must be probabilities that sum to 1")
         weights[live] /= weights[live].sum(axis=1, keepdims=True)
     else:
         raise ValueError(
@@ -202,13 +201,7 @@ def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
         )
     stray: Flags = np.any((weights > 0) & ~mdp.admissible, axis=1)
     offered = np.flatnonzero(mdp.admissible[np.argmax(stray)]).tolist()
-    _refuse(stray, given, f"must take admissible actions only, which are {offered}")
+    reject("policy", given, stray, f"must take admissible actions only, which are {offered}")
     weights[mdp.terminal, np.argmax(mdp.admissible[mdp.terminal], axis=1)] = 1.0
     state, action = np.nonzero(weights)
     return sparse.csr_array((weights[state, action], (state, state * m + action)), shape=(n, n * m))
-
-
-def _refuse(bad: Flags, policy: NDArray[Any], rule: str) -> None:
-    if bad.any():
-        s = int(np.argmax(bad))
-        raise ValueError(f"policy[{s}] is {policy[s]}, but {rule}")

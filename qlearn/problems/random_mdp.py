@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, key_of
+from elicit._support.validation import is_number, require
 from elicit.model.scale import Floats
 from qlearn.mdp.array_checks import BLOCK
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -45,8 +46,7 @@ def random_mdp(
     _check("n_states", n_states, 1, 2**31 - 1)
     _check("n_actions", n_actions, 1, 2**31 - 1)
     _check("n_levels", n_levels, 2, _VALUES)
-    if weights not in ("dirichlet", "gaussian"):
-        raise ValueError(f'weights must be "dirichlet" or "gaussian", not {weights!r}')
+    require(weights in ("dirichlet", "gaussian"), "weights", '"dirichlet" or "gaussian"', weights)
     generator = np.random.default_rng(key_of(rng))
     b = max(1, (n_states - 1).bit_length())
     successors = _samples(n_states, b, (n_states, n_actions), generator)
@@ -63,9 +63,8 @@ def random_mdp(
 
 
 def _check(name: str, value: int, least: int, most: int) -> None:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if not whole or not least <= value <= most:
-        raise ValueError(f"{name} must be a whole number from {least} to {most}, not {value!r}")
+    whole = isinstance(value, (int, np.integer)) and is_number(value, least, most)
+    require(whole, name, f"a whole number from {least} to {most}", value)
 
 
 def _values(k: int, generator: np.random.Generator) -> Floats:

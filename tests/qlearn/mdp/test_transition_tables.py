@@ -49,6 +49,7 @@ def test_from_dense_ignores_rows_never_read() -> None:
     table[0, 0] = [0, 1]
     mdp = OrdinalMDP.from_dense(table, [[0], [1]], 0.9, ("a", "b"), terminal=[False, True])
     np.testing.assert_array_equal(mdp.transitions.toarray(), [[0, 1], [0, 1]])
+    assert mdp.successors.shape == (2, 1, 1)
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (2, 1, 3), (0, 1, 0)])
@@ -146,7 +147,7 @@ def slippery() -> Any:
     """As ``fork``, but what walking earns depends on where it leads."""
     table = fork()
     table[0][0] = [(0.75, 1, 0.0, False), (0.25, 0, -1.0, False), (0.0, 1, 99.0, True)]
-    table[1][0] = [(0.5, 0, 1.0, True), (0.5, 1, 0.0, False)]
+    table[1][0] = [(0.5, 0, 1.0, True), (0.5, 1, -1.0, False)]
     return table
 
 
@@ -188,8 +189,8 @@ def test_rewards_that_depend_on_the_next_state_are_counted_on_arrival() -> None:
     for discount in (0.5, 0.9):
         mdp = assert_means_the_same(Wrapped(slippery()), discount, [-1.0, 0.0, 1.0])
         np.testing.assert_allclose(mdp.initial[:2], 0.5)
-        # 0 (from -1), 1 (from 0), the end after -1 and after 1, the end
-        assert mdp.levels[:, 0].tolist() == [0, 1, 0, 2, 1]
+        # 0 and 1 after -1, 1 after 0, the end after -1 and after 1, the end
+        assert mdp.levels[:, 0].tolist() == [0, 0, 1, 0, 2, 1]
 
 
 def test_an_environment_without_end_has_no_terminal_state() -> None:
