@@ -1,4 +1,4 @@
-"""What all reports share: the line on the machine, tables in Markdown, and printing and writing them."""
+"""What all reports share: the line on the machine, tables in Markdown, means with intervals, printing, writing."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ import platform
 from collections.abc import Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
 
 PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "highspy", "numba")
 
@@ -36,6 +40,14 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]], words: int) -> 
     """A Markdown table; the first ``words`` columns and the remarks are set left, the others right."""
     rules = ["---" if i < words or name == "remark" else "---:" for i, name in enumerate(head)]
     return [f"| {' | '.join(head)} |", f"|{'|'.join(rules)}|", *(f"| {' | '.join(row)} |" for row in rows)]
+
+
+def with_interval(x: ArrayLike, digits: int, signed: bool = False) -> str:
+    """The mean of x (n,) and half the width of its 95% t-interval; of one number there is no interval."""
+    given = np.asarray(x, dtype=np.float64)
+    mean = round(float(given.mean()), digits) + 0.0  # which makes -0.0 a plain 0
+    text, n = f"{mean:{'+' if signed else ''},.{digits}f}", len(given)
+    return text if n < 2 else f"{text} ± {stats.t.ppf(0.975, n - 1) * stats.sem(given):,.{digits}f}"
 
 
 def publish(parts: Iterable[list[str]], out: Path | None) -> None:

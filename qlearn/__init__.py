@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from qlearn.learners.value_iteration import InteractiveValueIteration
     from qlearn.mdp.ordinal_mdp import OrdinalMDP
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
-    from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
+    from qlearn.problems.icu_sepsis import icu_sepsis
+    from qlearn.problems.random_mdp import draw_values, random_mdp
 
 _LATER = {  # imported when first used, so that the command line starts fast
     "Audit": "elicit.asking.elicitation",
@@ -27,7 +28,7 @@ _LATER = {  # imported when first used, so that the command line starts fast
     "draw_values": "qlearn.problems.random_mdp",
     "drive": "qlearn.learners.learner",
     "evaluate_policy": "qlearn.mdp.planning",
-    "icu_sepsis": "qlearn.problems.random_mdp",
+    "icu_sepsis": "qlearn.problems.icu_sepsis",
     "loss_bound": "qlearn.learners.loss_bound",
     "policy_loss": "qlearn.mdp.planning",
     "random_mdp": "qlearn.problems.random_mdp",

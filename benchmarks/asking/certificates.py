@@ -18,13 +18,13 @@ from time import perf_counter
 
 import numpy as np
 
-from benchmarks.reporting import machine, save
+from benchmarks.reporting import machine, save, with_interval
 from elicit import Comparator, FlippingTutor, PolytopeComparator, PosteriorComparator, TruthfulTutor, Tutor
 from elicit.model.scale import Floats
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, OrdinalMDP, policy_loss, random_mdp
-from qlearn.experiments.metrics import half_width
 from qlearn.learners.learner import Learner, Result
-from qlearn.problems.random_mdp import draw_values, icu_sepsis
+from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn.problems.random_mdp import draw_values
 
 PROVEN, ENOUGH, ERROR = 5e-5, 0.01, 0.1
 Problem = Callable[[int], tuple[OrdinalMDP, Floats]]
@@ -57,7 +57,7 @@ def line(name: str, who: str, problem: Problem, tolerance: float, truthful: bool
         kept.append(policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-12)
         waits += waited
     cells = [name, who, "never" if truthful else f"{ERROR:.0%}", f"{100 * tolerance:g}%", how_many]
-    cells += [f"{np.mean(asked):.1f} ± {half_width(np.asarray(asked, dtype=float)):.1f}", max(asked)]
+    cells += [with_interval(asked, 1), max(asked)]
     return f"| {' | '.join(map(str, cells))} | {100 * np.mean(kept):.1f}% | {median(waits):.0f} ms |"
 
 
@@ -88,9 +88,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "|---|---|---|---|---:|---:|---:|---:|---:|",
     ]
     print("\n".join(text), flush=True)
-    for name, problem, tolerance in [*((f"k = {k}", paper(k), PROVEN) for k in (5, 10, 20)), (
-        "ICU-Sepsis", lambda seed: (icu, draw_values(6, rng=seed)), ENOUGH,
-    )]:  # fmt: skip
+    problems = [(f"k = {k}", paper(k), PROVEN) for k in (5, 10, 20)]
+    for name, problem, tolerance in [*problems, ("ICU-Sepsis", lambda seed: (icu, draw_values(6, rng=seed)), ENOUGH)]:
         few = name == "ICU-Sepsis"
         for who, truthful in (("value iteration", True), ("policy iteration", True), ("policy iteration", False)):
             count = min(5, given.problems) if few else given.problems if truthful else given.erring

@@ -22,10 +22,9 @@ from typing import Any
 import numpy as np
 
 import elicit
-from benchmarks.reporting import save
+from benchmarks.reporting import save, with_interval
 from elicit.model.scale import Floats
 from qlearn import strategies
-from qlearn.experiments.metrics import half_width
 from qlearn.experiments.parallel import Cell, sweep
 from qlearn.learners.learner import Learner
 from qlearn.learners.loss_bound import loss_bound
@@ -34,7 +33,8 @@ from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
-from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
+from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn.problems.random_mdp import draw_values, random_mdp
 
 GRID = (0, 5, 10, 20, 40, 80, 160)  # numbers of answers at which policies are judged
 TOLERANCE = 0.01  # a policy that may lose a hundredth of the value range will do
@@ -221,12 +221,8 @@ def _line(method: str, comparator: str, rows: Sequence[Row]) -> str:
     loss = 100 * np.mean([row["loss"] for row in rows], axis=0)
     bound = 100 * np.mean([row["bound"] for row in rows], axis=0)
     shown = [f"{a:.2f}" + (f"<br>≤ {b:.2f}" if np.isfinite(b) else "") for a, b in zip(loss, bound, strict=True)]
-    return f"| {method} | {comparator} | {_interval([row['asked'] for row in rows])} | " + " | ".join(shown) + " |"
-
-
-def _interval(asked: Sequence[float]) -> str:
-    mean, n = float(np.mean(asked)), len(asked)
-    return f"{mean:.0f} ± {half_width(np.asarray(asked)):.0f}" if n > 1 else f"{mean:.0f}"
+    asked = with_interval([row["asked"] for row in rows], 0)
+    return f"| {method} | {comparator} | {asked} | " + " | ".join(shown) + " |"
 
 
 def _closing(groups: dict[tuple[Any, ...], list[Row]]) -> list[str]:
@@ -265,11 +261,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     environments = ["k = 5"] if chosen.quick else ["k = 5", "k = 10", "k = 20", "ICU-Sepsis"]
     methods = [name for name in METHODS if not (chosen.quick and name.startswith("Q-learning"))]
     todo = cells(environments, 2 if chosen.quick else chosen.seeds, methods)
-    from benchmarks.asking import (
-        question_counts as questions,  # by the name that workers and the journal know, not as __main__
-    )
+    from benchmarks.asking import question_counts  # by the name that workers and the journal know, not as __main__
 
-    rows = sweep(questions.run, todo, journal=chosen.journal, jobs=chosen.jobs, progress=_progress)
+    rows = sweep(question_counts.run, todo, journal=chosen.journal, jobs=chosen.jobs, progress=_progress)
     text = report(list(zip(todo, rows, strict=True)))
     if chosen.out is None:
         print(text)

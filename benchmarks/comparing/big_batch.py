@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import resource
-import subprocess
-import sys
-import tempfile
-from pathlib import Path
 from statistics import median
 from time import perf_counter
 
 import numpy as np
 
-if __name__ == "__main__":
-    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
 from benchmarks.comparing.recorded_streams import Stream
+from benchmarks.own_process import apart, memory
 from benchmarks.reporting import markdown
 from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit.model.scale import Floats
@@ -25,9 +17,9 @@ from elicit.model.scale import Floats
 def report(stream: Stream, n: int, n_answers: int, margin: float, seed: int) -> list[str]:
     """Lines on a batch of n differences after so many of the stream's answers."""
     answers = just(n_answers, stream, margin, seed)
-    found = measure(answers, differences(stream, n, seed), margin)
+    found = apart(measure, answers, differences(stream, n, seed), margin)
     cells = ["PolytopeComparator, one fresh batch", f"{found['seconds']:.3f}", f"{1e6 * found['seconds'] / n:.2f}"]
-    cells += [f"{found['bytes'] / 1e6:.0f}"]
+    cells.append(f"{found['bytes'] / 1e6:.0f}")
     drawn = n_answers - min(n_answers, len(stream.answers))
     return [
         f"## A batch of {n:,} differences, k = {stream.k}, after {n_answers} answers",
@@ -64,46 +56,18 @@ def differences(stream: Stream, n: int, seed: int) -> Floats:
 
 
 def measure(answers: Answers, d: Floats, margin: float) -> dict[str, float]:
-    """Seconds, extra bytes and the share of UNKNOWN, measured in a new process."""
-    with tempfile.TemporaryDirectory() as folder:
-        np.save(Path(folder, "d.npy"), d)
-        np.savez(Path(folder, "answers.npz"), d=answers.d, y=answers.y)
-        command = [sys.executable, __file__, folder, repr(margin)]
-        done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"measuring the batch failed:\n{done.stderr}")
-    found: dict[str, float] = json.loads(done.stdout)
-    return found
-
-
-def _measure_here(folder: str, margin: float) -> dict[str, float]:
-    told, d = np.load(Path(folder, "answers.npz")), np.load(Path(folder, "d.npy"))
-    answers = Answers(told["d"], told["y"])
+    """Seconds, extra bytes at the peak, and the share of UNKNOWN, in this process."""
     PolytopeComparator(answers.k, margin).update(answers).compare(d[:1000])  # compiles what is to be compiled
     seconds, extra = [], []
     for _ in range(3):
         comparator = PolytopeComparator(answers.k, margin).update(answers)
-        before, start = _memory("VmRSS"), perf_counter()
+        before, start = memory("VmRSS"), perf_counter()
         verdicts = comparator.compare(d)
         seconds.append(perf_counter() - start)
-        extra.append(_memory("VmHWM") - before)
+        extra.append(memory("VmHWM") - before)
     # the first pass needs the most: a later one finds memory that was not given back
     return {
         "seconds": median(seconds),
         "bytes": float(extra[0]),
         "unknown": float(np.mean(verdicts == Verdict.UNKNOWN)),
     }
-
-
-def _memory(field: str) -> int:
-    """Bytes in use now (VmRSS) or at most so far (VmHWM). Elsewhere than on Linux only the latter is known;
-    there, and on Linux rather not, it includes the peak of the parent process."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        line = next(line for line in status.read_text().splitlines() if line.startswith(field))
-        return 1024 * int(line.split()[1])
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-
-
-if __name__ == "__main__":
-    print(json.dumps(_measure_here(sys.argv[1], float(sys.argv[2]))))

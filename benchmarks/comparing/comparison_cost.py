@@ -10,15 +10,14 @@ slow ones get blocks of neighbouring rows, spread evenly over the run, so that t
 from __future__ import annotations
 
 import os
-import sys
-from pathlib import Path
 
-# read when the libraries load, hence set before they do
-os.environ |= {f"{pool}_NUM_THREADS": "1" for pool in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.own_process import ONE_THREAD
+
+os.environ |= ONE_THREAD  # read when the libraries load, hence set before they do
 
 import argparse
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import NamedTuple

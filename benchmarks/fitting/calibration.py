@@ -11,16 +11,15 @@ the comparator in question leaves open, up to a budget, and its verdicts on what
 from __future__ import annotations
 
 import os
-import sys
-from pathlib import Path
 
-# read when the libraries load, hence set before they do
-os.environ |= {f"{pool}_NUM_THREADS": "1" for pool in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.own_process import ONE_THREAD
+
+os.environ |= ONE_THREAD  # read when the libraries load, hence set before they do
 
 import argparse
 import csv
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple, TypeAlias
 
@@ -28,12 +27,13 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from benchmarks.fitting.calibration_tables import Row, report, summary
+from benchmarks.fitting.tutor_data import open_pairs
 from benchmarks.reporting import save
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
 from elicit.model.comparator import Comparator, Tier
-from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums, values_of
+from elicit.model.query import Answers
+from elicit.model.scale import Floats, values_of
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, drive, random_mdp
 from qlearn.experiments.metrics import Watch, reference_differences
@@ -238,15 +238,6 @@ def tutor(
         return FlippingTutor(values, 0.1, seed), 10.0
     precision = setting.spread / spread if spread > 0 else 10.0
     return BradleyTerryTutor(values, precision, seed), precision
-
-
-def open_pairs(k: int, n: int, rng: Rng) -> Floats:
-    """n differences (n, k) of uniform share vectors that dominance leaves open."""
-    found: list[Floats] = []
-    while sum(map(len, found)) < n:
-        d = rng.dirichlet(np.ones(k), 2 * n) - rng.dirichlet(np.ones(k), 2 * n)
-        found.append(d[dominance(tail_sums(d)) == Verdict.UNKNOWN])
-    return np.concatenate(found)[:n]
 
 
 def _warm_up(levels: Iterable[int]) -> None:

@@ -9,16 +9,15 @@ as its users would write it, on the same resamples; the project's two comparator
 from __future__ import annotations
 
 import os
-import sys
-from pathlib import Path
 
-# read when the libraries load, hence set before they do
-os.environ |= {f"{pool}_NUM_THREADS": "1" for pool in ("OPENBLAS", "OMP", "MKL", "NUMBA")}
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from benchmarks.own_process import ONE_THREAD
+
+os.environ |= ONE_THREAD  # read when the libraries load, hence set before they do
 
 import argparse
 from collections.abc import Iterator
 from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The data of ``fit_cost``: a tutor who errs, her answers, resamples of them, and pairs to decide."""
+"""Data to fit: a tutor who errs, her answers, resamples of them, and pairs to decide."""
 
 from __future__ import annotations
 
@@ -43,9 +43,8 @@ def draw(k: int, n: int, m: int, seed: int) -> Data:
 
 def open_pairs(k: int, n: int, rng: np.random.Generator) -> Floats:
     """(n, k) differences of vectors uniform on their simplex, without those that the order of the levels settles."""
-    found = np.empty((0, k))
-    while len(found) < n:
-        left, right = rng.dirichlet(np.ones(k), (2, n))
-        d = left - right
-        found = np.concatenate([found, d[dominance(tail_sums(d)) == Verdict.UNKNOWN]])
-    return found[:n]
+    found: list[Floats] = []
+    while sum(map(len, found)) < n:
+        d = rng.dirichlet(np.ones(k), 2 * n) - rng.dirichlet(np.ones(k), 2 * n)
+        found.append(d[dominance(tail_sums(d)) == Verdict.UNKNOWN])
+    return np.concatenate(found)[:n]

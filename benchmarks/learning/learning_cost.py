@@ -163,7 +163,7 @@ def grow(plan: Plan) -> Iterator[Part]:
     """Time and memory by the sizes of the problem, the answers, and the particles."""
     at, lines = replace(plan.at, seeds=1, repeats=min(3, plan.at.repeats)), []
     for one in [replace(at, states=n, k=10) for n in plan.states] + [replace(at, k=k) for k in plan.every]:
-        found, held = apart(runs.beside_knowing, one), apart(growth.memory, one)
+        found, held = apart(runs.beside_knowing, one), apart(growth.memory_of_a_run, one)
         lines.append(
             [f"{one.states:,}", str(one.k)]
             + [took(found[name][0]) for name in ("seconds", "knowing")]

@@ -6,12 +6,10 @@ Like ``benchmarks.learning.learning_runs``: each function in a process of its ow
 from __future__ import annotations
 
 import gc
-import resource
 import subprocess
 import sys
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from statistics import median
 from time import perf_counter, process_time
 
@@ -19,6 +17,7 @@ import numpy as np
 
 from benchmarks.learning.known_values import Knowing
 from benchmarks.learning.learning_runs import Found, Setting, comparator, learner, ours, problem
+from benchmarks.own_process import memory
 
 
 def per_answer(at: Setting) -> Found:
@@ -43,23 +42,14 @@ def per_answer(at: Setting) -> Found:
     return {"asked": n, "parts": parts, "seconds": seconds}
 
 
-def memory(at: Setting) -> Found:
+def memory_of_a_run(at: Setting) -> Found:
     """Bytes in use before the problem is made, and at most after one run."""
     small = replace(at, states=20, steps=2000)
     ours(small, *problem(small, 0), 0)
-    before = in_use("VmRSS")
+    before = memory("VmRSS")
     mdp, values = problem(at, 0)
     _, seconds, result = ours(at, mdp, values, 0)
-    return {"before": before, "peak": in_use("VmHWM"), "seconds": seconds, "asked": result.asked}
-
-
-def in_use(name: str) -> int:
-    """Bytes: VmRSS now, VmHWM at most so far. Elsewhere than on Linux the latter for both."""
-    status = Path("/proc/self/status")
-    if status.exists():
-        line = next(line for line in status.read_text().splitlines() if line.startswith(name))
-        return 1024 * int(line.split()[1])
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return {"before": before, "peak": memory("VmHWM"), "seconds": seconds, "asked": result.asked}
 
 
 def start_up(at: Setting) -> Found:

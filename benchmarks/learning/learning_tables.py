@@ -83,17 +83,8 @@ def cells(row: Row) -> list[str]:
         return [row.what, row.against, row.ours, row.theirs, "", "", str(row.limit or ""), "", row.remark]
     spread = f"{number(row.spread[0])}-{number(row.spread[1])}" if row.spread else ""
     kept = "" if row.limit is None else "yes" if row.limit.kept(row.ratio) else "NO"
-    return [
-        row.what,
-        row.against,
-        row.ours,
-        row.theirs,
-        number(row.ratio),
-        spread,
-        str(row.limit or ""),
-        kept,
-        row.remark,
-    ]
+    measured = [number(row.ratio), spread, str(row.limit or ""), kept]
+    return [row.what, row.against, row.ours, row.theirs, *measured, row.remark]
 
 
 def described(kind: Kind) -> list[str]:
@@ -124,14 +115,14 @@ def about(steps: int, states: int, actions: int, seeds: int, repeats: int) -> li
         "of box 1), after a first run that does not. The ratio is the median over these pairs, then over the problems. "
         'Only the loop is timed, answers included, not the making of the problem and of the learner ("made in").',
         "",
-        "The loop that knows the values (`benchmarks/known_values.py`) makes the same steps on the same share vectors "
-        "with the same random numbers, from a copy of the learner's first state, and compares two numbers where the "
-        'learner compares two vectors. "Open": comparisons left by equality and dominance. Loss: the share of the '
-        "value range that the policy loses, mean over the states.",
+        "The loop that knows the values (`benchmarks/learning/known_values.py`) makes the same steps on the same share "
+        "vectors with the same random numbers, from a copy of the learner's first state, and compares two numbers "
+        'where the learner compares two vectors. "Open": comparisons left by equality and dominance. Loss: the share '
+        "of the value range that the policy loses, mean over the states.",
         "",
-        "The rivals (`benchmarks/plain.py`) are Python loops over NumPy arrays with the same random numbers, drawn "
-        "beforehand and not timed. Where they run only the beginning, the remark says how much of it, and the rest is "
-        "extrapolated: steps at the mean cost of a step, open comparisons at the mean cost of an open comparison so "
-        "far, times their numbers in our whole run. Programs grow and fits get longer with the answers, which these "
-        "estimates leave out, in favour of the rival.",
+        "The rivals (`benchmarks/learning/plain_q_learning.py`) are Python loops over NumPy arrays with the same "
+        "random numbers, drawn beforehand and not timed. Where they run only the beginning, the remark says how much "
+        "of it, and the rest is extrapolated: steps at the mean cost of a step, open comparisons at the mean cost of "
+        "an open comparison so far, times their numbers in our whole run. Programs grow and fits get longer with the "
+        "answers, which these estimates leave out, in favour of the rival.",
     ]

@@ -12,10 +12,6 @@ scalar problem, k times smaller; ``--huge`` adds a million states, which takes a
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -27,8 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.comparing.big_batch import _memory
-from benchmarks.own_process import ONE_THREAD, ROOT
+from benchmarks.own_process import Failed, apart, memory
 from benchmarks.reporting import machine, markdown, save
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit._support.jit import compiled, unlocked
@@ -178,37 +173,21 @@ def run(method: str, states: int, jobs: int, seed: int, with_loss: bool) -> Run:
     found: Run = {"seconds": 0.0} | METHODS[method](mdp, values, jobs)
     found["seconds"] = found["seconds"] or perf_counter() - start
     found["cpu"] = process_time() - busy  # what a busy machine leaves comparable
-    found |= {"built": built, "peak": _memory("VmHWM") / 2**30, "loss": None}
+    found |= {"built": built, "peak": memory("VmHWM") / 2**30, "loss": None}
     policy = found.pop("policy")
     if with_loss:
         found["loss"] = float(policy_loss(mdp, policy, values, 1e-6).max())
     return found
 
 
-def apart(method: str, states: int, jobs: int, seed: int, with_loss: bool, limit: float) -> Run | str:
+def measured(method: str, states: int, jobs: int, seed: int, with_loss: bool, limit: float) -> Run | str:
     """``run`` in a new process; where it does not end well, why."""
     if method in NEEDS and find_spec(NEEDS[method]) is None:
         return "not installed"
-    command = [
-        sys.executable,
-        "-m",
-        "benchmarks.learning.value_iteration_cost",
-        "--one",
-        method,
-        "--states",
-        str(states),
-    ]
-    command += ["--jobs", str(jobs), "--seed", str(seed)] + (["--loss"] if with_loss else [])
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=limit, cwd=ROOT, env=os.environ | ONE_THREAD
-        )
-    except subprocess.TimeoutExpired:
-        return f"not done after {limit:g} s"
-    if done.returncode:
-        return done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"ended with {done.returncode}"
-    found: Run = json.loads(done.stdout)
-    return found
+        return apart(run, method, states, jobs, seed, with_loss, limit=limit)
+    except Failed as failure:
+        return str(failure)
 
 
 def report(states: int, jobs: int, repeats: int, seed: int, limit: float, others: bool) -> list[str]:
@@ -218,7 +197,7 @@ def report(states: int, jobs: int, repeats: int, seed: int, limit: float, others
     for i in range(repeats):
         for method in METHODS:
             if method in ours or (i == 0 and others):
-                runs[method].append(apart(method, states, jobs, seed, i == 0, limit))
+                runs[method].append(measured(method, states, jobs, seed, i == 0, limit))
     base = [found["seconds"] for found in runs["values known"] if isinstance(found, dict)]
     title = (
         f"## {states:,} states, {ACTIONS} actions, {LEVELS} levels, discount 0.95, tolerance {TOLERANCE}, "
@@ -258,12 +237,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--limit", type=float, default=1800.0, help="seconds a method may take")
     parser.add_argument("--ours", action="store_true", help="without the other packages")
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--one", choices=METHODS, help=argparse.SUPPRESS)
-    parser.add_argument("--loss", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
-    if given.one:
-        print(json.dumps(run(given.one, given.states[0], given.jobs, given.seed, given.loss)))
-        return
     lines = ["# Interactive value iteration beside value iteration that knows the values", "", machine(), "", NOTE, ""]
     for states in given.states + [1_000_000] * given.huge:
         lines += report(states, given.jobs, given.repeats, given.seed, given.limit, not given.ours)

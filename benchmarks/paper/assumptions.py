@@ -14,11 +14,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchmarks.reporting import save
+from benchmarks.reporting import save, with_interval
 from elicit import AlwaysAsk, BradleyTerryComparator, BradleyTerryTutor, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
-from qlearn.experiments.metrics import counts, estimated_values, half_width, paper_loss, reference_differences
+from qlearn.experiments.metrics import counts, estimated_values, paper_loss, reference_differences
 from qlearn.experiments.threads import one_thread
 from qlearn.learners.exploration import Start
 from qlearn.learners.q_learning import LearningRate, polynomial_rate
@@ -111,17 +111,11 @@ def report(states: int, levels: int, steps: int, seeds: int, say: Callable[[str]
         found = np.array([measure(choice, states, levels, steps, seed) for seed in range(seeds)])
         shown = found if default is None else found - default
         digits = (1, 1, 2, 2, 2)
-        cells = [_shown(column, n, default is not None) for column, n in zip(shown.T, digits, strict=True)]
+        cells = [with_interval(column, n, default is not None) for column, n in zip(shown.T, digits, strict=True)]
         default = found if default is None else default
         lines.append(f"| {name} | {' | '.join(cells)} |")
         say(lines[-1])
     return lines
-
-
-def _shown(x: Floats, digits: int, signed: bool) -> str:
-    half = half_width(x)
-    mean = round(float(x.mean()), digits) + 0.0
-    return f"{mean:{'+' if signed else ''}.{digits}f} ± {half:.{digits}f}"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

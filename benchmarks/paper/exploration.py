@@ -15,11 +15,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from benchmarks.reporting import save
+from benchmarks.reporting import save, with_interval
 from elicit import AlwaysAsk, PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
-from qlearn.experiments.metrics import half_width
 from qlearn.experiments.run import instance
 from qlearn.experiments.threads import one_thread
 from qlearn.learners.exploration import EXPLORATIONS, Decay, Exploration
@@ -91,10 +90,7 @@ def _over(problem: Problem, choice: Exploration, steps: int, seeds: int, ask: bo
 
 
 def _shown(x: Floats, digits: int) -> str:
-    if np.isnan(x).any():
-        return ""
-    half = "" if len(x) < 2 else f" ± {half_width(x):,.{digits}f}"
-    return f"{x.mean():,.{digits}f}{half}"
+    return "" if np.isnan(x).any() else with_interval(x, digits)
 
 
 def _random(states: int, k: int) -> tuple[str, Problem]:

@@ -32,7 +32,8 @@ from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss, value_iteration
 from qlearn.problems.gymnasium import deep_sea_treasure, frozen_lake
-from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
+from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn.problems.random_mdp import draw_values, random_mdp
 
 __all__ = ["Cell", "Run", "Size", "instance", "run", "run_all", "run_named", "sources"]
 

@@ -38,7 +38,7 @@ def clean(
         if padding.any():
             last = b - 1 - np.argmin(padding[:, :, ::-1], axis=2, keepdims=True)
             t = np.where(padding, np.take_along_axis(t, last, axis=2), t)
-        whole = integers("successors", t, start)
+        whole = _int32("successors", t, start)
         reject("successors", whole, (whole < 0) | (whole >= n), f"must be a state in 0..{n - 1}", start)
         p = distributions("probabilities", p, needed=admissible[part], start=start)
         if p is not before[1] and not np.array_equal(p, before[1]):
@@ -86,8 +86,15 @@ def _frozen(array: NDArray[Any]) -> bool:
     return bool(type(array) is np.ndarray and array.flags.c_contiguous and not array.flags.writeable)
 
 
-def integers(name: str, array: NDArray[Any], start: int = 0) -> Indices:
-    """The array as int32; ``start`` as for ``reject``. Raises ValueError."""
+def indices(name: str, given: ArrayLike, shape: tuple[int, ...], count: int) -> Indices:
+    """A copy of ``given`` as int32, each in 0..count - 1. Raises TypeError, ValueError."""
+    array = _int32(name, numbers(name, given, shape, whole=True))
+    reject(name, array, (array < 0) | (array >= count), f"must be in 0..{count - 1}")
+    return array
+
+
+def _int32(name: str, array: NDArray[Any], start: int = 0) -> Indices:
+    """The array as int32; ``start`` as for ``reject``."""
     if array.dtype == np.int32:
         return array
     bad = ~(array == np.floor(array)) | (np.abs(array) > 2**31 - 1)

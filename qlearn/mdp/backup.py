@@ -31,20 +31,14 @@ def model_of(mdp: OrdinalMDP) -> Model:
 
 
 def is_compiled() -> bool:
-    """Whether there is numba: without it, whole arrays at once are faster than these loops."""
+    """Whether these loops are machine code here."""
     return hasattr(back_up_all, "py_func")
 
 
 @compiled
-def back_up(s: int, v: Any, model: Model, q: Any) -> None:
-    """Q(s, .) into q (A, k), eq. (3) in shares; rows of inadmissible actions are left as they are."""
-    arrays = model.successors, model.probabilities, model.ends, model.levels
-    back_up_from(s, v, arrays, model.discount, q)
-
-
-@compiled
 def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
-    """The same from the model's arrays one by one: to hand over all of ``model`` for every state costs more."""
+    """Q(s, .) into q (A, k), eq. (3) in shares; rows of inadmissible actions are left as they are. ``arrays`` are the
+    model's first four: to hand over all of it for every state costs more."""
     successors, probabilities, ends, levels = arrays
     m, k = q.shape
     for a in range(m):
@@ -68,33 +62,18 @@ def back_up_all(states: Any, v: Any, model: Model, q: Any) -> None:
     """Q (n, A, k) of n states, as ``OrdinalMDP`` has it: a terminal state's value whatever the action, and all on
     the worst level where an action is inadmissible."""
     m, k = q.shape[1:]
+    arrays = model.successors, model.probabilities, model.ends, model.levels
     for i in range(len(states)):
         s = states[i]
         for a in range(m):
             for j in range(k):
                 q[i, a, j] = v[s, j] if model.terminal[s] else (1.0 if j == 0 else 0.0)
         if not model.terminal[s]:
-            back_up(s, v, model, q[i])
+            back_up_from(s, v, arrays, model.discount, q[i])
 
 
 def q_of(states: NDArray[np.int64], v: Floats, model: Model) -> Floats:
-    """Q (n, A, k) of these states after V (S, k), the same numbers with numba and without."""
-    m, k = model.n_actions, v.shape[1]
-    if is_compiled():
-        q = np.empty((len(states), m, k))
-        back_up_all(states, v, model, q)
-        return q
-    rows = (states[:, None] * m + np.arange(m)).ravel()
-    counts = model.ends[rows + 1] - model.ends[rows]
-    q = np.zeros((len(rows), k))
-    for j in range(int(counts.max(initial=0))):  # entry by entry, as the loops above add them
-        live = np.flatnonzero(counts > j)
-        at = model.ends[rows[live]] + j
-        q[live] += model.probabilities[at, None] * v[model.successors[at]]
-    q *= model.discount
-    q[np.arange(len(rows)), model.levels[rows]] += 1.0 - model.discount
-    q[counts == 0] = np.eye(k)[0]
-    q = q.reshape(len(states), m, k)
-    ended = model.terminal[states]
-    q[ended] = v[states[ended], None]
+    """Q (n, A, k) of these states after V (S, k), as ``back_up_all`` has it."""
+    q = np.empty((len(states), model.n_actions, v.shape[1]))
+    back_up_all(states, v, model, q)
     return q

@@ -8,6 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elicit.model.scale import Floats
+
 Node: TypeAlias = tuple[int, int]
 """A state of the new MDP: the environment's state (or _END), and the level counted there (_ANY: the action's)."""
 
@@ -31,8 +33,11 @@ def read(
     if initial is None:
         initial = getattr(inner, "initial_state_distrib", None)
     single = all(len({level_of[step[2]] for step in outcomes}) == 1 for actions in table for outcomes in actions)
-    nodes = _by_action(table, ends) if single else _by_arrival(table, level_of, level_of.get(float(after), _ANY))
-    return _arrays(table, nodes, level_of, float(after), single, initial) | {"discount": discount, "labels": names}
+    arrival = dict.fromkeys(level_of, _ANY) if single else level_of
+    last = level_of.get(float(after), 0)
+    nodes = _nodes(table, arrival, _ANY if single else last)
+    arrays = _arrays(table, nodes, level_of, arrival, last)
+    return arrays | {"initial": _start(len(table), len(nodes), initial), "discount": discount, "labels": names}
 
 
 Table: TypeAlias = list[list[list[tuple[float, int, float, bool]]]]
@@ -90,29 +95,24 @@ def _scale(
     return level_of, names
 
 
-def _by_action(table: Table, ends: bool) -> list[Node]:
-    """The environment's states, then the end if there is one: levels are those of the actions."""
-    return [(s, _ANY) for s in range(len(table))] + ([(_END, _ANY)] if ends else [])
-
-
-def _by_arrival(table: Table, level_of: dict[float, int], after: int) -> list[Node]:
+def _nodes(table: Table, arrival: dict[float, int], after: int) -> list[Node]:
     """The environment's states with the lowest level they are entered with, then with each further level; then
-    the end, entered with each level."""
+    the end, entered with each level, and last with that of the time ``after`` it."""
     entered: dict[int, set[int]] = {s: set() for s in range(len(table))}
     ended: set[int] = set()
     for actions in table:
         for outcomes in actions:
             for _, t, reward, over in outcomes:
-                (ended if over else entered[t]).add(level_of[reward])
-    first: list[Node] = [(s, min(entered[s], default=max(after, 0))) for s in range(len(table))]
+                (ended if over else entered[t]).add(arrival[reward])
+    first: list[Node] = [(s, min(entered[s], default=after)) for s in range(len(table))]
     more = [(s, level) for s in range(len(table)) for level in sorted(entered[s])[1:]]
     return first + more + [(_END, level) for level in sorted(ended - {after})] + ([(_END, after)] if ended else [])
 
 
 def _arrays(
-    table: Table, nodes: list[Node], level_of: dict[float, int], after: float, single: bool, initial: ArrayLike | None
+    table: Table, nodes: list[Node], level_of: dict[float, int], arrival: dict[float, int], after: int
 ) -> dict[str, Any]:
-    """The arrays of the MDP over these nodes."""
+    """The arrays of the MDP over these nodes; ``after``: the level of the time after the end."""
     number = {node: i for i, node in enumerate(nodes)}
     end = len(nodes) - 1 if nodes[-1][0] == _END else None
     n, m = len(nodes), max(len(actions) for actions in table)
@@ -122,27 +122,27 @@ def _arrays(
     for i, (s, level) in enumerate(nodes):
         if s == _END:
             admissible[i] = True
-            levels[i] = level_of[after] if i == end else level
+            levels[i] = after if i == end else level
             successors[i], probabilities[i, :, 0] = n - 1, 1.0
             continue
         for a, outcomes in enumerate(table[s]):
             admissible[i, a] = True
-            levels[i, a] = level_of[outcomes[0][2]] if single else level
+            levels[i, a] = level_of[outcomes[0][2]] if level == _ANY else level
             for j, (p, t, reward, over) in enumerate(outcomes):
-                arrival = _ANY if single else level_of[reward]
-                successors[i, a, j] = number[(_END if over else t, arrival)]
+                successors[i, a, j] = number[(_END if over else t, arrival[reward])]
                 probabilities[i, a, j] = p
-    start = None
-    if initial is not None or n > len(table):
-        given = np.full(len(table), 1 / len(table)) if initial is None else np.asarray(initial, dtype=np.float64)
-        if given.shape != (len(table),):
-            raise ValueError(f"initial must have shape ({len(table)},), one entry a state, not {given.shape}")
-        start = np.concatenate([given, np.zeros(n - len(table))])
     return {
         "successors": successors,
         "probabilities": probabilities,
         "levels": levels,
-        "initial": start,
         "terminal": None if end is None else np.arange(n) == end,
         "admissible": admissible,
     }
+
+
+def _start(states: int, n: int, initial: ArrayLike | None) -> Floats:
+    """The initial distribution (n,): that over the environment's states, which come first."""
+    given = np.full(states, 1 / states) if initial is None else np.asarray(initial, dtype=np.float64)
+    if given.shape != (states,):
+        raise ValueError(f"initial must have shape ({states},), one entry a state, not {given.shape}")
+    return np.concatenate([given, np.zeros(n - states)])

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,11 +14,10 @@ from scipy import sparse
 
 from elicit._support.validation import is_number, require
 from elicit.model.scale import Floats, normalise
-from qlearn.mdp import array_checks as rows
+from qlearn.mdp import array_checks as checks
+from qlearn.mdp import gymnasium_tables
+from qlearn.mdp import transition_tables as tables
 from qlearn.mdp.array_checks import Flags, Indices
-
-if TYPE_CHECKING:
-    from qlearn.mdp import transition_tables as tables
 
 _DEFAULT: Any = None  # the fields below are never None once constructed, whatever was passed
 
@@ -56,35 +55,34 @@ class OrdinalMDP:
     admissible: Flags = _DEFAULT
 
     def __post_init__(self) -> None:
-        probabilities = rows.numbers("probabilities", self.probabilities)
+        probabilities = checks.numbers("probabilities", self.probabilities)
         if probabilities.ndim != 3 or 0 in probabilities.shape:
             raise ValueError(
                 f"probabilities must have shape (S, A, b), each at least 1, not {probabilities.shape}; "
                 "OrdinalMDP.from_dense takes a table (S, A, S), from_sparse a sparse one"
             )
         n, m, b = probabilities.shape
-        targets = rows.numbers("successors", self.successors, (n, m, b), whole=True)
-        levels = rows.integers("levels", rows.numbers("levels", self.levels, (n, m), whole=True))
-        labels = rows.names(self.labels)
+        targets = checks.numbers("successors", self.successors, (n, m, b), whole=True)
+        labels = checks.names(self.labels)
+        levels = checks.indices("levels", self.levels, (n, m), len(labels))
         holds = is_number(self.discount, 0) and float(self.discount) < 1
         require(holds, "discount", "a number in [0, 1)", self.discount)
         discount = float(self.discount)
-        terminal = rows.flags("terminal", self.terminal, (n,), default=False)
-        admissible = rows.flags("admissible", self.admissible, (n, m), default=True)
+        terminal = checks.flags("terminal", self.terminal, (n,), default=False)
+        admissible = checks.flags("admissible", self.admissible, (n, m), default=True)
         if terminal.all():
             raise ValueError(f"all {n} states are terminal: there is nothing to decide; clear at least one")
         if not admissible.any(axis=1).all():
             s = int(np.argmin(admissible.any(axis=1)))
             raise ValueError(f"state {s} has no admissible action; set at least one of admissible[{s}]")
-        rows.reject("levels", levels, (levels < 0) | (levels >= len(labels)), f"must be in 0..{len(labels) - 1}")
-        rows.check_terminal_levels(levels, terminal, admissible)
-        successors, probabilities = rows.clean(targets, probabilities, terminal, admissible)
+        checks.check_terminal_levels(levels, terminal, admissible)
+        successors, probabilities = checks.clean(targets, probabilities, terminal, admissible)
 
         if self.initial is None:
             initial = ~terminal / np.count_nonzero(~terminal)
         else:
-            initial = rows.distributions("initial", rows.numbers("initial", self.initial, (n,)))
-            rows.reject(
+            initial = checks.distributions("initial", checks.numbers("initial", self.initial, (n,)))
+            checks.reject(
                 "initial", initial, terminal & (initial != 0), "must be 0: an episode cannot start in a terminal state"
             )
 
@@ -115,9 +113,8 @@ class OrdinalMDP:
         admissible: ArrayLike | None = None,
     ) -> OrdinalMDP:
         """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s')."""
-        from qlearn.mdp import transition_tables as tables
-
-        return cls(**tables.dense(transitions, levels, discount, labels, initial, terminal, admissible))
+        rest: dict[str, Any] = {"initial": initial, "terminal": terminal, "admissible": admissible}
+        return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
     @classmethod
     def from_sparse(
@@ -137,9 +134,13 @@ class OrdinalMDP:
         Rows are stored at the length of the longest, so one state with very many successors costs
         memory for all. Raises ValueError.
         """
-        from qlearn.mdp import transition_tables as tables
-
-        return cls(**tables.sparse_rows(transitions, levels, discount, labels, initial, terminal, admissible))
+        matrix = tables.from_sparse(transitions)
+        n = matrix.shape[1]
+        ends = checks.flags("terminal", terminal, (n,), default=False)
+        offered = checks.flags("admissible", admissible, (n, matrix.shape[0] // n), default=True)
+        successors, probabilities = tables.padded(matrix, offered & ~ends[:, None])
+        stored: dict[str, Any] = {"levels": levels, "labels": labels, "initial": initial}
+        return cls(successors, probabilities, discount=discount, terminal=ends, admissible=offered, **stored)
 
     @classmethod
     def from_pairs(
@@ -160,10 +161,9 @@ class OrdinalMDP:
 
         Raises ValueError for pairs out of range or listed twice, and for a state without any.
         """
-        from qlearn.mdp import transition_tables as tables
-
-        pairs = tables.pairs(levels, transitions, s_indices, a_indices, discount, labels, initial, terminal)
-        return cls(**pairs)
+        matrix, each, listed = tables.from_pairs(levels, transitions, s_indices, a_indices, len(labels))
+        rest: dict[str, Any] = {"initial": initial, "terminal": terminal, "admissible": listed}
+        return cls.from_sparse(matrix, each, discount, labels, **rest)
 
     @classmethod
     def from_environment(
@@ -192,9 +192,7 @@ class OrdinalMDP:
         ``initial`` is by default ``env.unwrapped.initial_state_distrib`` where there is one.
         Raises TypeError where there are no tables, ValueError for a reward without a level.
         """
-        from qlearn.mdp import gymnasium_tables as environment_tables
-
-        return cls(**environment_tables.read(env, discount, levels, labels, initial, after))
+        return cls(**gymnasium_tables.read(env, discount, levels, labels, initial, after))
 
     @property
     def n_states(self) -> int:

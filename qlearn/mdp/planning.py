@@ -7,17 +7,15 @@ so v is between 0 and 1 whatever the discount, and a policy's vector value is a 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from scipy.sparse.csgraph import breadth_first_order
 from scipy.sparse.linalg import bicgstab, splu
 
 from elicit._support.validation import is_number
 from elicit.model.scale import Floats
-from qlearn.mdp.array_checks import Flags
+from qlearn.mdp.array_checks import Flags, reject
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 Actions = NDArray[np.int64]
@@ -39,12 +37,12 @@ def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
     1e-13 of the best tie, and the lowest index is taken. Raises ValueError for bad ``values``, or
     a ``tolerance`` that floats cannot certify.
     """
-    e = mdp.normalise(values)
+    gain, ends = _rewarded(mdp, mdp.normalise(values))
     if not (is_number(tolerance) and tolerance > 0):
         raise ValueError(f"tolerance must be a positive number (a share of the value range), not {tolerance!r}")
-    v = policy_iteration(mdp, *_rewarded(mdp, e))[0]
+    v = policy_iteration(mdp, gain, ends)[0]
     while True:
-        previous, q = v, _action_values(mdp, e, v)
+        previous, q = v, _backed_up(mdp, gain, ends, v)
         v = q.max(axis=1)
         change = float(np.abs(v - previous).max())
         bound = change * mdp.discount / (1 - mdp.discount)
@@ -69,14 +67,11 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     rule = _rule(mdp, policy)
     pairs = mdp.levels.size
     levels = sparse.csr_array((np.ones(pairs), mdp.levels.ravel(), np.arange(pairs + 1)), shape=(pairs, mdp.k))
-    hits = rule @ levels
-    shares: Floats = np.zeros((mdp.n_states, mdp.k))
-    shares[mdp.terminal, mdp.final_level[mdp.terminal]] = 1.0
+    gain = (1 - mdp.discount) * (rule @ levels).toarray()
+    ends = np.where(mdp.terminal[:, None], np.eye(mdp.k)[mdp.final_level], 0.0)
+    shares = np.maximum(_valued(mdp, rule @ mdp.transitions, gain, ends), 0.0)  # rounding may leave -1e-20
     live = ~mdp.terminal
-    chain = (rule @ mdp.transitions)[live]
-    inflow = (1 - mdp.discount) * hits[live].toarray() + mdp.discount * (chain @ shares)
-    solved = np.maximum(_solve(chain[:, live], inflow, mdp.discount), 0.0)  # rounding may leave -1e-20
-    shares[live] = solved / solved.sum(axis=1, keepdims=True)
+    shares[live] /= shares[live].sum(axis=1, keepdims=True)
     return shares
 
 
@@ -90,48 +85,12 @@ def policy_loss(
     ``value_iteration`` has found it before. Raises ValueError
     as ``value_iteration`` and ``evaluate_policy`` do.
     """
-    e, rule, live = mdp.normalise(values), _rule(mdp, policy), ~mdp.terminal
+    e, rule = mdp.normalise(values), _rule(mdp, policy)
     v = value_iteration(mdp, values, tolerance)[0] if optimum is None else optimum
+    gain, ends = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel()), _rewarded(mdp, e)[1]
     # of one scale: k times cheaper than the policy's vector value
-    worth = np.where(live, 0.0, e[mdp.final_level])
-    chain = (rule @ mdp.transitions)[live]
-    inflow = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel())[live] + mdp.discount * (chain @ worth)
-    worth[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
-    loss: Floats = np.maximum(v - worth, 0.0)
+    loss: Floats = np.maximum(v - _valued(mdp, rule @ mdp.transitions, gain[:, None], ends[:, None])[:, 0], 0.0)
     return loss
-
-
-def absorption_probability(mdp: OrdinalMDP, policy: ArrayLike, state: int) -> Floats:
-    """Probability (S,) that a run of ``policy`` (as in ``evaluate_policy``) ever ends in the terminal
-    ``state``; the discount plays no part. Raises ValueError."""
-    _check_terminal(mdp, state)
-    return _absorption(mdp, _rule(mdp, policy) @ mdp.transitions, state)
-
-
-def best_absorption_probability(mdp: OrdinalMDP, state: int) -> tuple[Floats, Actions]:
-    """The greatest ``absorption_probability`` (S,) over all policies, and a policy (S,) attaining it.
-
-    Undiscounted policy iteration: an action is changed only for a strictly better one, so that
-    no policy is chosen that puts off its promise for ever. Raises ValueError.
-    """
-    _check_terminal(mdp, state)
-    rows = np.arange(mdp.n_states)
-    policy = _first_best(np.where(mdp.admissible, 0.0, -np.inf))
-    reached = np.zeros(mdp.n_states)
-    while True:
-        before, reached = reached, _absorption(mdp, mdp.transitions[rows * mdp.n_actions + policy], state)
-        q = (mdp.transitions @ reached).reshape(mdp.levels.shape)
-        q[~mdp.admissible] = -np.inf
-        better = q.max(axis=1) > q[rows, policy] + 1e-12
-        # every change raises the total, or else it was rounding that called for it
-        if not better.any() or reached.sum() <= before.sum():
-            return reached, policy
-        policy = np.where(better, q.argmax(axis=1), policy)
-
-
-def _action_values(mdp: OrdinalMDP, e: Floats, v: Floats) -> Floats:
-    """Q (S, A) in shares from v (S,); -inf for inadmissible actions."""
-    return _backed_up(mdp, *_rewarded(mdp, e), v)
 
 
 def _rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
@@ -158,15 +117,14 @@ def policy_iteration(
     """The greatest discounted total v (S,) of what actions gain (S, A), a terminal state's being ``ends`` (S,), and a
     policy (S,) for it, by Howard's algorithm; where the actions of ``start`` (S,) are as good, they are kept. It need
     not be exact, only good: whoever needs certainty certifies the result."""
-    rows, live = np.arange(mdp.n_states), ~mdp.terminal
-    v = np.where(mdp.terminal, ends, 0.0)
+    rows = np.arange(mdp.n_states)
+    v = ends = np.where(mdp.terminal, ends, 0.0)
     policy = _first_best(_backed_up(mdp, gain, ends, v)) if start is None else start
     for _ in range(100):
-        chain = mdp.transitions[rows * mdp.n_actions + policy][live]
-        inflow = gain[rows, policy][live] + mdp.discount * (chain[:, mdp.terminal] @ v[mdp.terminal])
-        v[live] = _solve(chain[:, live], inflow[:, None], mdp.discount)[:, 0]
+        chain = mdp.transitions[rows * mdp.n_actions + policy]
+        v = _valued(mdp, chain, gain[rows, policy][:, None], ends[:, None])[:, 0]
         q = _backed_up(mdp, gain, ends, v)
-        better = live & (q.max(axis=1) > q[rows, policy] + _TIE)
+        better = ~mdp.terminal & (q.max(axis=1) > q[rows, policy] + _TIE)
         if not better.any():
             break
         policy = np.where(better, q.argmax(axis=1), policy)
@@ -177,6 +135,15 @@ def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
     """An optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1, found from ``start`` (S,), whose actions are
     kept where they are as good."""
     return policy_iteration(mdp, *_rewarded(mdp, np.asarray(values)), start)[1]
+
+
+def _valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:
+    """Discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S); a terminal state's are its ``ends`` (S, c),
+    which are 0 at the other states."""
+    total, live = ends.copy(), ~mdp.terminal
+    chain = chain[live]
+    total[live] = _solve(chain[:, live], gain[live] + mdp.discount * (chain @ ends), mdp.discount)
+    return total
 
 
 def _solve(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
@@ -197,7 +164,7 @@ def _solve(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
                 break
             column += step(residual)[0]
         else:
-            if n > _SPARSE and discount < 1:
+            if n > _SPARSE:
                 return _swept(chain, inflow, discount)
             factors = splu(matrix.tocsc())
             return np.asarray(factors.solve(inflow), dtype=np.float64)
@@ -220,12 +187,12 @@ def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
     given, live = np.asarray(policy), ~mdp.terminal
     weights = np.zeros((n, m))
     if given.shape == (n,) and given.dtype.kind in "iu":
-        _refuse(live & ((given < 0) | (given >= m)), given, f"must be an action in 0..{m - 1}")
+        reject("policy", given, live & ((given < 0) | (given >= m)), f"must be an action in 0..{m - 1}")
         weights[live, given[live]] = 1.0
     elif given.shape == (n, m) and given.dtype.kind in "iuf":
         weights[live] = given[live]
         proper = (weights >= 0).all(axis=1) & (np.abs(weights.sum(axis=1) - 1) <= 1e-9)
-        _refuse(live & ~proper, given, "must be probabilities that sum to 1")
+        reject("policy", given, live & ~proper, "must be probabilities that sum to 1")
         weights[live] /= weights[live].sum(axis=1, keepdims=True)
     else:
         raise ValueError(
@@ -234,31 +201,7 @@ def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
         )
     stray: Flags = np.any((weights > 0) & ~mdp.admissible, axis=1)
     offered = np.flatnonzero(mdp.admissible[np.argmax(stray)]).tolist()
-    _refuse(stray, given, f"must take admissible actions only, which are {offered}")
+    reject("policy", given, stray, f"must take admissible actions only, which are {offered}")
     weights[mdp.terminal, np.argmax(mdp.admissible[mdp.terminal], axis=1)] = 1.0
     state, action = np.nonzero(weights)
     return sparse.csr_array((weights[state, action], (state, state * m + action)), shape=(n, n * m))
-
-
-def _refuse(bad: Flags, policy: NDArray[Any], rule: str) -> None:
-    if bad.any():
-        s = int(np.argmax(bad))
-        raise ValueError(f"policy[{s}] is {policy[s]}, but {rule}")
-
-
-def _check_terminal(mdp: OrdinalMDP, state: int) -> None:
-    if not 0 <= state < mdp.n_states or not mdp.terminal[state]:
-        raise ValueError(f"state {state} is not terminal; terminal states: {np.flatnonzero(mdp.terminal).tolist()}")
-
-
-def _absorption(mdp: OrdinalMDP, chain: sparse.csr_array, state: int) -> Floats:
-    """Probability (S,) of reaching terminal ``state`` in the chain (S, S)."""
-    ways = np.zeros(mdp.n_states, dtype=np.bool_)
-    ways[breadth_first_order(chain.T.tocsr(), state, return_predecessors=False)] = True
-    ways[state] = False  # the states left all lead to it, so the system below is regular
-    reached: Floats = np.zeros(mdp.n_states)
-    reached[state] = 1.0
-    if ways.any():
-        inflow = chain[ways][:, [state]].toarray()
-        reached[ways] = np.clip(_solve(chain[ways][:, ways], inflow, 1.0)[:, 0], 0.0, 1.0)
-    return reached

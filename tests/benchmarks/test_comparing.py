@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +14,8 @@ from benchmarks.comparing.recorded_streams import Recorder, Stream, cuts, needed
 from elicit import Answers, Comparator, PolytopeComparator, TruthfulTutor, Verdict
 from elicit.model.scale import tail_sums
 from qlearn import InteractiveQLearning, drive, random_mdp
+from tests.report_cases import quick_report, table_rows
 
-ROOT = Path(__file__).resolve().parents[2]
 MARGIN = 1e-6
 
 
@@ -27,27 +24,8 @@ def stream() -> Stream:
     return record("Q-learning", 4, seed=1, steps=1500)
 
 
-def table_rows(text: str) -> list[list[str]]:
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
-    return [row for row in rows if not set(row[0]) <= set("-:")]
-
-
 def test_the_quick_run_times_every_method_on_both_streams_without_disagreement(tmp_path):
-    out = tmp_path / "new folder" / "lp.md"
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        "-m",
-        "benchmarks.comparing.comparison_cost",
-        "--quick",
-        "--out",
-        str(out),
-    ]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    text = out.read_text()
-    assert done.stdout.strip() == text.strip()
+    text = quick_report("benchmarks.comparing.comparison_cost", tmp_path)
     assert re.findall(r"^## (.*, k = \d+)$", text, re.MULTILINE) == ["Q-learning, k = 5", "IVI, k = 5"]
     timed = [row for row in table_rows(text) if len(row) == 7 and row[0] != "method"]
     names = [*(entry.name for entry in lp.ENTRIES), "PolytopeComparator, the same segments again"]

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,8 +20,8 @@ from benchmarks.fitting.logistic_libraries import NoFit
 from benchmarks.fitting.tutor_data import FRESH, Data, draw, open_pairs
 from elicit import Answers, TruthfulTutor, Verdict
 from elicit.model.scale import dominance, tail_sums, values_of
+from tests.report_cases import quick_report, table_rows
 
-ROOT = Path(__file__).resolve().parents[2]
 LOOSE = {"default tol": 0.05, "GLM": 5e-3, "cvxpy": 1e-4}  # the tools as they come; all others are meant to be exact
 
 
@@ -52,15 +49,9 @@ def separable() -> Data:
 
 
 def test_the_quick_run_has_every_method_and_small_errors(tmp_path):
-    out = tmp_path / "new folder" / "noisy.md"
-    command = [sys.executable, "-W", "error", "-m", "benchmarks.fitting.fit_cost", "--quick", "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    text = out.read_text()
-    assert done.stdout.strip() == text.strip()
+    text = quick_report("benchmarks.fitting.fit_cost", tmp_path, "--seed", "1")
     assert re.findall(r"^## (.*)$", text, re.MULTILINE) == ["k = 5, 30 answers"]
-    lines = [line for line in text.splitlines() if line[:2] == "| " and line[:8] != "| method"]
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+    rows = [row for row in table_rows(text) if row[0] != "method"]
     assert [row[0] for row in rows] == [entry.name for entry in ENTRIES]
     assert all(float(row[2].replace(",", "")) > 0 for row in rows)
     assert [row[3] for row in rows if row[0] == methods.POSTERIOR.name] == ["1.0"]
@@ -158,18 +149,16 @@ def test_the_slow_tools_time_is_that_of_setting_up_one_point_and_all_resamples(d
     assert [set(start) for start in starts] == [{0.0}, {7.0}, {7.0}, {7.0}]
 
 
-def test_the_rule_is_that_of_the_ensemble(data, tight):
-    gamma = tight[ORDERED]
-    verdicts = accuracy.rule(gamma, data.fresh)
-    gaps = np.vstack([gamma[1:], gamma[:1]]).T.copy()
-    low, high = elicit.comparators.bradley_terry.bootstrap_comparator._Ensemble(gaps, 0).extremes(data.fresh)
-    assert np.array_equal(verdicts, np.where(low > 0, 1, np.where(high < 0, -1, 0)))
-    assert {-1, 0, 1} == set(verdicts.tolist())
-    more = np.concatenate([gamma[:1], gamma[1:], gamma[1:], gamma[1:]])  # 117: two at either end do not count
-    low, high = elicit.comparators.bradley_terry.bootstrap_comparator._Ensemble(
-        np.vstack([more[1:], more[:1]]).T.copy(), 2
-    ).extremes(data.fresh)
-    assert np.array_equal(accuracy.rule(more, data.fresh), np.where(low > 0, 1, np.where(high < 0, -1, 0)))
+def test_the_rule_counts_resamples_on_either_side(data, tight):
+    point, resamples = tight[ORDERED][:1], tight[ORDERED][1:]
+    for times, cut in ((1, 0), (3, 2)):  # of 39 and of 117: so many at either end do not count
+        scores = tail_sums(data.fresh) @ np.tile(resamples, (times, 1)).T
+        middle = (tail_sums(data.fresh) @ point.T)[:, 0]
+        better = ((scores <= 0).sum(axis=1) <= cut) & (middle > 0)
+        worse = ((scores >= 0).sum(axis=1) <= cut) & (middle < 0)
+        verdicts = accuracy.rule(np.concatenate([point, *[resamples] * times]), data.fresh)
+        assert np.array_equal(verdicts, better.astype(int) - worse)
+        assert {-1, 0, 1} == set(verdicts.tolist())
 
 
 def test_a_missing_fit_counts_at_either_end():

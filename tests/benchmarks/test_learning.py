@@ -22,6 +22,7 @@ from elicit.model.scale import tail_sums
 from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
 from qlearn.reference import scalar_q_learning
+from tests.report_cases import table_rows
 
 STEPS = 150
 TINY = Setting(k=4, states=8, actions=3, steps=STEPS, seeds=1, repeats=1)
@@ -182,10 +183,10 @@ def test_the_growth_is_measured_for_every_answer():
 
 
 def test_memory_is_measured_apart():
-    found = apart(learning_growth.memory, TINY)
+    found = apart(learning_growth.memory_of_a_run, TINY)
     assert 10e6 < found["before"] <= found["peak"]
     with pytest.raises(Failed, match="n_levels"):
-        apart(learning_growth.memory, Setting(k=1))
+        apart(learning_growth.memory_of_a_run, Setting(k=1))
 
 
 def test_the_report_renders_ratios_with_their_limits():
@@ -210,17 +211,8 @@ def test_the_report_renders_ratios_with_their_limits():
 def test_limits_hold_for_runs_of_the_size_they_were_set_for():
     assert learning.limited(Setting(k=5), Limit(most=6)) == Limit(most=6)
     assert learning.limited(TINY, Limit(most=6)) is None
-    assert Limit(most=6).kept(6.0)
-    assert not Limit(most=6).kept(6.1)
-    assert Limit(least=50).kept(50.0)
-    assert not Limit(least=50).kept(49.9)
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(2.5, "2.5 s"), (0.0123456, "12.3 ms"), (42e-6, "42 us"), (1234.5, "1,234 s")]
-)
-def test_durations_carry_their_unit(seconds, text):
-    assert took(seconds) == text
+    assert [Limit(most=6).kept(x) for x in (6.0, 6.1)] == [True, False]
+    assert [Limit(least=50).kept(x) for x in (50.0, 49.9)] == [True, False]
 
 
 def test_every_section_is_run_and_a_failure_is_told(monkeypatch, capsys, tmp_path):
@@ -236,13 +228,10 @@ def test_every_section_is_run_and_a_failure_is_told(monkeypatch, capsys, tmp_pat
     learning.main(["--quick", "--out", str(out)])
     text = out.read_text()
     assert capsys.readouterr().out == text
-    assert [line.split("|")[1].strip() for line in text.splitlines() if line.startswith("|")][2:] == [
-        "fine",
-        "first",
-        "peer",
-    ]
+    assert [row[0] for row in table_rows(text)][1:] == ["fine", "first", "peer"]
     assert "not measured: not installed" in text
 
 
-def test_numbers_have_three_digits():
+def test_numbers_have_three_digits_and_durations_their_unit():
     assert [number(x) for x in (0.01234, 1.0, 99.95, 123.4, 12345.6)] == ["0.0123", "1", "100", "123", "12,346"]
+    assert [took(x) for x in (2.5, 0.0123456, 42e-6, 1234.5)] == ["2.5 s", "12.3 ms", "42 us", "1,234 s"]

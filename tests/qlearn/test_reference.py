@@ -15,11 +15,10 @@ from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.query import Answer, Query, Verdict
-from elicit.model.scale import Floats
 from elicit.tutors.simulated import TruthfulTutor
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import draw_values, random_mdp
+from qlearn.problems.random_mdp import random_mdp
 from qlearn.reference import (
     Told,
     draw,
@@ -30,28 +29,7 @@ from qlearn.reference import (
     pick,
     scalar_q_learning,
 )
-
-
-def messy_mdp(
-    seed: int, n: int = 10, m: int = 3, k: int = 4, discount: float = 0.9, n_terminal: int = 2
-) -> tuple[OrdinalMDP, Floats]:
-    """A random MDP with terminal states, inadmissible actions and successors that appear twice; and hidden values."""
-    rng = np.random.default_rng(seed)
-    levels = rng.integers(k, size=(n, m))
-    terminal = np.arange(n) >= n - n_terminal
-    levels[terminal] = levels[terminal, :1]
-    admissible = rng.random((n, m)) < 0.75
-    admissible[np.arange(n), rng.integers(m, size=n)] = True
-    mdp = OrdinalMDP(
-        rng.integers(n, size=(n, m, 3)),
-        rng.dirichlet(np.ones(3), size=(n, m)),
-        levels,
-        discount,
-        tuple(f"level {i}" for i in range(k)),
-        terminal=terminal,
-        admissible=admissible,
-    )
-    return mdp, draw_values(k, seed)
+from tests.mdp_cases import messy_mdp
 
 
 def two_state_mdp() -> OrdinalMDP:

@@ -26,7 +26,7 @@ from qlearn.learners.learner import Learner, Result, Status, drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.problems.random_mdp import random_mdp
-from tests.qlearn.test_reference import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 K = 5
 MDP, VALUES = random_mdp(8, 3, K, discount=0.9, rng=0)

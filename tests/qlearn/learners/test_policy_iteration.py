@@ -26,8 +26,9 @@ from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.query_strategies import most_even_cut
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
-from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
-from tests.qlearn.test_reference import messy_mdp
+from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn.problems.random_mdp import draw_values, random_mdp
+from tests.mdp_cases import messy_mdp
 
 
 def solve(mdp, comparator, tutor, **settings):

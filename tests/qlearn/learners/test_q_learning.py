@@ -23,7 +23,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
 from qlearn.reference import interactive_q_learning, scalar_q_learning
-from tests.qlearn.test_reference import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 COMPARATORS: dict[str, Callable[[int], Comparator]] = {
     "dominance": Dominance,

@@ -35,7 +35,7 @@ from qlearn.learners.state_sweep_kernel import round_up
 from qlearn.mdp import backup
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.reference import interactive_value_iteration
-from tests.qlearn.mdp.test_planning import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 ROOT = Path(__file__).parents[3]
 HIDE_NUMBA = "import sys; sys.modules['numba'] = None\n"

@@ -22,7 +22,7 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, policy_loss
 from qlearn.problems.random_mdp import random_mdp
 from qlearn.reference import interactive_value_iteration
-from tests.qlearn.test_reference import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 
 def solve(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Result:

@@ -1,4 +1,4 @@
-"""OrdinalMDPs from sparse matrices, state-action pairs and environments are the problems they were made from."""
+"""OrdinalMDPs from tables, state-action pairs and environments are the problems they were made from."""
 
 from __future__ import annotations
 
@@ -12,36 +12,50 @@ from scipy import sparse
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractiveValueIteration, OrdinalMDP, drive, policy_loss, random_mdp, value_iteration
-from tests.qlearn.mdp.test_planning import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 ABC = ("a", "b", "c")
 
 
-def problems() -> list[OrdinalMDP]:
-    return [random_mdp(9, 3, 4, rng=0)[0], *(messy_mdp(seed)[0] for seed in range(3))]
+# --- tables ----------------------------------------------------------------------------------------------------------
 
 
-def rest(mdp: OrdinalMDP) -> dict[str, Any]:
-    return {"initial": mdp.initial, "terminal": mdp.terminal, "admissible": mdp.admissible}
+@pytest.mark.parametrize("form", ["dense", "csr", "csc", "coo", "by action", "pairs", "dense pairs"])
+def test_every_table_is_the_problem_it_was_made_from(form: str) -> None:
+    for mdp in (random_mdp(9, 3, 4, rng=0)[0], *(messy_mdp(seed)[0] for seed in range(3))):
+        p, (n, m) = mdp.transitions, mdp.levels.shape
+        rest: dict[str, Any] = {"initial": mdp.initial, "terminal": mdp.terminal}
+        named = (mdp.discount, mdp.labels)
+        if form == "dense":
+            table = p.toarray().reshape(n, m, n)
+            again = OrdinalMDP.from_dense(table, mdp.levels, *named, **rest, admissible=mdp.admissible)
+        elif "pairs" in form:
+            s, a = np.random.default_rng(1).permutation(np.argwhere(mdp.admissible)).T
+            q = p[s * m + a] if form == "pairs" else p[s * m + a].toarray()
+            again = OrdinalMDP.from_pairs(mdp.levels[s, a], q, s, a, *named, **rest)
+        else:
+            given = [p[np.arange(n) * m + a] for a in range(m)] if form == "by action" else p.asformat(form)
+            again = OrdinalMDP.from_sparse(given, mdp.levels, *named, **rest, admissible=mdp.admissible)
+        np.testing.assert_array_equal(again.transitions.toarray(), p.toarray())
+        for name in ("initial", "terminal", "admissible"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(mdp, name))
+        np.testing.assert_array_equal(again.levels[mdp.admissible], mdp.levels[mdp.admissible])
+        assert (again.discount, again.labels) == named
+        assert again.successors.shape[2] == np.diff(p.indptr).max()
 
 
-def same(one: OrdinalMDP, other: OrdinalMDP) -> bool:
-    np.testing.assert_array_equal(one.transitions.toarray(), other.transitions.toarray())
-    for name in ("initial", "terminal", "admissible"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    np.testing.assert_array_equal(one.levels[one.admissible], other.levels[one.admissible])
-    return (one.discount, one.labels) == (other.discount, other.labels)
+def test_from_dense_ignores_rows_never_read() -> None:
+    table = np.full((2, 1, 2), np.nan)
+    table[0, 0] = [0, 1]
+    mdp = OrdinalMDP.from_dense(table, [[0], [1]], 0.9, ("a", "b"), terminal=[False, True])
+    np.testing.assert_array_equal(mdp.transitions.toarray(), [[0, 1], [0, 1]])
+    assert mdp.successors.shape == (2, 1, 1)
 
 
-# --- sparse ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("form", ["csr", "csc", "coo", "by action"])
-def test_from_sparse_is_the_same_problem(form: str) -> None:
-    for mdp in problems():
-        p, n, m = mdp.transitions, mdp.n_states, mdp.n_actions
-        given = [p[np.arange(n) * m + a] for a in range(m)] if form == "by action" else p.asformat(form)
-        assert same(mdp, OrdinalMDP.from_sparse(given, mdp.levels, mdp.discount, mdp.labels, **rest(mdp)))
+@pytest.mark.parametrize("shape", [(2, 2), (2, 1, 3), (0, 1, 0)])
+def test_from_dense_shape(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match=r"\(S, A, S\)"):
+        OrdinalMDP.from_dense(np.ones(shape), [[0]], 0.9, ("a", "b"))
 
 
 def test_from_sparse_leaves_its_argument_alone_and_drops_zeros() -> None:
@@ -67,23 +81,6 @@ def test_from_sparse_leaves_its_argument_alone_and_drops_zeros() -> None:
 def test_from_sparse_refuses(given: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         OrdinalMDP.from_sparse(given, [[0], [1]], 0.9, ("a", "b"))
-
-
-# --- pairs -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("is_sparse", [True, False])
-def test_from_pairs_is_the_same_problem_in_any_order(is_sparse: bool) -> None:
-    for mdp in problems():
-        s, a = np.nonzero(mdp.admissible)
-        order = np.random.default_rng(1).permutation(len(s))
-        s, a = s[order], a[order]
-        q = mdp.transitions[s * mdp.n_actions + a]
-        again = OrdinalMDP.from_pairs(
-            mdp.levels[s, a], q if is_sparse else q.toarray(), s, a, mdp.discount, mdp.labels,
-            initial=mdp.initial, terminal=mdp.terminal,
-        )  # fmt: skip
-        assert same(mdp, again)
 
 
 def pairs(**changed: Any) -> dict[str, Any]:
@@ -128,15 +125,12 @@ def test_from_pairs_refuses(changed: dict[str, Any], message: str) -> None:
 def optimal(table: Any, discount: float) -> Floats:
     """v* (n,) of an environment as reinforcement learning has it: rewards as numbers, nothing after the end."""
     v = np.zeros(len(table))
+
+    def worth(outcomes: Any) -> float:
+        return float(sum(p * (r + discount * v[t] * (not over)) for p, t, r, over in outcomes))
+
     for _ in range(400):
-        v = np.array(
-            [
-                max(
-                    sum(p * (r + discount * v[t] * (not over)) for p, t, r, over in table[s][a]) for a in table[s]
-                )
-                for s in range(len(table))
-            ]
-        )  # fmt: skip
+        v = np.array([max(map(worth, table[s].values())) for s in range(len(table))])
     return v
 
 
@@ -153,7 +147,7 @@ def slippery() -> Any:
     """As ``fork``, but what walking earns depends on where it leads."""
     table = fork()
     table[0][0] = [(0.75, 1, 0.0, False), (0.25, 0, -1.0, False), (0.0, 1, 99.0, True)]
-    table[1][0] = [(0.5, 0, 1.0, True), (0.5, 1, 0.0, False)]
+    table[1][0] = [(0.5, 0, 1.0, True), (0.5, 1, -1.0, False)]
     return table
 
 
@@ -174,16 +168,12 @@ def assert_means_the_same(env: Any, discount: float, numbers: list[float]) -> Or
     low, high = numbers[0], numbers[-1]
     expected = ((1 - discount) * optimal(table, discount) - low) / (high - low)
     v, policy = value_iteration(mdp, numbers)
-    if len({r for s in table for a in table[s] for _, _, r, _ in table[s][a]}) > 1 and not by_action(table):
+    if any(len({r for p, _, r, _ in table[s][a] if p > 0}) > 1 for s in table for a in table[s]):
         e = (np.array(numbers) - low) / (high - low)
         expected = (1 - discount) * e[mdp.levels[:n, 0]] + discount * expected  # counted on arrival, a step later
     np.testing.assert_allclose(v[:n], expected, atol=1e-9)
     assert all(int(policy[s]) in table[s] for s in range(n))
     return mdp
-
-
-def by_action(table: Any) -> bool:
-    return all(len({r for p, _, r, _ in table[s][a] if p > 0}) == 1 for s in table for a in table[s])
 
 
 def test_an_environment_by_hand() -> None:
@@ -199,14 +189,16 @@ def test_rewards_that_depend_on_the_next_state_are_counted_on_arrival() -> None:
     for discount in (0.5, 0.9):
         mdp = assert_means_the_same(Wrapped(slippery()), discount, [-1.0, 0.0, 1.0])
         np.testing.assert_allclose(mdp.initial[:2], 0.5)
-        # 0 (from -1), 1 (from 0), the end after -1 and after 1, the end
-        assert mdp.levels[:, 0].tolist() == [0, 1, 0, 2, 1]
+        # 0 and 1 after -1, 1 after 0, the end after -1 and after 1, the end
+        assert mdp.levels[:, 0].tolist() == [0, 0, 1, 0, 2, 1]
 
 
 def test_an_environment_without_end_has_no_terminal_state() -> None:
     table = {0: {0: [(1.0, 0, 5.0, False)], 1: [(1.0, 0, 7.0, False)]}}
     mdp = OrdinalMDP.from_environment(SimpleNamespace(P=table), 0.9)
     assert (mdp.n_states, mdp.labels, mdp.terminal.any()) == (1, ("reward 5", "reward 7"), False)
+    left = {0: {0: [(1.0, 1, 7.0, False)]}, 1: {0: [(1.0, 1, 5.0, False)]}}  # nothing leads to the first state
+    assert OrdinalMDP.from_environment(SimpleNamespace(P=left), 0.9).levels.tolist() == [[1], [0]]
 
 
 def test_the_caller_orders_the_rewards() -> None:

@@ -140,14 +140,6 @@ def test_they_can_be_learned_by_asking(make: Any) -> None:
     assert 0 < result.asked < 200
 
 
-@pytest.mark.parametrize(("make", "package"), [(frozen_lake, "gymnasium"), (deep_sea_treasure, "mo_gymnasium")])
-@pytest.mark.parametrize("discount", ["a", None, 1.0, True])
-def test_a_discount_that_is_none_is_refused(make: Any, package: str, discount: Any) -> None:
-    pytest.importorskip(package)
-    with pytest.raises(ValueError, match=rf"discount must be a number in \[0, 1\), not {discount!r}"):
-        make(discount)
-
-
 @pytest.mark.parametrize(
     ("make", "package"),
     [(frozen_lake, "gymnasium"), (deep_sea_treasure, "mo_gymnasium"), (deep_sea_treasure, "pygame")],

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.paper import assumptions, exploration
+from benchmarks.paper.ablation_table import table
 from qlearn import random_mdp
 from qlearn.learners.exploration import EXPLORATIONS, Exploration
-
-
-def rows(text: str) -> list[list[str]]:
-    lines = [line for line in text.splitlines() if line.startswith("| ")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+from tests.report_cases import table_rows
 
 
 def test_exploration_measures_every_choice(capsys, tmp_path):
@@ -20,7 +17,7 @@ def test_exploration_measures_every_choice(capsys, tmp_path):
     exploration.main(["--quick", "--out", str(out)])
     text = out.read_text()
     assert capsys.readouterr().out.rstrip() == text.rstrip()
-    head, *table = rows(text)
+    head, *table = table_rows(text)
     assert head == ["exploration", "loss", "at the start", "questions"]
     assert sorted(row[0] for row in table) == sorted(exploration.CHOICES)
     losses = [float(row[1].split()[0]) for row in table]
@@ -44,7 +41,7 @@ def test_assumptions_changes_one_choice_a_line(capsys, tmp_path):
     assumptions.main(["--quick", "--out", str(out)])
     text = out.read_text()
     assert capsys.readouterr().out.rstrip() == text.rstrip()
-    _, *table = rows(text)
+    _, *table = table_rows(text)
     assert [row[0] for row in table] == list(assumptions.choices())
     assert all(cell[0] in "+-" for row in table[1:] for cell in row[1:])
     # what only the comparator is told does not touch the oracle
@@ -60,8 +57,6 @@ def test_with_a_truthful_tutor_and_the_default_a_measure_is_a_run():
 
 
 def test_the_rows_behind_the_ablation_notebook_are_paired():
-    from benchmarks.paper.ablation_table import table
-
     tiny = {"seeds": 1, "steps": 60, "max_sweeps": 8, "states": 8, "actions": 2, "max_queries": 20, "n_boot": 5}
     rows = table(levels=(3, 4), tasks=(), particles=50, tolerance=0.05, error_rates=(0.0, 0.3), jobs=1, **tiny)
     assert sorted(rows.k.unique()) == [3, 4]

@@ -1,0 +1,26 @@
+"""The benchmarks' reports: run one quickly, and read its tables."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def quick_report(module: str, folder: Path, *settings: str) -> str:
+    """What ``python -m module --quick`` prints, without a warning, and writes to a folder that is new as well."""
+    out = folder / "new folder" / "report.md"
+    command = [sys.executable, "-W", "error", "-m", module, "--quick", *settings, "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    text = out.read_text(encoding="utf-8")
+    assert done.stdout.strip() == text.strip()
+    return text
+
+
+def table_rows(text: str) -> list[list[str]]:
+    """The cells of every line of a Markdown table, heads included, rules not."""
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]
+    return [row for row in rows if not set(row[0]) <= set("-:")]
