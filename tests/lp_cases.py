@@ -542,20 +542,8 @@ def from_tails_nearly(t: Floats) -> Floats:
 
 
 KINDS: tuple[Callable[[Rng, int, int, int], Case], ...] = (
-    plain,
-    plain,
-    plain,
-    duplicated,
-    parallel,
-    pinned,
-    tied,
-    opposite,
-    touching,
-    with_prior,
-    closed_gaps,
-    equal_gaps,
-    extreme,
-    thin,
+    *(plain, plain, plain, duplicated, parallel, pinned, tied),
+    *(opposite, touching, with_prior, closed_gaps, equal_gaps, extreme, thin),
 )
 
 

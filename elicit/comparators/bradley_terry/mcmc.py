@@ -26,7 +26,7 @@ _S11 = np.uint64(11)
 
 @compiled
 def unit(h: Any) -> float:
-    """A hash as a number strictly between 0 and 1: ``hashed.unit`` may be 0, which has no logarithm."""
+    """A hash as a number strictly between 0 and 1: ``hashing.unit`` may be 0, which has no logarithm."""
     return (float(h >> _S11) + 0.5) * 2.0**-53
 
 

@@ -44,7 +44,7 @@ class UsedPrior(NamedTuple):
 
 @dataclass(frozen=True)
 class Proof:
-    """That ``sign`` d.e >= ``bound`` >= 0 on all of K_t: the identity of ``explain`` for sign * d. All
+    """That ``sign`` d.e >= ``bound`` >= 0 on all of K_t: the identity of ``minimal_proof`` for sign * d. All
     numbers are exact.
 
     remainder: of the whole range e_k - e_1; may be negative, where the margin or a prior's bound makes up for it.

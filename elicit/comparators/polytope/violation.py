@@ -61,7 +61,7 @@ class Hinges(NamedTuple):
         return np.asarray(np.ldexp(row, exponent)), float(np.clip(np.ldexp(limit, exponent), -2.0, 2.0))
 
 
-class Solved(NamedTuple):
+class HingeSolution(NamedTuple):
     """HiGHS's solution: g (p,), the multipliers y (m,) >= 0 of the answers' rows, and that of the budget."""
 
     g: Floats
@@ -69,7 +69,7 @@ class Solved(NamedTuple):
     price: float
 
 
-def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> Solved | None:
+def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> HingeSolution | None:
     """Least cost of (g, s) in the region, s >= 0 and s >= what g lacks of each row, of weighted sum <= budget. None
     where HiGHS cannot tell."""
     (m, p), prior = hinges.rows.shape, len(region.rows)
@@ -82,7 +82,7 @@ def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> Solved
     if found.status != 0:
         return None
     y = np.maximum(-found.ineqlin.marginals, 0.0)
-    return Solved(found.x[:p] / found.x[:p].sum(), y[:m], float(y[-1]))
+    return HingeSolution(found.x[:p] / found.x[:p].sum(), y[:m], float(y[-1]))
 
 
 def best_fit(hinges: Hinges, order: PlausibleSet) -> Floats:

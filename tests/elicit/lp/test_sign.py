@@ -62,7 +62,7 @@ vectors = st.lists(wild, min_size=2, max_size=9)
 
 def sums_of(d: Floats) -> Floats:
     t = np.empty(d.shape[1] - 1)
-    with np.errstate(all="ignore"):  # as its callers do: without numba it would warn
+    with np.errstate(all="ignore"):  # as its callers do: plain code would warn
         tail_sums_into(d, len(d) - 1, t)
     return t
 

@@ -18,15 +18,10 @@ from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, 
 from elicit.decision.decide import decide
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, dominance, order_bounds, tail_sums
+from elicit.model.scale import Floats, order_bounds, tail_sums
+from tests.noisy_cases import pairs
 
 REGIONS = ["ensemble", "box"]
-
-
-def pairs(rng: np.random.Generator, k: int, n: int) -> Floats:
-    """n differences of share vectors that dominance leaves open."""
-    d = rng.dirichlet(np.ones(k), 20 * n + 20) - rng.dirichlet(np.ones(k), 20 * n + 20)
-    return d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n]
 
 
 def told(seed: int, k: int, n: int, *, sd: float = 2.0, alpha: float = 1.0) -> tuple[Answers, Floats, float, Floats]:

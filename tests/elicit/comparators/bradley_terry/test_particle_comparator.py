@@ -22,33 +22,11 @@ from elicit.model.query import Answers, Verdict
 from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
 from elicit.testing import check_comparator, sample_differences
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, log_terms, pairs
 
-Floats = np.ndarray[Any, Any]
-Rng = np.random.Generator
-MEAN, SD = math.log(30.0), 2.5
 TINY = 1e-20
-WORTH = (
-    120  # independent draws that 1000 particles are worth at least, for k up to 8: moved copies stay alike for a time
-)
-
-
-def drawn_gaps(rng: Rng, k: int, m: int = 1) -> Floats:
-    """Gaps (m, k - 1) from the default prior."""
-    a = np.exp(rng.uniform(math.log(0.2), math.log(2.0), (m, 1))) / (k - 1)
-    log_gamma = np.log(rng.standard_gamma(a + 1.0, (m, k - 1))) + np.log(rng.random((m, k - 1))) / a
-    g: Floats = np.exp(log_gamma - logsumexp(log_gamma, axis=1, keepdims=True))
-    return g
-
-
-def differences(rng: Rng, k: int, n: int) -> Floats:
-    d: Floats = rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
-    return d
-
-
-def pairs(rng: Rng, k: int, n: int) -> Floats:
-    """n differences that dominance leaves open."""
-    d = differences(rng, k, 20 * n + 20)
-    return np.asarray(d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n])
+# independent draws that 1000 particles are worth at least, for k up to 8: moved copies stay alike for a time
+WORTH = 120
 
 
 def answered(rng: Rng, d: Floats, g: Floats, c: float, lapse: float = 0.05, ties: float = 0.0) -> Answers:
@@ -66,8 +44,7 @@ def told(k: int = 5, n: int = 40, seed: int = 0, c: float = 20.0) -> Answers:
 def identical(a: PosteriorComparator, b: PosteriorComparator) -> bool:
     d = sample_differences(a.k)
     return bool(
-        (a._x == b._x).all()
-        and (a._logs == b._logs).all()
+        all((x == y).all() for x, y in zip(a.draws, b.draws, strict=True))
         and (a.values == b.values).all()
         and (a.compare(d) == b.compare(d)).all()
         and (a.probability(d) == b.probability(d)).all()
@@ -78,8 +55,7 @@ def identical(a: PosteriorComparator, b: PosteriorComparator) -> bool:
 def assert_sane(c: PosteriorComparator, least: float = 0.05) -> None:
     """Finite, in range, in line with itself, and of particles that are worth something."""
     d = np.concatenate([pairs(np.random.default_rng(9), c.k, 60), sample_differences(c.k)])
-    assert np.isfinite(c._x).all()
-    assert np.isfinite(c._logs).all()
+    assert all(np.isfinite(part).all() for part in c.draws)
     values = c.values
     assert values[0] == 0
     assert values[-1] == 1
@@ -178,7 +154,7 @@ def test_it_is_a_function_of_answers_seed_and_settings() -> None:
     answers = told()
     a = PosteriorComparator(5, seed=3).update(answers)
     assert identical(a, PosteriorComparator(5, seed=3).update(answers))
-    assert not (a._x == PosteriorComparator(5, seed=4).update(answers)._x).any()
+    assert not (a.draws.gaps == PosteriorComparator(5, seed=4).update(answers).draws.gaps).any()
     rng = np.random.default_rng(8)
     drawn = PosteriorComparator(5, seed=rng)
     assert identical(drawn.update(answers), PosteriorComparator(5, seed=np.random.default_rng(8)).update(answers))
@@ -189,7 +165,7 @@ def test_it_is_a_function_of_answers_seed_and_settings() -> None:
 def test_many_updates_are_one_and_the_old_comparator_stays_as_it_was() -> None:
     answers = told(n=75)
     fresh = PosteriorComparator(5)
-    before, untouched = fresh._x.copy(), PosteriorComparator(5)
+    before, untouched = fresh.draws.gaps.copy(), PosteriorComparator(5)
     at_once = fresh.update(answers)
     by_parts, middle = fresh, None
     for a, b in ((0, 1), (1, 1), (1, 30), (30, 75)):
@@ -198,7 +174,7 @@ def test_many_updates_are_one_and_the_old_comparator_stays_as_it_was() -> None:
     assert identical(at_once, by_parts)
     assert middle is not None
     assert identical(middle, PosteriorComparator(5).update(answers[:30]))
-    assert (fresh._x == before).all()
+    assert (fresh.draws.gaps == before).all()
     assert identical(fresh, untouched)
     assert len(fresh.answers) == 0
     assert len(at_once.answers) == 75
@@ -314,13 +290,12 @@ def weighted(rng: Rng, k: int, answers: Answers, lapse: float, m: int) -> tuple[
 
 def log_likelihood(g: Floats, log_c: Floats, answers: Answers, lapse: float) -> Floats:
     """Of scales g (m, p) and precisions (m,), by the formula."""
-    total: Floats = np.zeros(len(g))
+    total, theta = np.zeros(len(g)), np.exp(np.minimum(log_c, 300.0))[:, None] * g
     block = max(1, 1_000_000 // len(g))  # answers at a time
     for i in range(0, len(answers), block):
         y = answers.y[i : i + block]
-        eta = np.exp(np.minimum(log_c, 300.0))[:, None] * (g @ tail_sums(answers.d[i : i + block]).T)
-        yes, no = (np.log(lapse / 2 + (1 - lapse) * expit(s * eta)) for s in (1, -1))
-        total += np.where(y == 0, (yes + no) / 2, np.where(y > 0, yes, no)).sum(axis=1)
+        t = tail_sums(answers.d[i : i + block]) * np.where(y == 0, 1, y)[:, None]
+        total += log_terms(theta, t, y == 0, lapse).sum(axis=1)
     return total
 
 
@@ -426,7 +401,7 @@ def test_answers_about_vectors_near_the_greatest_float_end() -> None:
     code = (
         "import numpy as np; from elicit import PosteriorComparator as C\n"
         "from elicit.model.query import Answers\n"
-        "c = C(3).update(Answers(1.7e308 * np.array([[0.4, -1.0, 0.6]]), [1])); assert np.isfinite(c._x).all()"
+        "c = C(3).update(Answers(1.7e308 * np.array([[0.4, -1.0, 0.6]]), [1])); assert np.isfinite(c.draws.gaps).all()"
     )
     try:
         done = subprocess.run([sys.executable, "-c", code], timeout=30, capture_output=True, check=False)

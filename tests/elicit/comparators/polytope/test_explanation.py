@@ -259,119 +259,72 @@ def test_the_edge_of_a_cone_is_told_from_what_lies_beside_it() -> None:
 
 # ---- sentences -----------------------------------------------------------------------------------------------------
 
-CASES: list[tuple[str, dict[str, Any], list[float], list[str] | None, str]] = [
-    ("same", {"k": 3}, [0, 0, 0], LABELS, "not asked: left and right are the same at every level"),
+LEFT, RIGHT, EVEN = (
+    f"not asked: {who}, because it follows from "
+    for who in ("left is better", "right is better", "left and right are equally good")
+)
+DOMINATES = " is better whatever the values, since it has at least as much time at or above every level"
+OPEN = "ask: what is known leaves it open; left is better if, say, stable = {}, right if stable = {} "
+TWICE = inequality("e3 >= 2*e2", k=3, name="well is at least twice stable")
+CASES: list[tuple[dict[str, Any], list[float], list[str] | None, str]] = [
+    ({"k": 3}, [0, 0, 0], LABELS, "not asked: left and right are the same at every level"),
+    ({"k": 3}, [-0.1, -0.1, 0.2], LABELS, "not asked: left" + DOMINATES),
+    ({"k": 3, "answers": [(HALF, 1)]}, [0.1, 0.0, -0.1], LABELS, "not asked: right" + DOMINATES),
+    ({"k": 3}, HALF, LABELS, OPEN.format(0.25, 0.75) + "(where critical = 0 and well = 1)"),
     (
-        "dominance",
-        {"k": 3},
-        [-0.1, -0.1, 0.2],
-        LABELS,
-        "not asked: left is better whatever the values, since it has at least as much time at or above every level",
-    ),
-    (
-        "dominated",
-        {"k": 3, "answers": [(HALF, 1)]},
-        [0.1, 0.0, -0.1],
-        LABELS,
-        "not asked: right is better whatever the values, since it has at least as much time at or above every level",
-    ),
-    (
-        "open",
-        {"k": 3},
-        HALF,
-        LABELS,
-        "ask: what is known leaves it open; left is better if, say, stable = 0.25, right if stable = 0.75 "
-        "(where critical = 0 and well = 1)",
-    ),
-    (
-        "open by a little",
         {"k": 3, "answers": [(HALF, 0)]},
         [0.25, -0.5, 0.25],
         LABELS,
-        "ask: what is known leaves it open; left is better if, say, stable = 0.499999999, right if "
-        "stable = 0.500000001 (where critical = 0 and well = 1)",
+        OPEN.format(0.499999999, 0.500000001) + "(where critical = 0 and well = 1)",
     ),
     (
-        "told equal",
         {"k": 3, "answers": [([0.0, -0.5, 0.3], 1), (HALF, 0)]},
         [-0.5, 1.0, -0.5],
         LABELS,
         "not asked again: your answer 2 called this very pair equal",
     ),
+    ({"k": 3, "answers": [(HALF, 1)]}, HALF, None, LEFT + "your answer 1"),
     (
-        "one answer",
-        {"k": 3, "answers": [(HALF, 1)]},
-        HALF,
-        None,
-        "not asked: left is better, because it follows from your answer 1",
-    ),
-    (
-        "answer and a step",
         {"k": 4, "answers": [([0.0, -1.0, 1.0, -0.5], 1)]},
         [0.0, -1.0, 0.75, -0.25],
         ["a", "b", "c", "d"],
-        "not asked: left is better, because it follows from your answer 1 and from d > c",
+        LEFT + "your answer 1 and from d > c",
     ),
     (
-        "answer and the range",
         {"k": 3, "answers": [(HALF, 1)]},
         [-0.4, 1.0, -0.6],
         LABELS,
-        "not asked: right is better, because it follows from your answer 1 and from well > critical",
+        RIGHT + "your answer 1 and from well > critical",
     ),
+    ({"k": 3, "answers": [(HALF, 1), (HALF, -1)]}, HALF, None, EVEN + "your answers 1 and 2"),
+    ({"k": 3, "prior": [TWICE]}, HALF, LABELS, LEFT + '"well is at least twice stable"'),
     (
-        "equal",
-        {"k": 3, "answers": [(HALF, 1), (HALF, -1)]},
-        HALF,
-        None,
-        "not asked: left and right are equally good, because it follows from your answers 1 and 2",
-    ),
-    (
-        "prior",
-        {"k": 3, "prior": [inequality("e3 >= 2*e2", k=3, name="well is at least twice stable")]},
-        [0.5, -1.0, 0.5],
-        LABELS,
-        'not asked: left is better, because it follows from "well is at least twice stable"',
-    ),
-    (
-        "prior and answers",
         {"k": 4, "answers": [([0.0, 0.0, -1.0, 0.5], 1)], "prior": ["e3 >= 2*e2"]},
         [0.0, -1.0, 0.0, 0.25],
         None,
-        'not asked: left is better, because it follows from your answer 1 and from "e3 >= 2*e2"',
+        LEFT + 'your answer 1 and from "e3 >= 2*e2"',
     ),
     (
-        "margin",
         {"k": 3, "margin": 0.2},
         [0.9, -1.0, 0.1],
         LABELS,
-        "not asked: right is better, because it follows from stable > critical and from the margin of 0.2 between "
-        "neighbouring levels",
+        RIGHT + "stable > critical and from the margin of 0.2 between neighbouring levels",
     ),
     (
-        "only one scale",
         {"k": 3, "margin": 0.5},
         HALF,
         LABELS,
-        "not asked: left and right are equally good, because it follows from critical < stable < well and from the "
-        "margin of 0.5 between neighbouring levels",
+        EVEN + "critical < stable < well and from the margin of 0.5 between neighbouring levels",
     ),
-    (
-        "one prior scale",
-        {"k": 3, "prior": ["0.25 <= e2 <= 0.25"]},
-        [0.0, -1.0, 0.25],
-        LABELS,
-        'not asked: left and right are equally good, because it follows from "e2 <= 0.25" and "0.25 <= e2"',
-    ),
+    ({"k": 3, "prior": ["0.25 <= e2 <= 0.25"]}, [0.0, -1.0, 0.25], LABELS, EVEN + '"e2 <= 0.25" and "0.25 <= e2"'),
 ]
 
 
-@pytest.mark.parametrize(("known", "d", "labels", "sentence"), [c[1:] for c in CASES], ids=[c[0] for c in CASES])
+@pytest.mark.parametrize(("known", "d", "labels", "sentence"), CASES, ids=[case[-1] for case in CASES])
 def test_what_an_explanation_says(
     known: dict[str, Any], d: list[float], labels: list[str] | None, sentence: str
 ) -> None:
-    comparator = told(**known)
-    found = explained(d, comparator, labels)
+    found = explained(d, told(**known), labels)
     assert str(found) == sentence
     assert repr(found) == f"<Explanation: {sentence}>"
 

@@ -1,0 +1,58 @@
+"""Differences, scales and answers of tutors who err, and the posterior's formulas written once more."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logsumexp
+
+from elicit.comparators.bradley_terry.density import Prior
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.model.query import Verdict
+from elicit.model.scale import dominance, tail_sums
+
+Floats = NDArray[np.float64]
+Rng = np.random.Generator
+MEAN, SD = math.log(30.0), 2.5  # of log c a priori
+
+
+def differences(rng: Rng, k: int, n: int) -> Floats:
+    d: Floats = rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
+    return d
+
+
+def pairs(rng: Rng, k: int, n: int) -> Floats:
+    """n differences that dominance leaves open."""
+    d = differences(rng, k, 20 * n + 20)
+    return np.asarray(d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n])
+
+
+def log_gaps(rng: Rng, k: int, m: int, shape: tuple[float, float] | None = None) -> Floats:
+    """Logarithms of gaps (m, k - 1) from a prior's shapes, or from those of the default prior."""
+    a = np.exp(rng.uniform(*np.log(shape or (0.2 / (k - 1), 2.0 / (k - 1))), (m, 1)))
+    log_gamma = np.log(rng.standard_gamma(a + 1.0, (m, k - 1))) + np.log(rng.random((m, k - 1))) / a
+    return np.asarray(log_gamma - logsumexp(log_gamma, axis=1, keepdims=True))
+
+
+def drawn_gaps(rng: Rng, k: int, m: int = 1) -> Floats:
+    """Gaps (m, k - 1) from the default prior."""
+    return np.asarray(np.exp(log_gaps(rng, k, m)))
+
+
+def log_terms(theta: Floats, t: Floats, tied: Any, lapse: float) -> Floats:
+    """Log-likelihoods (m, n) at theta (m, p) of answers with tail sums t (n, p), turned to the side that was said to
+    be better; where ``tied`` (n,) half an answer each way."""
+    eta = theta @ t.T
+    if lapse:
+        yes, no = (np.log(lapse / 2 + (1 - lapse) * expit(s * eta)) for s in (1, -1))
+    else:
+        yes, no = -np.logaddexp(0, -eta), -np.logaddexp(0, eta)
+    return np.asarray(np.where(tied, (yes + no) / 2, yes))
+
+
+def prior_of(k: int, **settings: Any) -> Prior:
+    """The density that a comparator's particles have before any answer."""
+    return PosteriorComparator(k, **settings)._prior
