@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from elicit.asking.choose import choose
 from elicit.model.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide, simultaneous_bounds
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.tutor import Tutor
 
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
@@ -17,7 +18,8 @@ if TYPE_CHECKING:
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.inequalities import Inequality, inequalities, inequality
     from elicit.tutors.answer_log import AnswerLog
-    from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
+    from elicit.tutors.replay import ReplayTutor
+    from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
 _LATER = {  # imported when first used, so that `import elicit` stays light
     "AnswerLog": "elicit.tutors.answer_log",
@@ -29,9 +31,8 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "PolytopeComparator": "elicit.comparators.polytope.comparator",
     "PosteriorComparator": "elicit.comparators.bradley_terry.particle_comparator",
     "RelaxedPolytopeComparator": "elicit.comparators.polytope.relaxed_comparator",
-    "ReplayTutor": "elicit.tutors.simulated",
+    "ReplayTutor": "elicit.tutors.replay",
     "TruthfulTutor": "elicit.tutors.simulated",
-    "Tutor": "elicit.tutors.simulated",
     "compare_held_out": "elicit.diagnostics.held_out",
     "held_out": "elicit.diagnostics.held_out",
     "inequalities": "elicit.lp.inequalities",

@@ -17,7 +17,7 @@ import numpy as np
 from elicit.model.comparator import AlwaysAsk, Comparator, decide
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.tutors.simulated import Tutor
+from elicit.model.tutor import Tutor
 
 _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
 

@@ -14,23 +14,10 @@ import numpy as np
 from elicit._support.jit import compiled, loosely
 from elicit.comparators.bradley_terry.smc import shared_sign
 from elicit.decision.rule import BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
-from elicit.lp.sign import (
-    BETTER,
-    BY_SCREEN,
-    BY_SIMPLEX,
-    EQUAL,
-    UNKNOWN,
-    UNSETTLED,
-    WORSE,
-    by_dominance,
-    glance,
-    screen,
-    search,
-    side_of,
-    to_unit,
-)
+from elicit.lp.sign import BY_SCREEN, BY_SIMPLEX, glance, screen, search, side_of, to_unit
 from elicit.lp.vertices import BEST, EPS, ROW, SMALL, Known, doubt_at
 from elicit.model.comparator import Tier
+from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE, by_dominance
 
 BY_MODEL = int(Tier.MODEL)
 FLOORED = 32  # added to a tier

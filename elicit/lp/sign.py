@@ -28,8 +28,16 @@ from elicit.lp.vertices import (
     doubt_at,
     multipliers,
 )
+from elicit.model.tail_sums_kernel import (
+    BETTER,
+    EQUAL,
+    UNKNOWN,
+    UNSETTLED,
+    WORSE,
+    by_dominance,
+    tail_sums_into,
+)
 
-WORSE, EQUAL, BETTER, UNKNOWN, UNSETTLED = -1, 0, 1, 2, 3  # the codes of Verdict, and one more
 BY_EQUAL, BY_DOMINANCE, BY_SCREEN, BY_SIMPLEX = 0, 1, 2, 3  # the codes of Tier
 
 
@@ -152,30 +160,6 @@ def search(t: Any, known: Known) -> tuple[int, int]:
     if known.margin * total + free * greatest < -doubt:
         return WORSE, BY_SCREEN
     return by_corners(t, doubt, side_of(t, known.inside, doubt), known)
-
-
-@compiled
-def tail_sums_into(d: Any, i: int, t: Any) -> None:
-    """``scale.tail_sums`` of row i of d (n, k)."""
-    for factor in (1.0, 2.0**-64):
-        total = -0.0  # as a sum begins that keeps the sign of zero
-        for j in range(len(t) - 1, -1, -1):
-            total += d[i, j + 1] * factor
-            t[j] = total
-        if math.isfinite(total):
-            return
-
-
-@compiled
-def by_dominance(t: Any) -> int:
-    """``scale.dominance`` of one row of tail sums (eq. 4)."""
-    some_up, some_down = False, False
-    for j in range(len(t)):
-        some_up = some_up or t[j] > 0.0
-        some_down = some_down or t[j] < 0.0
-    if some_up:
-        return UNKNOWN if some_down else BETTER
-    return WORSE if some_down else EQUAL
 
 
 @compiled

@@ -7,6 +7,8 @@ of d_i over i > j. In these coordinates dominance (eq. 4) is t >= 0 and an answe
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -60,6 +62,11 @@ def dot(t: Floats, g: Floats) -> Floats:
     for j in range(t.shape[-1]):
         total = total + t[..., j] * g[..., j]
     return total
+
+
+def exact_dot(t: Floats, g: Floats) -> Fraction:
+    """t.g of t (k-1,) and g (k-1,), without rounding."""
+    return sum((Fraction(a) * Fraction(b) for a, b in zip(t.tolist(), g.tolist(), strict=True)), Fraction())
 
 
 def normalise(values: ArrayLike) -> Floats:

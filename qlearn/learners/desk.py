@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import Seed, key_of, uniform, unordered_pairs
+from elicit._support.hashing import Seed, key_of, pair_codes, uniform
 from elicit._support.validation import is_number, is_whole
 from elicit.model.comparator import BY_ANSWERS, Comparator, Decisions, Tier, decide
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
@@ -289,7 +289,7 @@ class Desk:
         rows = np.flatnonzero(np.isin(tiers, BY_ANSWERS) & (np.abs(verdicts) == 1))
         if not len(rows):
             return
-        _, codes = unordered_pairs(self._key, tail_sums(d[rows]))
+        codes = pair_codes(self._key, tail_sums(d[rows]))
         rows = rows[uniform(codes) < self._audit]
         rows = rows[~self._told.has(d[rows])]
         verdicts[rows], tiers[rows] = Verdict.UNKNOWN, tiers[rows] + AUDIT

@@ -16,8 +16,8 @@ from elicit._support.validation import is_number
 from elicit.model.comparator import AlwaysAsk, Comparator, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
+from elicit.model.tutor import Tutor
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import Tutor
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 Asking: TypeAlias = Literal["at once", "late"]

@@ -13,19 +13,10 @@ from numpy.typing import NDArray
 
 from elicit._support.jit import compiled, unlocked
 from elicit.decision.judge import FLOORED, holds
-from elicit.lp.sign import (
-    BETTER,
-    BY_DOMINANCE,
-    BY_EQUAL,
-    BY_SCREEN,
-    EQUAL,
-    UNKNOWN,
-    UNSETTLED,
-    WORSE,
-    by_dominance,
-)
+from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
+from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE, by_dominance
 from qlearn.learners.standing import Standing, consult
 from qlearn.mdp.backup import Model, back_up_from
 

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from elicit._support.hashing_kernel import mix
+from elicit._support.hashing import mix
 from elicit._support.jit import compiled, loosely
 from elicit.comparators.bradley_terry.density import BLOCK, Prior, likelihoods, scaled
 from elicit.comparators.bradley_terry.mcmc import move, unit
-from elicit.lp.sign import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
+from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
 
 ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
 # answer is taken in by parts

@@ -16,13 +16,14 @@ from elicit.decision.rule import Rule, proven
 from elicit.lp.dual_simplex import Region, Vertex, minimise_exactly, rounding
 from elicit.lp.infeasibility import is_empty
 from elicit.lp.programs import Programs, certified_bound, pull_inside
-from elicit.lp.sign import UNSETTLED, settle, settle_all, to_unit
+from elicit.lp.sign import settle, settle_all, to_unit
 from elicit.lp.support_function import greatest
 from elicit.lp.vertex_store import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
 from elicit.lp.vertices import DOUBTFUL_CORNER, USED
 from elicit.model.comparator import Decisions, Tier, verdicts_from
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
+from elicit.model.tail_sums_kernel import UNSETTLED
 
 
 class Empty(ValueError):

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.hashing import fold, uniform, unordered_pairs
-from elicit._support.hashing_kernel import mix, pair_code, unit
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -136,19 +134,6 @@ def test_without_a_rule_only_the_comparator_can_tell(make: type) -> None:
     d = differences(np.random.default_rng(1), 5)
     assert {judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(d, tail_sums(d), strict=True)} == {UNSETTLED}
     assert decide(make(K), d).verdicts.tolist() == [Verdict.UNKNOWN] * len(d)
-
-
-def test_hashes_one_by_one_are_those_of_arrays() -> None:
-    key = np.uint64(0xFEDCBA9876543210)
-    t = np.random.default_rng(2).normal(size=(50, 4)) * np.random.default_rng(3).integers(0, 2, (50, 4))
-    t = np.concatenate([t, -t, np.zeros((1, 4)), -np.zeros((1, 4))])
-    _, codes = unordered_pairs(key, t)
-    with np.errstate(over="ignore"):
-        ours = np.array([pair_code(key, row, np.empty(4)) for row in t], dtype=np.uint64)
-        assert (ours == codes).all()
-        assert (ours[:50] == ours[50:100]).all()
-        assert mix(key, np.uint64(3)) == fold(key, 3)[()]
-        assert unit(mix(key, np.uint64(3))) == uniform(fold(key, 3))
 
 
 @pytest.mark.parametrize(
