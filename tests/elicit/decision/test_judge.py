@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
@@ -18,8 +18,7 @@ from elicit.lp.sign import UNSETTLED
 from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, decide
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
-from elicit.tutors.simulated_kernel import NOBODY, respond
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 
 NOWHERE = np.empty(0)
 K = 6
@@ -136,31 +135,6 @@ def test_without_a_rule_only_the_comparator_can_tell(make: type) -> None:
     assert decide(make(K), d).verdicts.tolist() == [Verdict.UNKNOWN] * len(d)
 
 
-@pytest.mark.parametrize(
-    "make", [TruthfulTutor, lambda v: FlippingTutor(v, 0.3, 5), lambda v: BradleyTerryTutor(v, 8.0, 5)]
-)
-def test_a_respondent_says_what_its_tutor_says(make: Callable[[Floats], TruthfulTutor]) -> None:
-    values = np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0])
-    rows = differences(np.random.default_rng(3), 3000)
-    rows = np.concatenate([rows, rows[:50], -rows[:50], rows[:20]])  # asked again, and the other way round
-    tie = tail_sums(rows[:1])[0] * 0
-    tie[0], tie[2] = 13.0, -3.0
-    asked, told = make(values), make(values)
-    out = []
-    for t in [*tail_sums(rows), tie]:
-        found = respond(t, np.empty(K - 1), told.respondent)
-        if found == UNSETTLED:
-            d = np.concatenate([[0.0], t - np.append(t[1:], 0.0)])
-            found = int(told.signs(d)[0])
-        out.append(found)
-    want = asked.signs(rows).tolist()
-    assert out[:-1] == want
-    assert told.realised_error_rate == pytest.approx(asked.realised_error_rate, abs=1e-3)
-    if not isinstance(asked, TruthfulTutor):
-        assert 0.1 < asked.realised_error_rate < 0.4
-        assert len(told.respondent.pairs) > 1024  # it grew
-
-
 def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     class Blind(PolytopeComparator):
         def decide(self, d: ArrayLike) -> Decisions:
@@ -171,9 +145,3 @@ def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
 
     assert rule_of(Blind(K)).kind == rule_of(AlwaysAsk(K)).kind == NOTHING
     assert rule_of(Named(K)).kind == rule_of(PolytopeComparator(K)).kind == PROVEN
-
-    class Moody(TruthfulTutor):
-        def signs(self, d: ArrayLike) -> NDArray[np.int8]:
-            return -super().signs(d)
-
-    assert Moody(np.arange(K)).respondent.kind == NOBODY
