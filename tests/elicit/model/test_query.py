@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.model.answers_csv import read_csv
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
@@ -178,7 +177,6 @@ def test_answers_from_a_spreadsheet(tmp_path):
     assert answers.y.tolist() == [1, -1, 0, -1, 1]
     assert answers.d.tolist() == [[0.25, -0.5, 0.25], [1, -1, 0], [0, -1, 1], [0.1 - 0.3, 0, 0], [0, -1, 1]]
     assert Answers.from_csv(str(path), k=3).ids == answers.ids
-    assert read_csv(path).skipped == 2
     query = Query("q", LEFT, RIGHT)
     assert answers.d[0].tolist() == query.d.tolist(), "left - right, to the last bit"
 

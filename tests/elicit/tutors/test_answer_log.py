@@ -32,6 +32,11 @@ def same(a: Entry, b: Entry) -> bool:
     )
 
 
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "log.jsonl"
+
+
 def ids(log):
     return [entry.answer.query.id for entry in log]
 
@@ -49,8 +54,8 @@ def filled(path, header=None):
 
 
 @pytest.mark.parametrize("on_disk", [True, False])
-def test_what_went_in_comes_out(tmp_path, on_disk):
-    path = tmp_path / "log.jsonl" if on_disk else None
+def test_what_went_in_comes_out(path, on_disk):
+    path = path if on_disk else None
     log = filled(path)
     assert len(log) == 3
     assert log.k == 3
@@ -98,9 +103,9 @@ def test_floats_survive_to_the_last_bit(numbers):
     assert np.concatenate([stored.left, stored.right]).tobytes() == np.array(numbers).tobytes()
 
 
-def test_the_file_is_plain_json_lines(tmp_path):
-    filled(tmp_path / "log.jsonl", header={"levels": ["bad", "fair", "good"]})
-    lines = (tmp_path / "log.jsonl").read_text("ascii").splitlines()
+def test_the_file_is_plain_json_lines(path):
+    filled(path, header={"levels": ["bad", "fair", "good"]})
+    lines = path.read_text("ascii").splitlines()
     assert json.loads(lines[0]) == {
         "format": "elicit answers",
         "version": 1,
@@ -119,8 +124,7 @@ def test_the_file_is_plain_json_lines(tmp_path):
     }
 
 
-def test_an_existing_file_is_continued(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_an_existing_file_is_continued(path):
     filled(path, header={"levels": ["bad", "fair", "good"]})
     before = path.read_bytes()
     log = AnswerLog(path, k=3, header={"levels": ("bad", "fair", "good")})
@@ -131,14 +135,14 @@ def test_an_existing_file_is_continued(tmp_path):
     assert AnswerLog.read(path).header["levels"] == ["bad", "fair", "good"]
 
 
-def test_a_given_k_shows_before_the_first_answer(tmp_path):
-    log = AnswerLog(tmp_path / "log.jsonl", k=3)
+def test_a_given_k_shows_before_the_first_answer(path):
+    log = AnswerLog(path, k=3)
     assert log.k == 3
     with pytest.raises(ValueError, match="3 levels, but query q is about 2"):
         log.append(answer(left=[0, 1], right=[1, 0]))
     assert len(log) == 0
     log.append(answer())
-    assert AnswerLog.read(tmp_path / "log.jsonl").k == 3
+    assert AnswerLog.read(path).k == 3
 
 
 # --- crashes
@@ -148,8 +152,7 @@ WRITES = [lambda log: log.append(answer("d")), lambda log: log.retract("a", why=
 
 
 @pytest.mark.parametrize("write", WRITES)
-def test_a_file_cut_anywhere_in_its_last_line_keeps_the_rest(tmp_path, write):
-    path = tmp_path / "log.jsonl"
+def test_a_file_cut_anywhere_in_its_last_line_keeps_the_rest(path, write):
     log = filled(path)
     before, start = log.answers().ids, len(path.read_bytes())
     write(log)
@@ -167,9 +170,8 @@ def test_a_file_cut_anywhere_in_its_last_line_keeps_the_rest(tmp_path, write):
             assert found.answers().ids == (*(name for name in left if name != "c"), "next"), cut
 
 
-def test_a_file_cut_anywhere_in_its_first_lines(tmp_path):
+def test_a_file_cut_anywhere_in_its_first_lines(path):
     """A crash during the very first append leaves a part of the header, or of the first answer."""
-    path = tmp_path / "log.jsonl"
     AnswerLog(path).append(answer("a"))
     data = path.read_bytes()
     header = data.index(b"\n")
@@ -183,8 +185,7 @@ def test_a_file_cut_anywhere_in_its_first_lines(tmp_path):
         assert ids(AnswerLog.read(path)) == (["a", "next"] if whole else ["next"]), cut
 
 
-def test_garbage_at_the_end_is_torn_too(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_garbage_at_the_end_is_torn_too(path):
     filled(path)
     whole = path.read_bytes()
     for tail in (b"\0" * 40, b'{"id": "\xc3', b"\xff\xfe"):
@@ -196,8 +197,7 @@ def test_garbage_at_the_end_is_torn_too(tmp_path):
 
 
 @pytest.mark.parametrize("write", WRITES)
-def test_each_write_is_synced(tmp_path, monkeypatch, write):
-    path = tmp_path / "log.jsonl"
+def test_each_write_is_synced(path, monkeypatch, write):
     log, real, synced = filled(path), os.fsync, []
     monkeypatch.setattr(os, "fsync", lambda n: (synced.append(os.fstat(n).st_size), real(n))[1])
     write(log)
@@ -216,8 +216,7 @@ def half_written(*args, **kwargs):
 
 @pytest.mark.parametrize("write", WRITES)
 @pytest.mark.parametrize("fails", ["write", "fsync"])
-def test_a_failed_write_changes_nothing(tmp_path, monkeypatch, fails, write):
-    path = tmp_path / "log.jsonl"
+def test_a_failed_write_changes_nothing(path, monkeypatch, fails, write):
     log = filled(path)
     before = path.read_bytes()
     with monkeypatch.context() as patch:
@@ -235,8 +234,7 @@ def test_a_failed_write_changes_nothing(tmp_path, monkeypatch, fails, write):
 
 
 @pytest.mark.parametrize("write", WRITES)
-def test_a_second_writer_is_noticed(tmp_path, write):
-    path = tmp_path / "log.jsonl"
+def test_a_second_writer_is_noticed(path, write):
     one = filled(path)
     two = AnswerLog(path)
     one.append(answer("e"))
@@ -251,8 +249,8 @@ def test_a_second_writer_is_noticed(tmp_path, write):
 
 
 @pytest.mark.parametrize("on_disk", [True, False])
-def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(tmp_path, on_disk):
-    path = tmp_path / "log.jsonl" if on_disk else None
+def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(path, on_disk):
+    path = path if on_disk else None
     log = filled(path)
     log.append(answer("a", Verdict.WORSE))  # the same query, told twice
     before = path.read_bytes() if on_disk else b""
@@ -278,36 +276,7 @@ def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(tmp_path, on_di
             assert all(same(x, y) for x, y in zip(found, log, strict=True))
 
 
-def test_answers_are_those_that_answers_without_leaves():
-    log = filled(None)
-    log.append(answer("a", Verdict.WORSE))
-    kept = log.answers().without(["a"])
-    log.retract("a")
-    assert (kept.ids, kept.y.tolist(), kept.d.tobytes()) == (
-        log.answers().ids,
-        log.answers().y.tolist(),
-        log.answers().d.tobytes(),
-    )
-
-
-def test_a_query_can_be_answered_anew(tmp_path):
-    path = tmp_path / "log.jsonl"
-    log = filled(path)
-    for verdict in (Verdict.WORSE, Verdict.EQUAL):
-        log.retract("a")
-        log.append(answer("a", verdict))
-        for found in (log, AnswerLog.read(path)):
-            assert found.answers().ids == ("c", "a")
-            assert found.answers().y.tolist() == [0, verdict]
-    assert [(e.answer.verdict, e.retracted) for e in log if e.answer.query.id == "a"] == [
-        (Verdict.BETTER, True),
-        (Verdict.WORSE, True),
-        (Verdict.EQUAL, False),
-    ]
-
-
-def test_what_cannot_be_retracted(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_what_cannot_be_retracted(path):
     log = filled(path)
     log.retract("a")
     before = path.read_bytes()
@@ -328,30 +297,8 @@ def test_what_cannot_be_retracted(tmp_path):
     assert log.answers().ids == ("c",)
 
 
-@pytest.mark.parametrize(
-    ("line", "complaint"),
-    [
-        ('{"retract": "x"}', "'x' cannot be retracted"),
-        ('{"retract": "d"}', "'d' cannot be retracted"),  # only what was told before
-        ('{"retract": null}', "None"),
-        ('{"retract": ["a"]}', "cannot be retracted"),
-        ('{"retract": "a", "id": "a"}', "no field"),  # half an answer, half a retraction
-    ],
-)
-def test_a_retraction_of_nothing_is_a_damaged_line(tmp_path, line, complaint):
-    path = tmp_path / "log.jsonl"
-    log = filled(path)
-    log.append(answer("d"))
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([*lines[:4], line, lines[4], ""]))
-    with pytest.raises(BadLog, match=complaint) as caught:
-        AnswerLog(path)
-    assert caught.value.line == 5
-
-
-def test_readers_that_know_no_retractions_cannot_misread_one(tmp_path):
+def test_readers_that_know_no_retractions_cannot_misread_one(path):
     """They demand an answer's fields in every line; and a log without retractions is what it always was."""
-    path = tmp_path / "log.jsonl"
     log = filled(path)
     log.append(answer("d"), retract="free to use as metadata")
     assert json.loads(path.read_text().splitlines()[0])["version"] == 1
@@ -387,8 +334,7 @@ def test_retractions_against_a_list(tmp_path_factory, history):
 # --- what is wrong
 
 
-def test_reading_does_not_write(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_reading_does_not_write(tmp_path, path):
     filled(path)
     log = AnswerLog.read(path)
     with pytest.raises(ValueError, match="opened for reading"):
@@ -415,8 +361,7 @@ def test_reading_does_not_write(tmp_path):
         ('{"format": "elicit answers", "version": 1, "k": "3"}\n', "k = '3'", 1),
     ],
 )
-def test_files_that_are_no_log(tmp_path, text, complaint, line):
-    path = tmp_path / "log.jsonl"
+def test_files_that_are_no_log(path, text, complaint, line):
     path.write_text(text)
     for open_log in (AnswerLog, AnswerLog.read):
         with pytest.raises(BadLog, match=complaint) as caught:
@@ -425,49 +370,53 @@ def test_files_that_are_no_log(tmp_path, text, complaint, line):
     assert path.read_text() == text
 
 
+def told(**changes):
+    """The line of an answer, with other fields; ... takes one out."""
+    fields = {"id": "e", "left": LEFT, "right": RIGHT, "verdict": 1, "swapped": False, "about": "", "used": True}
+    return json.dumps({name: value for name, value in {**fields, **changes}.items() if value is not ...})
+
+
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("line", "complaint"),
     [
-        (lambda f: f.pop("left"), "no field 'left'"),
-        (lambda f: f.update(left=[0, 1]), r"\(2,\) with \(3,\)"),
-        (lambda f: f.update(left=[0, 1], right=[1, 0]), "2 levels, but its header says k = 3"),
-        (lambda f: f.update(left=[0, 1, None]), "finite|number"),
-        (lambda f: f.update(left=[0, 1, float("nan")]), "finite"),
-        (lambda f: f.update(left="abc"), "abc"),
-        (lambda f: f.update(verdict=2), "verdict is 2"),
-        (lambda f: f.update(verdict=True), "verdict is True"),
-        (lambda f: f.update(verdict="better"), "verdict is 'better'"),
-        (lambda f: f.update(used=1), "used is 1"),
-        (lambda f: f.update(swapped=None), "swapped is None"),
-        (lambda f: f.update(id=7), "id is 7"),
+        ("", "damaged"),
+        ("{", "damaged"),
+        ("3", "no JSON object"),
+        ("null", "no JSON object"),
+        ('{"id": "a"', "damaged"),
+        (told(left=...), "no field 'left'"),
+        (told(left=[0, 1]), r"\(2,\) with \(3,\)"),
+        (told(left=[0, 1], right=[1, 0]), "2 levels, but its header says k = 3"),
+        (told(left=[0, 1, None]), "finite|number"),
+        (told(left=[0, 1, float("nan")]), "finite"),
+        (told(left="abc"), "abc"),
+        (told(verdict=2), "verdict is 2"),
+        (told(verdict=True), "verdict is True"),
+        (told(verdict="better"), "verdict is 'better'"),
+        (told(used=1), "used is 1"),
+        (told(swapped=None), "swapped is None"),
+        (told(id=7), "id is 7"),
+        ('{"retract": "x"}', "'x' cannot be retracted"),
+        ('{"retract": "d"}', "'d' cannot be retracted"),  # only what was told before
+        ('{"retract": null}', "None"),
+        ('{"retract": ["a"]}', "cannot be retracted"),
+        ('{"retract": "a", "id": "a"}', "no field"),  # half an answer, half a retraction
     ],
 )
-def test_a_damaged_line_in_the_middle(tmp_path, change, complaint):
-    path = tmp_path / "log.jsonl"
-    filled(path)
+def test_a_damaged_line_in_the_middle(path, line, complaint):
+    filled(path).append(answer("d"))
     lines = path.read_text().splitlines()
-    fields = json.loads(lines[2])
-    change(fields)
-    path.write_text("\n".join([*lines[:2], json.dumps(fields), *lines[3:], ""]))
+    path.write_text("\n".join([*lines[:4], told(), lines[4], ""]))
+    assert ids(AnswerLog.read(path)) == ["a", "b", "c", "e", "d"]
+    path.write_text("\n".join([*lines[:4], line, lines[4], ""]))
     with pytest.raises(BadLog, match=complaint) as caught:
         AnswerLog(path)
-    assert caught.value.line == 3
-    assert "line 3" in str(caught.value)
+    assert caught.value.line == 5
+    assert "line 5" in str(caught.value)
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("line", ["", "{", "3", "null", '{"id": "a"'])
-def test_a_line_that_is_no_json_object(tmp_path, line):
-    path = tmp_path / "log.jsonl"
-    filled(path)
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([*lines[:3], line, lines[3], ""]))
-    with pytest.raises(BadLog, match="line 4"):
-        AnswerLog(path)
-
-
-def test_another_log_than_the_one_expected(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_another_log_than_the_one_expected(path):
     filled(path, header={"problem": "icu"})
     with pytest.raises(BadLog, match="k = 3, not 4"):
         AnswerLog(path, k=4)
