@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from scipy.special import expit, gammaln
+from scipy.special import betaincinv, expit, gammaln
 from scipy.stats import binomtest
 
 from elicit import (
@@ -143,9 +143,12 @@ def test_the_model_agrees_with_a_sum_over_all_scales(make):
 def test_shares_have_the_intervals_of_the_textbook():
     for count, n in [(0, 7), (7, 7), (3, 10), (41, 80)]:
         for level in (0.9, 0.95):
-            for ours, method in ((exact_share, "exact"), (wilson, "wilson")):
-                reference = binomtest(count, n).proportion_ci(level, method)
-                assert ours(count, n, level) == pytest.approx((count / n, reference.low, reference.high), abs=1e-12)
+            reference = binomtest(count, n).proportion_ci(level, "wilson")
+            assert wilson(count, n, level) == pytest.approx((count / n, reference.low, reference.high), abs=1e-12)
+            share, low, high = exact_share(count, n, level)
+            assert share == count / n
+            assert count == 0 or betaincinv(count, n - count + 1, (1 - level) / 2) == pytest.approx(low)
+            assert count == n or betaincinv(count + 1, n - count, (1 + level) / 2) == pytest.approx(high)
     assert math.isnan(exact_share(0, 0).value)
     assert math.isnan(wilson(0, 0).low)
 
