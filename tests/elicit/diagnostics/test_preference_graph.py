@@ -125,14 +125,14 @@ def test_a_chain_and_its_proof():
 @pytest.mark.parametrize(
     ("told", "found"),
     [
-        ([("1", C, EQUAL, B), ("2", B, EQUAL, A)], (0, 2, EQUAL, ("1", "2"))),  # ties are listed once
+        ([("1", C, EQUAL, B), ("2", B, EQUAL, A)], (0, 2, EQUAL, ("1", "2"))),
         (
             [("0", C, None, A), ("1", A, BETTER, B), ("2", B, BETTER, C)],
             (1, 0, BETTER, ("1", "2")),
-        ),  # not told, follows
+        ),
     ],
 )
-def test_short_chains(told, found):
+def test_ties_and_untold_pairs_are_listed_once(told, found):
     (one,) = follows(preference_graph([said(*answer) for answer in told]))
     assert (one.better, one.worse, one.verdict, one.ids) == found
 

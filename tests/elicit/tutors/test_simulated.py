@@ -44,17 +44,7 @@ NOISY = [lambda seed: FlippingTutor(HIDDEN, 0.3, seed), lambda seed: BradleyTerr
 # --- the truth
 
 
-@pytest.mark.parametrize("k", [2, 3, 5, 10, 25])
-def test_the_truthful_tutor_is_exact_on_shares(k):
-    rng = np.random.default_rng(k)
-    values = np.sort(rng.choice(100, k, replace=False))
-    d = shares(rng, 200, k)
-    wanted = [by_fractions(row, values) for row in d]
-    assert TruthfulTutor(values).signs(d).tolist() == wanted
-    assert [TruthfulTutor(values)(query(row)).verdict for row in d] == wanted
-
-
-@pytest.mark.parametrize("k", [3, 5, 10])
+@pytest.mark.parametrize("k", [3, 5, 10, 25])
 def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
     """Differences orthogonal to the scale, up to a few units in the last place of one entry."""
     rng = np.random.default_rng(k)
@@ -71,23 +61,18 @@ def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
     rows = np.array(rows)
     wanted = [by_fractions(row, values) for row in rows]
     assert len(set(wanted)) > 1
-    naive = np.sign(tail_sums(rows) @ g)
-    assert (naive != wanted).any(), "these cases do not need exact arithmetic"
+    assert (np.sign(tail_sums(rows) @ g) != wanted).any(), "these cases do not need exact arithmetic"
     assert TruthfulTutor(values).signs(rows).tolist() == wanted
-    tutor = TruthfulTutor(values)
-    assert [tutor(query(row)).verdict for row in rows] == wanted
 
 
 def test_exact_ties_are_equal():
     tutor = TruthfulTutor([0, 1, 2, 4])
     assert tutor(query([1, -2, 1, 0])).verdict is Verdict.EQUAL
-    assert tutor(query([0.5, 0, -1, 0.5])).verdict is Verdict.EQUAL
-    assert tutor(query(np.zeros(4))).verdict is Verdict.EQUAL
-    assert tutor.signs([[1, -2, 1, 0], [0, 0, 0, 0], [-1, 1, 0, 0]]).tolist() == [0, 0, 1]
+    assert tutor.signs([[0.5, 0, -1, 0.5], [0, 0, 0, 0], [-1, 1, 0, 0]]).tolist() == [0, 0, 1]
 
 
 @given(
-    st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=3, max_size=6),
+    st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=2, max_size=6),
     st.data(),
 )
 @settings(max_examples=150, deadline=None)
