@@ -39,7 +39,7 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "inequality": "elicit.lp.inequalities",
     "tutor_report": "elicit.diagnostics.tutor_report",
 }
-_MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.circles, say
+_MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.cycles, say
 
 __all__ = [
     "AlwaysAsk",
