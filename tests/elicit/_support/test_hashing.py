@@ -72,6 +72,7 @@ def test_an_unordered_pair_has_one_code() -> None:
     some = np.unique(t * np.array([orientation(row) for row in t])[:, None] + 0.0, axis=0)
     assert len(np.unique(codes)) == len(some) > 40
     assert (codes != pair_codes(key + 1, t)).all()
+    assert len(np.unique(pair_codes(key, np.array([[1.0, 2, 0], [2, 1, 0], [1, 0, 2]])))) == 3
     with np.errstate(over="ignore"):
         assert pair_code(np.uint64(key), t[0], np.empty(4)) == codes[0]
     assert [orientation(np.array(row)) for row in ([0.0, -2, 1], [0.0, 3, -1], [0.0, -0.0, 0])] == [-1, 1, 0]

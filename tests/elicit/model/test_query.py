@@ -94,11 +94,10 @@ def test_rows_of_answers():
     assert len(Answers.none(4)) == 0
     assert Answers.none(4).k == 4
     assert len(Answers.none(3) + answers) == 2
-    two_ways = [
-        both + Answers([[2, -2, 0]], [y], [str(y)]) for y in (1, -1)
-    ]  # the second must not write into the first
-    assert [sum_.y.tolist() for sum_ in two_ways] == [[1, -1, -1, 1], [1, -1, -1, -1]]
-    assert [sum_.ids[-1] for sum_ in two_ways] == ["1", "-1"]
+    # of two sums that begin alike the second must not write into the first
+    sums = [both + Answers([[2, -2, 0]], [y], [str(y)]) for y in (1, -1)]
+    assert [one.y.tolist() for one in sums] == [[1, -1, -1, 1], [1, -1, -1, -1]]
+    assert [one.ids[-1] for one in sums] == ["1", "-1"]
 
 
 def test_answers_keep_their_own_copy():
