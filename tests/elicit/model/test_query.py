@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict, match
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
 
@@ -273,3 +273,30 @@ def test_errors_say_whose_fault_it_is():
     assert isinstance(conflict, ValueError)
     assert issubclass(StaleAnswer, ValueError)
     assert not issubclass(StaleAnswer, InconsistentAnswers)
+
+
+def test_answers_are_matched_with_pending_queries():
+    first, second = Query("1", LEFT, RIGHT), Query("2", RIGHT, LEFT)
+    told = [Answer(second, Verdict.BETTER), Answer(Query("1", LEFT, RIGHT), None)]  # any order; a copy will do
+    assert match(iter(told), [first, second]) == tuple(told)
+    assert match([], [first]) == ()
+
+
+@pytest.mark.parametrize(
+    ("told", "complaint"),
+    [
+        ([("1", LEFT, RIGHT), ("1", LEFT, RIGHT)], "two answers to one pending query: '1'"),
+        ([("3", LEFT, RIGHT)], "no pending query has the id '3'"),
+        ([("1", LEFT, LEFT)], "'1' is about other vectors"),
+        ([("1", RIGHT, RIGHT)], "'1' is about other vectors"),
+    ],
+)
+def test_answers_to_nothing_pending_are_stale(told, complaint):
+    with pytest.raises(StaleAnswer, match=complaint):
+        match([Answer(Query(*one), Verdict.BETTER) for one in told], [Query("1", LEFT, RIGHT)])
+
+
+@pytest.mark.parametrize("told", [Answer(Query("1", LEFT, RIGHT), None), [Verdict.BETTER], [None]])
+def test_what_is_no_answer(told):
+    with pytest.raises(TypeError, match=r"into a list|must return elicit\.Answer"):
+        match(told, [Query("1", LEFT, RIGHT)])

@@ -204,6 +204,14 @@ def test_each_write_is_synced(path, monkeypatch, write):
     assert synced == [path.stat().st_size]
 
 
+@pytest.mark.skipif(os.name != "posix", reason="only there a directory can be synced")
+def test_the_name_of_a_new_file_is_synced(path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda n: synced.append(os.fstat(n).st_ino))
+    AnswerLog(path)
+    assert synced == [path.parent.stat().st_ino]
+
+
 def half_written(*args, **kwargs):
     """A file that takes all but the last five bytes."""
     file = open(*args, **kwargs)  # noqa: SIM115
