@@ -10,9 +10,10 @@ import math
 from typing import Any
 
 from elicit._support.jit import compiled
+from elicit.model.query import Verdict
 
-WORSE, EQUAL, BETTER, UNKNOWN = -1, 0, 1, 2  # the codes of Verdict
-UNSETTLED = 3  # and one more: this code cannot tell
+WORSE, EQUAL, BETTER, UNKNOWN = map(int, Verdict)  # as plain numbers
+UNSETTLED = 3  # and one more code: the compiled code cannot tell
 
 
 @compiled
