@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.tutor import Tutor
 
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.inequalities import Inequality, inequalities, inequality
     from elicit.tutors.answer_log import AnswerLog
-    from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
+    from elicit.tutors.replay import ReplayTutor
+    from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
 _LATER = {  # imported when first used, so that `import elicit` stays light
     "AlwaysAsk": "elicit.comparators.baselines",
@@ -35,16 +37,15 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "PolytopeComparator": "elicit.comparators.polytope.comparator",
     "PosteriorComparator": "elicit.comparators.bradley_terry.particle_comparator",
     "RelaxedPolytopeComparator": "elicit.comparators.polytope.relaxed_comparator",
-    "ReplayTutor": "elicit.tutors.simulated",
+    "ReplayTutor": "elicit.tutors.replay",
     "TruthfulTutor": "elicit.tutors.simulated",
-    "Tutor": "elicit.tutors.simulated",
     "compare_held_out": "elicit.diagnostics.held_out",
     "held_out": "elicit.diagnostics.held_out",
     "inequalities": "elicit.lp.inequalities",
     "inequality": "elicit.lp.inequalities",
     "tutor_report": "elicit.diagnostics.tutor_report",
 }
-_MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.circles, say
+_MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.cycles, say
 
 __all__ = [
     "AlwaysAsk",

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.lp.region import TIE_BAND
 from elicit.model.comparator import Comparator
-from elicit.model.scale import Floats, normalise, tail_sums
+from elicit.model.scale import Floats, exact_dot, normalise
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -84,16 +83,16 @@ def polytope(
         if np.ptp(points, axis=0).max() < 0.01:  # too small to be seen
             ax.plot(*points.mean(axis=0), "o", markersize=13, markerfacecolor="none", color=_BLUE, zorder=3)
     if cuts:
-        known = shown[-1]
-        from_prior = 0 if known.prior is None else len(known.prior[0])
-        lines = [_across(row, limit) for row, limit in _limits(known)]
-        for drawn, color, label in (
-            (lines[:from_prior], _VERMILLION, "limits of the prior"),
-            (lines[from_prior:], "0.45", "limits of the answers"),
+        region = shown[-1].region
+        for of_prior, color, label in (
+            (True, _VERMILLION, "limits of the prior"),
+            (False, "0.45", "limits of the answers"),
         ):
-            segments = [line for line in drawn if line is not None]
+            own = (region.owner < 0) == of_prior
+            lines = [_across(row, limit) for row, limit in zip(region.rows[own], region.rhs[own], strict=True)]
+            segments = [line for line in lines if line is not None]
             if segments:
-                style = {"colors": color, "linestyles": "-" if color != "0.45" else (0, (4, 2)), "linewidths": 0.8}
+                style = {"colors": color, "linestyles": "-" if of_prior else (0, (4, 2)), "linewidths": 0.8}
                 ax.add_collection(LineCollection(segments, label=label, zorder=1.5, **style))
     ax.plot(*shown[-1].values[1:3], "o", color="black", markersize=6, label="best guess (analytic centre)", zorder=5)
     if true is not None:
@@ -114,20 +113,11 @@ def corners(comparator: PolytopeComparator) -> Floats:
     """The corners (m, 3) of K_t at k = 4, as gaps, in order around it; two where it is a segment, one where it is
     a point. Computed in rationals and rounded at the end. Raises ValueError for k other than 4."""
     _check_plane(comparator)
-    area = [tuple(Fraction(int(i == j)) for j in range(3)) for i in range(3)]
-    floor = [(np.eye(3)[j], comparator.margin) for j in range(3)]
-    for row, limit in (*floor, *_limits(comparator)):
-        r, b = [Fraction(x) for x in row.tolist()], Fraction(limit)
-        height = [sum(x * g for x, g in zip(r, point, strict=True)) - b for point in area]
-        cut = []
-        for i, point in enumerate(area):
-            j = (i + 1) % len(area)
-            if height[i] >= 0:
-                cut.append(point)
-            if height[i] * height[j] < 0:
-                share = height[i] / (height[i] - height[j])
-                cut.append(tuple(g + share * (h - g) for g, h in zip(point, area[j], strict=True)))
-        area = list(dict.fromkeys(cut))
+    region, area = comparator.region, _SIMPLEX
+    for axis in np.eye(3):
+        area = _clipped(area, axis, region.exact_margin)
+    for row, limit in zip(region.rows, region.rhs, strict=True):
+        area = _clipped(area, row, Fraction(float(limit)))
     return np.array(area, dtype=np.float64).reshape(-1, 3)
 
 
@@ -272,20 +262,6 @@ def _plane(g: Floats) -> Floats:
     return points
 
 
-def _limits(comparator: PolytopeComparator) -> list[tuple[Floats, float]]:
-    """Rows (k-1,) and limits with row.g >= limit: those of the prior, then those of the answers."""
-    limits = []
-    if comparator.prior is not None:
-        a, b = (np.asarray(part, dtype=np.float64) for part in comparator.prior[:2])
-        limits += list(zip(tail_sums(a), b.tolist(), strict=True))
-    answers = comparator.answers
-    for row, size, y in zip(tail_sums(answers.d), np.abs(answers.d).sum(axis=1), answers.y.tolist(), strict=True):
-        # a little wider than the band, so that rounding cannot exclude what it allows
-        band = 0.0 if y else -TIE_BAND * (1 + 1e-14) * float(size)
-        limits += [(sign * row, band) for sign in ((1, -1) if y == 0 else (y,))]
-    return limits
-
-
 def _check_plane(comparator: Comparator) -> None:
     if comparator.k != 4:
         raise ValueError(
@@ -298,15 +274,29 @@ def _check_plane(comparator: Comparator) -> None:
 
 def _across(row: Floats, limit: float) -> Floats | None:
     """The line row.g = limit across the triangle, (2, 2) in the plane; None where it misses it."""
-    height = row - limit
-    if not height.min() < 0 < height.max():
+    if not row.min() < limit < row.max():
         return None
-    ends = [np.eye(3)[i] for i in range(3) if height[i] == 0]
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        if np.sign(height[i]) * np.sign(height[j]) < 0:
+    exact = Fraction(float(limit))
+    ends = [point for point in _clipped(_SIMPLEX, row, exact) if exact_dot(row, point) == exact]
+    return _plane(np.array(ends, dtype=np.float64))
+
+
+_Points: TypeAlias = list[tuple[Fraction, ...]]
+_SIMPLEX: _Points = [tuple(Fraction(int(i == j)) for j in range(3)) for i in range(3)]
+
+
+def _clipped(area: _Points, row: Floats, limit: Fraction) -> _Points:
+    """The part of a convex polygon where row.g >= limit, its corners in the same order, without rounding."""
+    height = [exact_dot(row, point) - limit for point in area]
+    kept = []
+    for i, point in enumerate(area):
+        j = (i + 1) % len(area)
+        if height[i] >= 0:
+            kept.append(point)
+        if height[i] * height[j] < 0:
             share = height[i] / (height[i] - height[j])
-            ends.append(np.eye(3)[i] * (1 - share) + np.eye(3)[j] * share)
-    return _plane(np.array(ends))
+            kept.append(tuple(g + share * (h - g) for g, h in zip(point, area[j], strict=True)))
+    return list(dict.fromkeys(kept))
 
 
 def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Comparator]) -> list[tuple[str, Comparator]]:

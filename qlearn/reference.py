@@ -28,7 +28,7 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.tutors.simulated import Tutor
+from elicit.model.tutor import Tutor
 from qlearn.learners.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 

@@ -3,6 +3,8 @@
 ``fold(key, a, b, ...)`` is the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)
 applied once per counter. Numbers drawn this way do not depend on the order of drawing, so two
 runs that share a key share their exploration and their transitions (common random numbers).
+``fold``, ``uniform`` and ``pair_codes`` take whole arrays; ``mix``, ``unit`` and ``pair_code``
+are the same for compiled code, one number or one pair at a time.
 """
 
 from __future__ import annotations
@@ -13,13 +15,15 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.jit import compiled
+
 Seed: TypeAlias = int | np.integer[Any] | np.random.SeedSequence | np.random.Generator
 
-GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX1 = np.uint64(0xBF58476D1CE4E5B9)
 _MIX2 = np.uint64(0x94D049BB133111EB)
-_U27, _U30, _U31, _U11 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(11)
-_UNIT = 2.0**-53
+_ONE = np.uint64(1)
+_S11, _S27, _S30, _S31 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(31)
 
 
 def key_of(seed: Seed) -> int:
@@ -33,35 +37,70 @@ def key_of(seed: Seed) -> int:
     raise TypeError(f"a seed must be a non-negative int, a numpy SeedSequence or a Generator, not {seed!r}")
 
 
-def fold(key: Any, *counters: ArrayLike) -> NDArray[np.uint64]:
-    """Hash (key, counters) to 64 bits; counters are integers or arrays that broadcast."""
-    h = np.asarray(key, dtype=np.uint64)
-    with np.errstate(over="ignore"):
-        for counter in counters:
-            c = np.asarray(counter).astype(np.uint64)
-            z = h + (c + np.uint64(1)) * GOLDEN
-            z = (z ^ (z >> _U30)) * _MIX1
-            z = (z ^ (z >> _U27)) * _MIX2
-            h = z ^ (z >> _U31)
-    return h
-
-
-def uniform(h: NDArray[np.uint64]) -> NDArray[np.float64]:
-    """The hash as a number in [0, 1) with 53 random bits."""
-    return (h >> _U11).astype(np.float64) * _UNIT
-
-
 def name_code(name: str) -> int:
     """A 64-bit number for a name, so that a purpose ("transitions") can be a counter."""
     return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "little")
 
 
-def unordered_pairs(key: Any, t: NDArray[np.float64]) -> tuple[NDArray[np.int8], NDArray[np.uint64]]:
-    """For pairs given by their tail sums t (n, p): which way round each is (n,), +1 or -1 (0 where t = 0),
-    and a hash (n,) of (key, the unordered pair): t and -t get the same."""
-    first = (t != 0).argmax(axis=1)
-    orientation = np.sign(t[np.arange(len(t)), first]).astype(np.int8)
-    # adding 0.0 turns -0.0 into 0.0, whose bits differ
-    canonical = np.ascontiguousarray(t * orientation[:, None] + 0.0).view(np.uint64)
-    entries = fold(fold(key, np.arange(t.shape[1])), canonical)
-    return orientation, fold(key, np.add.reduce(entries, axis=1))
+def _round(h: Any, counter: Any) -> Any:
+    z = h + (np.uint64(counter) + _ONE) * _GOLDEN
+    z = (z ^ (z >> _S30)) * _MIX1
+    z = (z ^ (z >> _S27)) * _MIX2
+    return z ^ (z >> _S31)
+
+
+def uniform(h: Any) -> Any:
+    """Hashes as numbers in [0, 1) with 53 random bits."""
+    return (h >> _S11) * 2.0**-53
+
+
+mix = compiled(_round)
+"""One round of ``fold``: the hash of (h, counter), both unsigned 64-bit numbers."""
+unit = compiled(uniform)
+"""``uniform`` of one hash."""
+
+
+def fold(key: Any, *counters: ArrayLike) -> NDArray[np.uint64]:
+    """Hash (key, counters) to 64 bits; counters are integers or arrays that broadcast."""
+    h = np.asarray(key, dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        for counter in counters:
+            h = np.asarray(_round(h, np.asarray(counter).astype(np.uint64)))
+    return h
+
+
+@compiled
+def orientation(t: Any) -> int:
+    """Which way round the pair with tail sums t (p,) is: the sign of the first entry that is not 0; 0 if all are."""
+    for j in range(len(t)):
+        if t[j] != 0.0:
+            return 1 if t[j] > 0.0 else -1
+    return 0
+
+
+@compiled
+def pair_code(key: Any, t: Any, work: Any) -> Any:
+    """A hash of (key, the unordered pair with tail sums t (p,)): t and -t get the same. ``work`` (p,) is written in."""
+    sign = orientation(t)
+    for j in range(len(t)):
+        work[j] = t[j] * sign + 0.0  # adding 0.0 turns -0.0 into 0.0, whose bits differ
+    bits = work.view(np.uint64)
+    total = np.uint64(0)
+    for j in range(len(t)):
+        total += mix(mix(key, np.uint64(j)), bits[j])
+    return mix(key, total)
+
+
+@compiled
+def _pair_codes(key: Any, t: Any, codes: Any) -> None:
+    work = np.empty(t.shape[1])
+    for i in range(len(t)):
+        codes[i] = pair_code(key, t[i], work)
+
+
+def pair_codes(key: Any, t: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """``pair_code`` (n,) of pairs given by their tail sums t (n, p)."""
+    codes = np.empty(len(t), dtype=np.uint64)
+    with np.errstate(over="ignore"):
+        _pair_codes(np.uint64(key), np.ascontiguousarray(t, dtype=np.float64), codes)
+    return codes

@@ -1,4 +1,5 @@
-"""Compile with numba where it is installed (the extra ``fast``); the same source runs without it, slower."""
+"""Compile with numba, and keep the machine code on disk. ``NUMBA_DISABLE_JIT=1`` runs the same source to the same
+numbers, slowly."""
 
 from __future__ import annotations
 
@@ -9,12 +10,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+from numba import config, njit
+from numba.core import event
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
-    """The function as machine code, kept on disk between processes; itself where there is no numba. No option
-    that lets sums be reordered: both ways give the same numbers to the last bit.
+    """The function as machine code, kept on disk between processes. No option that lets sums be reordered: compiled
+    or not, the numbers are the same to the last bit.
 
     Arrays are better assigned element by element: for a whole one, numba compiles what its error message takes, which
     are seconds in every process that compiles at all."""
@@ -32,22 +36,16 @@ def unlocked(function: F) -> F:
 
 
 def _made(function: F, **options: Any) -> F:
-    try:
-        from numba import config as settings
-        from numba import njit
-    except ImportError:
-        return function
-    _announce_compiling()
-    config: Any = settings
-    usual, file = config.CACHE_DIR, Path(function.__code__.co_filename)
+    settings: Any = config
+    usual, file = settings.CACHE_DIR, Path(function.__code__.co_filename)
     _PACKAGES.add(_package_of(file))  # what this function calls was imported, and is known here, before it
-    config.CACHE_DIR = _cache_of(usual, file.parent, frozenset(_PACKAGES))
+    settings.CACHE_DIR = _cache_of(usual, file.parent, frozenset(_PACKAGES))
     try:
         made: Any = njit(cache=True, error_model="numpy", **options)(function)
     except RuntimeError:  # nowhere to keep it
         made = njit(error_model="numpy", **options)(function)
     finally:
-        config.CACHE_DIR = usual
+        settings.CACHE_DIR = usual
     _OURS.add(function)
     return cast(F, made)
 
@@ -65,36 +63,33 @@ _OURS: set[Any] = set()
 
 
 @cache
-def _cache_of(usual: str, folder: Path, packages: frozenset[Path] = frozenset(_PACKAGES)) -> str:
+def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
     """Where to keep the machine code of a folder's functions: a place of its own for each state of the sources, of
     whole packages, so that it does not depend on what was imported first. numba looks for changes in a function's own
     file only, not in the files of the functions it calls."""
     sources = {path: path.read_bytes() for home in packages for path in home.rglob("*.py")}
     digest = hashlib.blake2b(digest_size=8)
     for path in sorted(sources):
-        if any(mark in sources[path] for mark in (b"@compiled", b"@loosely", b"@unlocked")):
+        if b"_support.jit import" in sources[path]:
             digest.update(sources[path])
     return str(Path(usual or folder / "__pycache__") / f"numba-{digest.hexdigest()}")
 
 
-@cache
-def _announce_compiling() -> None:
-    """Say once, on the standard error, what a first call waits for."""
-    from numba.core import event
+class _Announcer(event.Listener):
+    """Says once, on the standard error, what a first call waits for."""
 
-    class Announcer(event.Listener):
-        def on_start(self, event: Any) -> None:
-            if event.data["dispatcher"].py_func in _OURS and not said:
-                said.append(True)
-                print(
-                    "elicit: compiling, once on this machine: up to a minute of computing ...",
-                    file=sys.stderr,
-                    flush=True,
-                )
+    said = False
 
-        def on_end(self, event: Any) -> None:
-            pass
+    def on_start(self, event: Any) -> None:
+        if event.data["dispatcher"].py_func in _OURS and not self.said:
+            self.said = True
+            print(
+                "elicit: compiling, once on this machine: up to a minute of computing ...", file=sys.stderr, flush=True
+            )
 
-    said: list[bool] = []
-    register: Any = event.register
-    register("numba:compile", Announcer())
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+_register: Any = event.register
+_register("numba:compile", _Announcer())

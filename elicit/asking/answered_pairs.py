@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import unordered_pairs
-from elicit._support.hashing_kernel import pair_code
+from elicit._support.hashing import pair_code, pair_codes
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats, tail_sums
 
@@ -65,7 +64,7 @@ class AnsweredPairs:
         """Whether the hashes of tail sums t (n, p) are among sorted ``codes``."""
         if not len(codes):
             return np.zeros(len(t), dtype=np.bool_)
-        wanted = unordered_pairs(self._key, t)[1]
+        wanted = pair_codes(self._key, t)
         found: NDArray[np.bool_] = codes[np.searchsorted(codes[:-1], wanted)] == wanted
         return found
 

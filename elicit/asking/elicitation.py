@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import Seed, key_of, uniform, unordered_pairs
+from elicit._support.hashing import Seed, key_of, pair_codes, uniform
 from elicit._support.validation import is_number, is_whole
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
 from elicit.asking.elicitation_kernel import AskingRule
@@ -279,7 +279,7 @@ class Elicitation:
         rows = np.flatnonzero(np.isin(tiers, BY_ANSWERS) & (np.abs(verdicts) == 1))
         if not len(rows):
             return
-        _, codes = unordered_pairs(self._key, tail_sums(d[rows]))
+        codes = pair_codes(self._key, tail_sums(d[rows]))
         rows = rows[uniform(codes) < self._audit]
         rows = rows[~self._told.has(d[rows])]
         verdicts[rows], tiers[rows] = Verdict.UNKNOWN, tiers[rows] + AUDIT

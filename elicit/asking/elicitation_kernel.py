@@ -7,11 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing_kernel import pair_code, unit
+from elicit._support.hashing import pair_code, unit
 from elicit._support.jit import compiled
 from elicit.decision.judge import judge, within
-from elicit.lp.sign import BETTER, BY_EQUAL, EQUAL, UNKNOWN, UNSETTLED, WORSE
+from elicit.lp.sign import BY_EQUAL
 from elicit.model.comparator import Tier
+from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
 
 INDIFFERENT, GUESS = int(Tier.INDIFFERENT), int(Tier.GUESS)
 

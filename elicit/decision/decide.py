@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from elicit.decision.judge import judge_all
 from elicit.decision.rule import Rule, Settling, compares_by_rule, rule_of
-from elicit.lp.sign import UNSETTLED
 from elicit.model.comparator import Comparator, Decisions, Tier, dominance_tiers
 from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
+from elicit.model.tail_sums_kernel import UNSETTLED
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:

@@ -20,21 +20,17 @@ from elicit.lp.sign import (
     BY_EQUAL,
     BY_SCREEN,
     BY_SIMPLEX,
-    EQUAL,
     NOWHERE,
-    UNKNOWN,
-    UNSETTLED,
-    by_dominance,
     glance,
     lifting_row,
     search,
     side_of,
     signs_at_points,
-    tail_sums_into,
     to_unit,
 )
 from elicit.lp.vertices import EPS, SMALL, USED, Known, doubt_at
 from elicit.model.comparator import Tier
+from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance, tail_sums_into
 
 BY_MODEL = int(Tier.MODEL)
 NEAR = 1e-12  # of the largest tail sum: what is no farther from 0 at a point inside may be 0

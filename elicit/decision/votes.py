@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from elicit._support.jit import compiled, loosely
-from elicit.lp.sign import BETTER, UNKNOWN, WORSE
+from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, WORSE
 
 LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
 BLOCK = 64  # scales whose votes are counted before it is asked whether a level can still be reached

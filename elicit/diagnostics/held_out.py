@@ -14,7 +14,7 @@ from scipy.special import expit, ndtri
 from elicit._support.hashing import Seed, fold, key_of, name_code
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, pairs_of, read_log
-from elicit.model.comparator import Comparator
+from elicit.model.comparator import Comparator, Foretells
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, dot, tail_sums
 
@@ -95,8 +95,8 @@ def held_out(
     training answers contradict each other (InconsistentAnswers) they are taken one by one, without those that
     contradict the ones before, and counted.
 
-    The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what
-    ``.probability(d)`` says of left being better, its last array where there are several. Raises ValueError on other
+    The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what a
+    comparator that ``Foretells`` says. Raises ValueError on other
     numbers of folds than 2 up to that of the pairs, on a level outside (0, 1), and on answers about other levels.
     """
     check_level(level)
@@ -190,8 +190,8 @@ class _Foretold(NamedTuple):
             draws = comparator.draws
             each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(t @ draws.gaps * draws.precision)
             self.chance[rows] = each @ draws.weights
-        elif (probability := getattr(comparator, "probability", None)) is not None:
-            found = probability(d)
+        elif isinstance(comparator, Foretells):
+            found = comparator.probability(d)
             self.chance[rows] = found[-1] if isinstance(found, tuple) else found
 
 

@@ -17,8 +17,6 @@ from typing import NamedTuple, TypeAlias
 
 import networkx as nx
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from elicit.model.query import Answer, Verdict
 from elicit.model.scale import dominance as by_order
@@ -115,14 +113,13 @@ def follows(graph: nx.DiGraph) -> list[Implied]:
     a node, and at most as many results as pairs.
     """
     found = []
-    search = _Search(graph)
     joined = {pair for u, v in graph.edges for pair in ((u, v), (v, u))}
     for better in sorted(graph):
-        open_ones = [other for other in sorted(graph) if other != better and (better, other) not in joined]
-        for path in search.paths(better, open_ones):
-            steps = _steps(graph, path)
-            tie = all(step.kind == "equal" for step in steps)
-            found.append(Implied(better, path[-1], Verdict.EQUAL if tie else Verdict.BETTER, steps))
+        for worse, path in sorted(_shortest_paths(graph, better).items()):
+            if worse != better and (better, worse) not in joined:
+                steps = _steps(graph, path)
+                tie = all(step.kind == "equal" for step in steps)
+                found.append(Implied(better, worse, Verdict.EQUAL if tie else Verdict.BETTER, steps))
     ties = {(one.better, one.worse) for one in found if one.verdict == Verdict.EQUAL and one.better < one.worse}
     return [one for one in found if one.verdict != Verdict.EQUAL or (one.worse, one.better) not in ties]
 
@@ -171,7 +168,7 @@ def _add_dominance(graph: nx.DiGraph) -> None:
                 graph.add_edge(*edge, ids=(), kind="dominance", dominates=True)
 
 
-def _steps(graph: nx.DiGraph, path: _Nodes) -> tuple[Step, ...]:
+def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
     """The edges along a path; where dominance suffices, no answer is called upon."""
     steps = []
     for edge in pairwise(path):
@@ -204,41 +201,25 @@ def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGrap
 
 def _through(graph: nx.DiGraph, edges: Iterable[tuple[int, int]]) -> Iterator[_Nodes]:
     """The nodes of the shortest circle through each edge that lies on one, the smallest node first."""
-    parts = list(nx.strongly_connected_components(graph))
-    part_of = {node: i for i, part in enumerate(parts) for node in part}
-    wanted: dict[int, dict[int, list[int]]] = {}  # by component: each end, and the starts that lead to it
+    ends: dict[int, list[int]] = {}  # each end, and the starts that lead to it
     for start, end in edges:
-        if part_of[start] == part_of[end]:
-            wanted.setdefault(part_of[start], {}).setdefault(end, []).append(start)
-    for i, ends in wanted.items():
-        search = _Search(graph.subgraph(parts[i]))
-        for end, starts in ends.items():
-            for path in search.paths(end, starts):
+        ends.setdefault(end, []).append(start)
+    for nodes in nx.strongly_connected_components(graph):
+        part = graph.subgraph(nodes).copy()
+        for end in nodes & ends.keys():
+            paths = _shortest_paths(part, end)
+            for path in (paths[start] for start in ends[end] if start in nodes):
                 first = path.index(min(path))
                 yield (*path[first:], *path[:first])
 
 
-class _Search:
-    """Shortest paths: fewest answers, then fewest steps."""
-
-    def __init__(self, graph: nx.DiGraph) -> None:
-        self._nodes = sorted(graph)
-        self._place = {node: i for i, node in enumerate(self._nodes)}
-        ends = np.array([[self._place[node] for node in edge] for edge in graph.edges], dtype=np.int64).reshape(-1, 2)
-        answer = len(self._nodes) + 1.0  # more than any number of steps
-        weights = [1.0 if about["dominates"] else 1.0 + answer for about in graph.edges.values()]
-        self._matrix = csr_array((weights, (ends[:, 0], ends[:, 1])), shape=(len(self._nodes),) * 2)
-
-    def paths(self, start: int, ends: Iterable[int]) -> Iterator[_Nodes]:
-        """The path from start to each of the ends that can be reached; one node where that is the start."""
-        first = self._place[start]
-        _, before = dijkstra(self._matrix, indices=first, return_predecessors=True)
-        for end in ends:
-            path = [self._place[end]]
-            while path[-1] != first and before[path[-1]] >= 0:
-                path.append(int(before[path[-1]]))
-            if path[-1] == first:
-                yield tuple(self._nodes[i] for i in reversed(path))
+def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:
+    """From a node to each that can be reached, the path with the fewest answers, then the fewest steps."""
+    answer = len(graph) + 1  # more than any number of steps
+    paths: dict[int, list[int]] = nx.single_source_dijkstra_path(
+        graph, start, weight=lambda _, __, about: 1 if about["dominates"] else 1 + answer
+    )
+    return paths
 
 
 def _said(graph: nx.DiGraph, nodes: _Nodes) -> frozenset[_Said]:

@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
-from scipy.special import bdtr, betaincinv, expit
+from scipy.special import expit
+from scipy.stats import binomtest
 
 from elicit._support.hashing import Seed, key_of
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.inequalities import PriorLike
@@ -55,8 +56,8 @@ NOTHING = Estimate(math.nan, math.nan, math.nan)
 class TutorReport:
     """What ``tutor_report`` found; ``str()`` says it in sentences. Estimates hold intervals of ``level``.
 
-    answers: that prefer a side or call a tie, of them ``ties``. ``unused`` were told but not learned from; they are
-    among the answers unless left out. Not among them: ``cannot_tell`` and ``retracted``.
+    answers: that prefer a side or call a tie, of them ``ties``, and of them ``unused``, which were told but not learned
+    from. Not among them: ``cannot_tell`` and ``retracted``.
     against_order: how many of the ``by_order`` answers to pairs that the order of the levels settles go against it.
     repeated: questions asked more than once. couples: their first two answers, the next two, and so on.
     consistency: share of couples that agree, exact (Clopper and Pearson 1934).
@@ -138,7 +139,6 @@ def tutor_report(
     k: int | None = None,
     *,
     level: float = 0.95,
-    include_unused: bool = True,
     prior: PriorLike = None,
     particles: int | None = None,
     seed: Seed = 0,
@@ -146,9 +146,9 @@ def tutor_report(
     """How often a tutor errs, with what precision and consistency answers are given, and whether a side is favoured.
 
     log: an AnswerLog, its entries, Answers to queries, or bare ``Answers``. k: needed where nothing else says it.
-    Retracted answers are left out. Answers marked unused count, unless ``include_unused`` is False: most were set
-    aside because they contradict others, so leaving them out flatters the tutor. prior: inequalities that hold for
-    certain, as in ``PosteriorComparator``. particles: for each of nine lapses; None: 50 a gap, at least 300.
+    Retracted answers are left out. Answers marked unused count: most were set aside because they contradict others, so
+    leaving them out would flatter the tutor. prior: inequalities that hold for certain, as in ``PosteriorComparator``.
+    particles: for each of nine lapses; None: 50 a gap, at least 300.
 
     Two error rates. (i) Repeated questions: two answers to one pair differ with probability q = 2 e (1 - e) where
     errors are independent and equally likely each way, so e = (1 - sqrt(1 - 2 q)) / 2. It assumes nothing about the
@@ -163,7 +163,7 @@ def tutor_report(
     Raises ValueError on a level outside (0, 1), and where nothing says how many levels there are.
     """
     check_level(level)
-    told = read_log(log, k, include_unused)
+    told = read_log(log, k)
     answers, n = told.answers, len(told.answers)
     y, decisive = answers.y, answers.y != 0
     couples, repeated = _couples(answers)
@@ -198,7 +198,7 @@ def tutor_report(
         sided=sided,
         exchanged=exchanged,
         left_share=exact_share(left, sided, level),
-        left_p=min(1.0, 2.0 * float(bdtr(min(left, sided - left), sided, 0.5))) if 0 < exchanged < sided else math.nan,
+        left_p=float(binomtest(left, sided).pvalue) if 0 < exchanged < sided else math.nan,
     )
 
 
@@ -206,10 +206,8 @@ def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
     """count / n with Clopper and Pearson's interval; nan for n = 0."""
     if n == 0:
         return NOTHING
-    tail = (1.0 - level) / 2.0
-    low = 0.0 if count == 0 else float(betaincinv(count, n - count + 1, tail))
-    high = 1.0 if count == n else float(betaincinv(count + 1, n - count, 1.0 - tail))
-    return Estimate(count / n, low, high)
+    interval = binomtest(count, n).proportion_ci(level, method="exact")
+    return Estimate(count / n, float(interval.low), float(interval.high))
 
 
 def _error_rate(differ: Estimate) -> Estimate:
@@ -227,7 +225,9 @@ class _Record(NamedTuple):
     unused: int = 0
 
 
-def read_log(log: Told, k: int | None, include_unused: bool = True) -> _Record:
+def read_log(log: Told, k: int | None) -> _Record:
+    """What is on record of answers about k levels, retracted ones left out. Raises TypeError where it is no log, and
+    ValueError where it is about other levels or nothing says how many."""
     k = None if k is None else check_levels(k)
     if isinstance(log, Answers):
         if k not in (None, log.k):
@@ -240,7 +240,7 @@ def read_log(log: Told, k: int | None, include_unused: bool = True) -> _Record:
         if not isinstance(item, (Entry, Answer)):
             raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
         entries.append(item if isinstance(item, Entry) else Entry(item))
-    standing = [entry for entry in entries if not entry.retracted and (entry.used or include_unused)]
+    standing = [entry for entry in entries if not entry.retracted]
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
     levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)
     if levels is None:
@@ -250,7 +250,7 @@ def read_log(log: Told, k: int | None, include_unused: bool = True) -> _Record:
         np.array([answer.swapped for answer in told], dtype=np.bool_),
         len(standing) - len(told),
         sum(entry.retracted for entry in entries),
-        sum(not entry.used and not entry.retracted and entry.answer.verdict is not None for entry in entries),
+        sum(not entry.used and entry.answer.verdict is not None for entry in standing),
     )
 
 
@@ -321,11 +321,12 @@ def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int 
     weights = np.concatenate([share * draws.weights for share, draws in zip(mass, every, strict=True)])
     tails = [(1 - level) / 2, (1 + level) / 2]
     wrong = np.concatenate(shares)
-    middle, low, high = _quantiles(np.concatenate([draws.precision for draws in every]), weights, [0.5, *tails])
+    precisions = np.concatenate([draws.precision for draws in every])
+    middle, low, high = np.quantile(precisions, [0.5, *tails], weights=weights, method="inverted_cdf")
     doubt = np.where(tied, 0.0, mass @ np.array(doubts))
     return _Model(
-        _around(wrong @ weights, *_quantiles(wrong, weights, tails)),
-        Estimate(middle, low, high),
+        _around(wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")),
+        Estimate(float(middle), float(low), float(high)),
         _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
         tuple((answers.ids[i], float(doubt[i])) for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5),
     )
@@ -336,12 +337,5 @@ def _around(value: float, low: float, high: float) -> Estimate:
     return Estimate(float(value), float(min(low, value)), float(max(high, value)))
 
 
-def _quantiles(x: Floats, weights: Floats, at: list[float]) -> list[float]:
-    order = np.argsort(x, kind="stable")
-    below = np.cumsum(weights[order])
-    return [float(x[order[min(int(i), len(x) - 1)]]) for i in np.searchsorted(below, np.array(at) * below[-1])]
-
-
 def check_level(level: float) -> None:
-    if not (is_number(level) and 0 < level < 1):
-        raise ValueError(f"level must lie strictly between 0 and 1, not {level!r}")
+    require(is_number(level) and 0 < level < 1, "level", "a number strictly between 0 and 1", level)

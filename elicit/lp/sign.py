@@ -17,8 +17,8 @@ import numpy as np
 from elicit._support.jit import compiled
 from elicit.lp.primal_simplex import bound_of, least_in_order, walk
 from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known, doubt_at, multipliers
+from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, UNSETTLED, WORSE, by_dominance
 
-WORSE, EQUAL, BETTER, UNKNOWN, UNSETTLED = -1, 0, 1, 2, 3  # the codes of Verdict, and one more
 BY_EQUAL, BY_DOMINANCE, BY_SCREEN, BY_SIMPLEX = 0, 1, 2, 3  # the codes of Tier
 NOWHERE = -1  # no row, no corner
 
@@ -128,30 +128,6 @@ def search(t: Any, known: Known) -> tuple[int, int]:
             return WORSE, BY_SIMPLEX
         above = found < 0
     return (UNKNOWN if above and below else UNSETTLED), BY_SIMPLEX
-
-
-@compiled
-def tail_sums_into(d: Any, i: int, t: Any) -> None:
-    """``scale.tail_sums`` of row i of d (n, k)."""
-    for factor in (1.0, 2.0**-64):
-        total = -0.0  # as a sum begins that keeps the sign of zero
-        for j in range(len(t) - 1, -1, -1):
-            total += d[i, j + 1] * factor
-            t[j] = total
-        if math.isfinite(total):
-            return
-
-
-@compiled
-def by_dominance(t: Any) -> int:
-    """``scale.dominance`` of one row of tail sums (eq. 4)."""
-    some_up, some_down = False, False
-    for j in range(len(t)):
-        some_up = some_up or t[j] > 0.0
-        some_down = some_down or t[j] < 0.0
-    if some_up:
-        return UNKNOWN if some_down else BETTER
-    return WORSE if some_down else EQUAL
 
 
 @compiled

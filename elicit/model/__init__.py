@@ -1,4 +1,4 @@
-"""The words everything speaks in: scales, queries, answers, verdicts, and the Comparator protocol.
+"""The words everything speaks in: scales, queries, answers, verdicts, and what comparators and tutors are.
 
 Imports from ``_support``.
 """

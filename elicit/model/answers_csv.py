@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Literal, NamedTuple, TextIO
+from typing import Literal, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +22,8 @@ _LEVEL = re.compile(r"(left|right|d)_([0-9]+)")
 File = str | os.PathLike[str] | TextIO
 
 
-class Table(NamedTuple):
-    """d (n, k), y (n,), an id a row, and how many rows held no answer."""
-
-    d: Floats
-    y: NDArray[np.int8]
-    ids: tuple[str, ...]
-    skipped: int
-
-
-def read_csv(file: File, k: int | None = None) -> Table:
-    """The answers in a CSV file; see ``Answers.from_csv``."""
+def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8], list[str]]:
+    """d (n, k), y (n,) and an id a row, of the answers in a CSV file; see ``Answers.from_csv``."""
     with _opened(file, "r") as (text, name):
         rows = csv.reader(_without_mark(text), strict=True)
         try:
@@ -42,7 +33,6 @@ def read_csv(file: File, k: int | None = None) -> Table:
             names = [cell.strip().lower() for cell in header[1]]
             levels = _level_columns(names, k, f"line {header[0]} of {name}")
             told: list[tuple[list[float], int, str]] = []
-            skipped = 0
             for cells in rows:
                 where = f"line {rows.line_num} of {name}"
                 if not any(map(str.strip, cells)):
@@ -51,7 +41,6 @@ def read_csv(file: File, k: int | None = None) -> Table:
                     raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(names)} columns")
                 verdict = _verdict(cells[names.index("answer")], where)
                 if verdict is None:
-                    skipped += 1
                     continue
                 numbers = [[_number(cells[i], names[i], where) for i in columns] for columns in levels]
                 d = numbers[0] if len(numbers) == 1 else [a - b for a, b in zip(*numbers, strict=True)]
@@ -60,9 +49,8 @@ def read_csv(file: File, k: int | None = None) -> Table:
             raise ValueError(f"line {rows.line_num} of {name} is no CSV: {error}") from None
         except UnicodeDecodeError as error:
             raise ValueError(f"{name} is not in UTF-8 ({error}): save it as such") from None
-    d_rows = np.array([row[0] for row in told], dtype=np.float64).reshape(len(told), len(levels[0]))
-    y = np.array([row[1] for row in told], dtype=np.int8)
-    return Table(d_rows, y, tuple(row[2] for row in told), skipped)
+    rows_of_d = np.array([row[0] for row in told], dtype=np.float64).reshape(len(told), len(levels[0]))
+    return rows_of_d, np.array([row[1] for row in told], dtype=np.int8), [row[2] for row in told]
 
 
 def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) -> None:

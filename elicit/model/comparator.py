@@ -1,4 +1,5 @@
-"""The Comparator protocol, who settled a comparison, and the one table from signs to verdicts."""
+"""The Comparator protocol and what a comparator may have beyond it, who settled a comparison, and the one table from
+signs to verdicts."""
 
 from __future__ import annotations
 
@@ -39,9 +40,9 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    A comparator may also have ``simultaneous_bounds(d)``, from which learners take what they guarantee (see the
-    function of that name), and ``draws``, weighted plausible scales, by which they choose questions. Where it has a
-    ``level`` too, the draws are what its bounds rest on, and a guarantee holds under so much of their weight.
+    A comparator may also be one that ``KnowsTiers``, ``BoundsAllAtOnce`` or ``Foretells``, and have ``draws``, weighted
+    plausible scales, by which learners choose questions. Where it has a ``level`` too, the draws are what its bounds
+    rest on, and a guarantee holds under so much of their weight.
     """
 
     @property
@@ -69,17 +70,29 @@ class Decisions(NamedTuple):
     tiers: NDArray[np.int8]
 
 
-def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
-    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do.
+@runtime_checkable
+class BoundsAllAtOnce(Protocol):
+    """A comparator on which the guarantee for a policy can rest: it has a set of scales that holds the true one."""
 
-    The one thing that a guarantee on a policy needs of a comparator beyond the protocol: its method of this name, from
-    a set of scales that holds the true one with that confidence (1: for certain, if the answers are right; nan: none
-    can be stated). Of a comparator without it, what holds for every ordered scale.
-    """
-    own = getattr(comparator, "simultaneous_bounds", None)
-    if own is not None:
-        result: tuple[Floats, float] = own(d)
-        return result
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do:
+        1 for certain, if the answers are right; nan where none can be stated."""
+
+
+@runtime_checkable
+class Foretells(Protocol):
+    """A comparator with a model of the tutor's next answer."""
+
+    def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
+        """The probability (n,) that the tutor says left is better, of differences d (n, k); of several arrays (the
+        ends of an interval, say) the last is the best guess."""
+
+
+def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
+    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
+    comparator that is not ``BoundsAllAtOnce``, what holds for every ordered scale."""
+    if isinstance(comparator, BoundsAllAtOnce):
+        return comparator.simultaneous_bounds(d)
     return order_bounds(tail_sums(as_vectors(d, comparator.k)), 0.0)[1], 1.0
 
 

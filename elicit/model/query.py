@@ -167,13 +167,13 @@ class Answers:
         The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k (left - right), answer,
         in any order and case, and perhaps id; without it an id is "line 7". Other columns and blank lines are passed
         over. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left. As with ``of``, rows
-        without an answer (empty, none, null, "cannot tell") are left out; ``csv_answers.read_csv`` counts them.
+        without an answer (empty, none, null, "cannot tell") are left out.
 
         Raises ValueError that names the line and the column, also where there are not k levels; OSError.
         """
         from elicit.model.answers_csv import read_csv
 
-        return Answers(*read_csv(file, k)[:3])
+        return Answers(*read_csv(file, k))
 
     def to_csv(self, file: File) -> None:
         """Write the columns id, d_1, ..., d_k, answer to a path or an open text; ``from_csv`` reads the same back."""

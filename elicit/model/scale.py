@@ -7,6 +7,10 @@ of d_i over i > j. In these coordinates dominance (eq. 4) is t >= 0 and an answe
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from fractions import Fraction
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -60,6 +64,11 @@ def dot(t: Floats, g: Floats) -> Floats:
     for j in range(t.shape[-1]):
         total = total + t[..., j] * g[..., j]
     return total
+
+
+def exact_dot(t: Iterable[Any], g: Iterable[Any]) -> Fraction:
+    """t.g of tail sums t (k-1,) and gaps g (k-1,), floats or Fractions, without rounding."""
+    return sum((Fraction(a) * Fraction(b) for a, b in zip(t, g, strict=True)), Fraction())
 
 
 def normalise(values: ArrayLike) -> Floats:

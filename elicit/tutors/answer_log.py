@@ -87,7 +87,6 @@ class AnswerLog:
         self._path = path
         self._header = header
         self._entries: list[Entry] = []
-        self._torn: str | None = None
         self._read_only = False
         self._size = self._kept = 0  # bytes in the file, and those of its whole lines
         self._joint = b""  # what the next line needs before it
@@ -102,11 +101,6 @@ class AnswerLog:
         return log
 
     @property
-    def path(self) -> Path | None:
-        """The file, or None for a log in memory."""
-        return self._path
-
-    @property
     def k(self) -> int | None:
         """Number of levels; None as long as nothing says so."""
         k: int | None = self._header.get("k")
@@ -116,12 +110,6 @@ class AnswerLog:
     def header(self) -> dict[str, Any]:
         """The fields of the header line (a copy)."""
         return dict(self._header)
-
-    @property
-    def torn(self) -> str | None:
-        """The broken last line that a crash left in the file, else None. It was never acknowledged as
-        written; the next append takes it out of the file."""
-        return self._torn
 
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
         """Add an answer; when this returns it is on the disk, and when it raises nothing has changed.
@@ -187,7 +175,7 @@ class AnswerLog:
         if self._path is not None:
             first = b"" if self._kept else _dump(header, "header")
             self._write(self._path, self._joint + first + line)
-        self._header, self._torn, self._joint = header, None, b""
+        self._header, self._joint = header, b""
 
     def _write(self, path: Path, data: bytes) -> None:
         with open(path, "ab", buffering=0) as file:
@@ -215,8 +203,7 @@ class AnswerLog:
         *lines, last = data.split(b"\n")
         self._size = self._kept = len(data)
         if last and _is_torn(last, first=not lines):
-            self._torn = last.decode("utf-8", "replace")
-            self._kept -= len(last)
+            self._kept -= len(last)  # never acknowledged as written: the next append takes it out of the file
         elif last:
             lines.append(last)  # whole but for its end: the line feed is what the crash took
             self._joint = b"\n"

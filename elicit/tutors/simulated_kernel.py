@@ -1,6 +1,6 @@
-"""A simulated tutor as plain arrays, answering one pair at a time, in code that numba can compile.
+"""A simulated tutor as plain arrays, answering one pair at a time, in compiled code.
 
-For the oracle that is asked about everything: millions of answers, none of which is kept.
+Also for the oracle that is asked about everything: millions of answers, none of which is kept.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing_kernel import mix, pair_code, unit
+from elicit._support.hashing import mix, orientation, pair_code, unit
 from elicit._support.jit import compiled
-from elicit.lp.sign import UNSETTLED
 from elicit.model.scale import Floats
+from elicit.model.tail_sums_kernel import UNSETTLED
 
 NOBODY, TRUTHFUL, FLIPPING, LOGISTIC = range(4)
 GIVEN, WRONG, PAIRS = 0, 1, 2  # what a tally counts: answers, wrong ones, different pairs asked about
@@ -25,7 +25,6 @@ class Respondent(NamedTuple):
 
     kind: int
     gaps: Floats  # (p,)
-    slack: float  # times sum |t_j g_j|: nearer to 0, the sign needs exact arithmetic
     rate: float  # FLIPPING: of errors; LOGISTIC: precision, logits per unit of d.e
     key: Any  # np.uint64, of the errors
     pairs: NDArray[np.uint64]  # (c,) hash table of the pairs' hashes, 0 where it is free
@@ -36,7 +35,25 @@ class Respondent(NamedTuple):
 def nobody() -> Respondent:
     """One who is not asked."""
     pairs, times = np.empty(0, np.uint64), np.empty(0, np.int64)
-    return Respondent(NOBODY, np.empty(0), 0.0, 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64))
+    return Respondent(NOBODY, np.empty(0), 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64))
+
+
+@compiled
+def truth(t: Any, g: Any) -> tuple[int, float]:
+    """The sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g|; UNSETTLED where the sum is so near to 0, or so
+    large, that its rounding leaves the sign open."""
+    at, size = 0.0, 0.0
+    for j in range(len(t)):
+        part = t[j] * g[j]
+        at += part
+        size += abs(part)
+    # more than the rounding error of p products and their sum (Higham 2002, section 3.1), also where products underflow
+    doubt = (len(t) + 8) * 2.0**-52 * size + 2.0**-1000
+    if at > doubt:
+        return 1, at
+    if at < -doubt:
+        return -1, -at
+    return UNSETTLED, 0.0
 
 
 @compiled
@@ -61,13 +78,6 @@ def asked_before(code: Any, pairs: Any, times: Any, tally: Any) -> int:
 
 
 @compiled
-def all_asked_before(codes: Any, pairs: Any, times: Any, tally: Any, before: Any) -> None:
-    """``asked_before`` of codes (n,) in order, into the last argument (n,)."""
-    for i in range(len(codes)):
-        before[i] = asked_before(codes[i], pairs, times, tally)
-
-
-@compiled
 def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
     """Enter a table (c,) in another with more room."""
     for i in range(len(pairs)):
@@ -83,24 +93,39 @@ def chance(size: float, precision: float) -> float:
 
 
 @compiled
-def respond(t: Any, work: Any, tutor: Respondent) -> int:
-    """The answer to a pair with tail sums t (p,), which are not all 0; UNSETTLED, and nothing counted, where the
-    truth needs exact arithmetic or the table room. ``work`` (p,) is written in."""
-    at, size = 0.0, 0.0
-    for j in range(len(t)):
-        part = t[j] * tutor.gaps[j]
-        at += part
-        size += abs(part)
-    doubt = tutor.slack * size + 2.0**-1000
-    if not (at > doubt or at < -doubt) or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
-        return UNSETTLED
-    answer = 1 if at > 0.0 else -1
+def answer(t: Any, sign: int, size: float, work: Any, tutor: Respondent) -> int:
+    """What the tutor says of a pair with tail sums t (p,), of which the truth is this sign and size; counted as one
+    asking. There must be room in the table. ``work`` (p,) is written in."""
     tutor.tally[GIVEN] += 1
     if tutor.kind == TRUTHFUL:
-        return answer
+        return sign
     code = pair_code(tutor.key, t, work)
-    before = asked_before(code, tutor.pairs, tutor.times, tutor.tally)
-    if unit(mix(code, before)) < (tutor.rate if tutor.kind == FLIPPING else chance(abs(at), tutor.rate)):
+    u = unit(mix(code, asked_before(code, tutor.pairs, tutor.times, tutor.tally)))
+    if sign == 0:  # no answer is wrong, and the logistic law tosses a coin, but for two identical vectors
+        return 0 if tutor.kind == FLIPPING else orientation(t) * (1 if u < 0.5 else -1)
+    if u < (tutor.rate if tutor.kind == FLIPPING else chance(size, tutor.rate)):
         tutor.tally[WRONG] += 1
-        return -answer
-    return answer
+        return -sign
+    return sign
+
+
+@compiled
+def respond(t: Any, work: Any, tutor: Respondent) -> int:
+    """The answer to a pair with tail sums t (p,); UNSETTLED, and nothing counted, where the truth needs exact
+    arithmetic or the table room. ``work`` (p,) is written in."""
+    sign, size = truth(t, tutor.gaps)
+    if sign == UNSETTLED or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
+        return UNSETTLED
+    return answer(t, sign, size, work, tutor)
+
+
+@compiled
+def respond_all(t: Any, first: int, answers: Any, work: Any, tutor: Respondent) -> int:
+    """Answers (n,) to pairs with tail sums t (n, p), from row ``first`` on; returns the first row left UNSETTLED, or
+    n."""
+    for i in range(first, len(t)):
+        said = respond(t[i], work, tutor)
+        if said == UNSETTLED:
+            return i
+        answers[i] = said
+    return len(t)

@@ -18,8 +18,8 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query
 from elicit.model.scale import Floats
+from elicit.model.tutor import Tutor
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import Tutor
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 Asking: TypeAlias = Literal["at once", "late"]

@@ -12,24 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing_kernel import mix, unit
+from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
 from elicit.asking.elicitation_kernel import AskingRule, judge_pair
 from elicit.decision.judge import certifies
 from elicit.decision.rule import Rule
-from elicit.lp.sign import (
-    BETTER,
-    BY_DOMINANCE,
-    BY_EQUAL,
-    BY_SCREEN,
-    BY_SIMPLEX,
-    EQUAL,
-    UNKNOWN,
-    UNSETTLED,
-    WORSE,
-    by_dominance,
-)
+from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Tier
+from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE, by_dominance
 from elicit.tutors.simulated_kernel import NOBODY, Respondent, respond
 
 DONE, ASK, DEFER, FULL = range(4)

@@ -14,17 +14,10 @@ from numpy.typing import NDArray
 from elicit._support.jit import compiled, unlocked
 from elicit.asking.elicitation_kernel import AskingRule, judge_pair
 from elicit.decision.judge import certifies
-from elicit.lp.sign import (
-    BETTER,
-    BY_DOMINANCE,
-    BY_EQUAL,
-    EQUAL,
-    UNKNOWN,
-    UNSETTLED,
-    WORSE,
-)
+from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
+from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE = 0  # beside UNKNOWN and UNSETTLED: how a state's competition stands

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from elicit._support.hashing_kernel import mix
+from elicit._support.hashing import mix
 from elicit._support.jit import compiled
 from elicit.comparators.bradley_terry.density import BLOCK, Prior, log_prior, powered
 from elicit.comparators.bradley_terry.density_float32 import LEAST_LAPSE, error, rough_likelihood, roughened

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from elicit._support.hashing_kernel import mix
+from elicit._support.hashing import mix
 from elicit._support.jit import compiled
 from elicit.comparators.bradley_terry.density import Prior, likelihoods, scaled
 from elicit.comparators.bradley_terry.mcmc import move, unit

@@ -6,40 +6,24 @@ import hashlib
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
-import pytest
 
 from elicit._support import jit
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.decision.decide import decide
-from elicit.lp.vertices import CERTAIN_POINT, USED, Known
 from elicit.model.query import Answers
+from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor
 from tests.lp_cases import cases
 
 ROOT = Path(__file__).parents[3]
-HIDE_NUMBA = "import sys; sys.modules['numba'] = None\n"
-
-
-def bits(known: Known) -> Iterator[bytes]:
-    """Everything known, to the last bit, but for places that were never written: those of no corner."""
-    used = int(known.counts[USED])
-    known = known._replace(
-        points=known.points[:, :used],
-        inverses=known.inverses[:used][known.kind[:used] != CERTAIN_POINT],
-        active=known.active[:used],
-        kind=known.kind[:used],
-        age=known.age[:used][known.kind[:used] != CERTAIN_POINT],
-    )
-    for part in known:
-        yield np.ascontiguousarray(part).tobytes()
 
 
 def report() -> list[str]:
-    """One line a case: its kind, verdicts, tiers, and a hash of all that is known, to the last bit."""
+    """One line a case: its kind, verdicts, tiers, and a hash of bounds and values, to the last bit."""
     lines = []
     for i, case in enumerate(cases(97, 32, asks=10, most_levels=10, most_answers=40)):
         comparator = PolytopeComparator(case.k, case.margin, case.prior)
@@ -49,9 +33,12 @@ def report() -> list[str]:
             decided = decide(comparator, case.ask)
             verdicts += decided.verdicts.tolist()
             tiers += decided.tiers.tolist()
-            for part in bits(comparator._set._known):
-                digest.update(part)
+            for numbers in (*comparator.bounds(case.ask), comparator.values):
+                digest.update(numbers.tobytes())
         lines.append(f"{case.kind} {verdicts} {tiers} {digest.hexdigest()}")
+    d = np.repeat(np.random.default_rng(0).normal(size=(40, 4)), 3, axis=0)
+    for tutor in (FlippingTutor([0, 1, 3, 4], 0.3, 7), BradleyTerryTutor([0, 1, 3, 4], 2.0, 7)):
+        lines.append(f"tutor {tutor.signs(d).tolist()} [] {tutor.realised_error_rate}")
     return lines
 
 
@@ -72,33 +59,17 @@ def run(code: str, **environment: str) -> list[str]:
 # ---- the same numbers -------------------------------------------------------------------------------------------
 
 
-def test_with_and_without_numba() -> None:
-    pytest.importorskip("numba")
+def test_compiled_and_interpreted() -> None:
     ours = report()
     assert len({line.split()[0] for line in ours}) > 10
     assert {tier for line in ours for tier in line.split("] [")[1].split("]")[0].split(", ")} >= set("012345")
     show = "from tests.elicit._support import test_jit; print(*test_jit.report(), sep='\\n')"
-    interpreted = run(show, NUMBA_DISABLE_JIT="1")
-    assert interpreted == ours
-    assert run(HIDE_NUMBA + show) == interpreted
-
-
-def test_without_numba_functions_stay_what_they_are() -> None:
-    code = HIDE_NUMBA + "from elicit._support.jit import compiled; f = lambda x: x; print(compiled(f) is f)"
-    assert run(code) == ["True"]
+    assert run(show, NUMBA_DISABLE_JIT="1") == ours
 
 
 def test_numba_is_imported_only_when_a_comparator_needs_it() -> None:
     code = "import sys, elicit; print('numba' in sys.modules); elicit.PolytopeComparator; print('numba' in sys.modules)"
-    assert run(code) == ["False", "True" if has_numba() else "False"]
-
-
-def has_numba() -> bool:
-    try:
-        import numba  # noqa: F401
-    except ImportError:
-        return False
-    return True
+    assert run(code) == ["False", "True"]
 
 
 # ---- the machine code on disk -----------------------------------------------------------------------------------
@@ -114,7 +85,6 @@ def caller(x):
 
 def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
     """numba keeps ``caller`` as it was compiled while its own file stays the same."""
-    pytest.importorskip("numba")
     (tmp_path / "caller.py").write_text(CALLER)
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from caller import caller; print(caller(1))"
     for summand, result in ((1, "4"), (10, "22"), (1, "4")):
@@ -127,21 +97,20 @@ def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
     def place(usual: str, folder: Path) -> str:
         return jit._cache_of.__wrapped__(usual, folder, frozenset({tmp_path}))
 
-    (tmp_path / "one.py").write_text("@compiled\n")
+    (tmp_path / "one.py").write_text("from elicit._support.jit import compiled\n")
     (tmp_path / "room").mkdir()
     before = place("", tmp_path)
     assert Path(before).parent == tmp_path / "__pycache__"
     assert Path(place("/elsewhere", tmp_path)).parent == Path("/elsewhere")
     (tmp_path / "two.py").write_text("nothing is made of this")
     assert place("", tmp_path) == before
-    (tmp_path / "room" / "two.py").write_text("@compiled\n")
+    (tmp_path / "room" / "two.py").write_text("from elicit._support.jit import compiled\n")
     assert place("", tmp_path) != before
     (tmp_path / "room" / "two.py").unlink()
     assert place("", tmp_path) == before
 
 
 def test_the_first_call_says_what_it_waits_for(tmp_path: Path) -> None:
-    pytest.importorskip("numba")
     (tmp_path / "helper.py").write_text(HELPER.format(1))
     code = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.stderr = sys.stdout; import helper; helper.helper(1)"
@@ -155,7 +124,6 @@ def test_the_first_call_says_what_it_waits_for(tmp_path: Path) -> None:
 
 
 def test_numbas_own_settings_are_left_as_they_were() -> None:
-    numba = pytest.importorskip("numba")
     before = str(numba.config.CACHE_DIR)
     twice: Any = jit.compiled(_twice)
     after = str(numba.config.CACHE_DIR)
@@ -169,7 +137,6 @@ def _twice(x: int) -> int:
 
 def test_where_nothing_can_be_written_it_works_all_the_same() -> None:
     """A read-only installation, and no home."""
-    pytest.importorskip("numba")
     code = """if True:
         import numba.core.caching as caching
         def refuse(self): raise OSError("read-only file system")

@@ -57,7 +57,9 @@ def test_simplicity_trades_information_for_ease():
         bags = Bags(simplicity=simplicity)
         row, told = bags.best(comparator.draws, about)
         assert told[row] >= (1 - simplicity) * told.max() - 1e-12
-        eases.append(bags.questions(5).ease[row])
+        easy = bags.questions(5).ease
+        assert easy[row] == easy[told >= max((1 - simplicity) * told.max(), 1e-3)].max(), "the easiest of these"
+        eases.append(easy[row])
         bits.append(told[row])
     assert eases == sorted(eases)
     assert bits == sorted(bits, reverse=True)
@@ -94,18 +96,27 @@ def test_settings_that_make_no_sense_are_refused(bad, worse):
             Bags(**{name: value})
 
 
-@pytest.mark.parametrize("skip", [[999], [-1], ["a"], [0.5], [None]])
-def test_rows_to_skip_that_there_are_not_are_refused(skip):
-    draws, about = PolytopeComparator(3).draws, np.array([[0.5, -1.0, 0.5]])
-    with pytest.raises(ValueError, match=r"skip holds .* rows of questions\(3\), whole numbers .* below 9"):
-        Bags().best(draws, about, skip=skip)
-    row, _ = Bags().best(draws, about, skip=np.arange(8))
-    assert row == 8
+ABOUT = np.array([[0.5, -1.0, 0.5]])
 
 
-def test_a_lapse_that_is_none_is_refused():
-    with pytest.raises(ValueError, match=r"lapse must be a number in 0\.\.1, not 'a'"):
-        Bags().best(PolytopeComparator(3).draws, np.array([[0.5, -1.0, 0.5]]), lapse="a")
+@pytest.mark.parametrize(
+    ("about", "lapse", "skip", "complaint"),
+    [
+        *(
+            (ABOUT, 0.0, [row], r"skip holds .* rows of questions\(3\), .* below 9")
+            for row in (999, -1, "a", 0.5, None)
+        ),
+        (ABOUT, "a", [], r"lapse must be a number in 0\.\.1, not 'a'"),
+        *((about, 0.0, [], "d must") for about in (np.zeros((2, 5)), [[np.nan, 0.0, 0.0]], "all")),
+    ],
+)
+def test_what_nothing_can_be_asked_of_is_refused(about, lapse, skip, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Bags().best(PolytopeComparator(3).draws, about, lapse, skip)
+
+
+def test_all_rows_but_one_can_be_skipped():
+    assert Bags().best(PolytopeComparator(3).draws, ABOUT, skip=np.arange(8))[0] == 8
 
 
 def test_more_questions_than_can_be_looked_through_are_refused():
@@ -116,9 +127,3 @@ def test_more_questions_than_can_be_looked_through_are_refused():
     with pytest.raises(ValueError, match=r"k = 200 levels .* take fewer levels"):
         Bags(days=2).questions(200)
     assert len(Bags(days=1000).questions(5).ease) == 9990  # fewer levels leave room for more days
-
-
-@pytest.mark.parametrize("about", [np.zeros((2, 5)), np.array([[np.nan, 0.0, 0.0]]), "all"])
-def test_differences_that_are_none_are_refused(about):
-    with pytest.raises(ValueError, match="d must"):
-        Bags().best(PolytopeComparator(3).draws, about)

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.hashing import fold, uniform, unordered_pairs
-from elicit._support.hashing_kernel import mix, pair_code, unit
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
@@ -18,12 +16,11 @@ from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeCompar
 from elicit.decision.decide import decide, decide_by
 from elicit.decision.judge import certifies, judge, within
 from elicit.decision.rule import NOTHING, PROVEN, nothing, rule_of
-from elicit.lp.sign import UNSETTLED
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
-from elicit.tutors.simulated_kernel import NOBODY, respond
+from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 
 NOWHERE = np.empty(0)
 K = 6
@@ -179,44 +176,6 @@ def test_a_rule_that_leaves_differences_open_needs_a_comparator_that_settles_the
         decide_by(nothing(), differences(np.random.default_rng(1), 3))
 
 
-def test_hashes_one_by_one_are_those_of_arrays() -> None:
-    key = np.uint64(0xFEDCBA9876543210)
-    t = np.random.default_rng(2).normal(size=(50, 4)) * np.random.default_rng(3).integers(0, 2, (50, 4))
-    t = np.concatenate([t, -t, np.zeros((1, 4)), -np.zeros((1, 4))])
-    _, codes = unordered_pairs(key, t)
-    with np.errstate(over="ignore"):
-        ours = np.array([pair_code(key, row, np.empty(4)) for row in t], dtype=np.uint64)
-        assert (ours == codes).all()
-        assert (ours[:50] == ours[50:100]).all()
-        assert mix(key, np.uint64(3)) == fold(key, 3)[()]
-        assert unit(mix(key, np.uint64(3))) == uniform(fold(key, 3))
-
-
-@pytest.mark.parametrize(
-    "make", [TruthfulTutor, lambda v: FlippingTutor(v, 0.3, 5), lambda v: BradleyTerryTutor(v, 8.0, 5)]
-)
-def test_a_respondent_says_what_its_tutor_says(make: Callable[[Floats], TruthfulTutor]) -> None:
-    values = np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0])
-    rows = differences(np.random.default_rng(3), 3000)
-    rows = np.concatenate([rows, rows[:50], -rows[:50], rows[:20]])  # asked again, and the other way round
-    tie = tail_sums(rows[:1])[0] * 0
-    tie[0], tie[2] = 13.0, -3.0
-    asked, told = make(values), make(values)
-    out = []
-    for t in [*tail_sums(rows), tie]:
-        found = respond(t, np.empty(K - 1), told.respondent)
-        if found == UNSETTLED:
-            d = np.concatenate([[0.0], t - np.append(t[1:], 0.0)])
-            found = int(told.signs(d)[0])
-        out.append(found)
-    want = asked.signs(rows).tolist()
-    assert out[:-1] == want
-    assert told.realised_error_rate == pytest.approx(asked.realised_error_rate, abs=1e-3)
-    if not isinstance(asked, TruthfulTutor):
-        assert 0.1 < asked.realised_error_rate < 0.4
-        assert len(told.respondent.pairs) > 1024  # it grew
-
-
 def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     class Blind(PolytopeComparator):
         def compare(self, d: ArrayLike) -> NDArray[np.int8]:
@@ -228,9 +187,3 @@ def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     assert rule_of(Blind(K)).kind == NOTHING
     assert (decide(Blind(K), np.eye(K)[:2]).verdicts == Blind(K).compare(np.eye(K)[:2])).all()
     assert rule_of(Named(K)).kind == rule_of(PolytopeComparator(K)).kind == PROVEN
-
-    class Moody(TruthfulTutor):
-        def signs(self, d: ArrayLike) -> NDArray[np.int8]:
-            return -super().signs(d)
-
-    assert Moody(np.arange(K)).respondent.kind == NOBODY

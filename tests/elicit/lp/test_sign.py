@@ -17,21 +17,12 @@ import elicit.decision.decide
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.decision.decide import decide
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.lp.sign import (
-    NOWHERE,
-    UNSETTLED,
-    by_dominance,
-    lifting_row,
-    lifts,
-    settle,
-    side_of,
-    tail_sums_into,
-    to_unit,
-)
+from elicit.lp.sign import NOWHERE, lifting_row, lifts, settle, side_of, to_unit
 from elicit.lp.vertex_store import know_row, start
 from elicit.lp.vertices import ROW, Known, doubt_at
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import dominance, tail_sums
+from elicit.model.tail_sums_kernel import UNSETTLED, by_dominance, tail_sums_into
 from tests.lp_cases import (
     KINDS,
     Oracle,

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.model.answers_csv import read_csv
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict, match
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
 
@@ -95,6 +94,10 @@ def test_rows_of_answers():
     assert len(Answers.none(4)) == 0
     assert Answers.none(4).k == 4
     assert len(Answers.none(3) + answers) == 2
+    # of two sums that begin alike the second must not write into the first
+    sums = [both + Answers([[2, -2, 0]], [y], [str(y)]) for y in (1, -1)]
+    assert [one.y.tolist() for one in sums] == [[1, -1, -1, 1], [1, -1, -1, -1]]
+    assert [one.ids[-1] for one in sums] == ["1", "-1"]
 
 
 def test_answers_keep_their_own_copy():
@@ -178,7 +181,6 @@ def test_answers_from_a_spreadsheet(tmp_path):
     assert answers.y.tolist() == [1, -1, 0, -1, 1]
     assert answers.d.tolist() == [[0.25, -0.5, 0.25], [1, -1, 0], [0, -1, 1], [0.1 - 0.3, 0, 0], [0, -1, 1]]
     assert Answers.from_csv(str(path), k=3).ids == answers.ids
-    assert read_csv(path).skipped == 2
     query = Query("q", LEFT, RIGHT)
     assert answers.d[0].tolist() == query.d.tolist(), "left - right, to the last bit"
 
@@ -271,3 +273,30 @@ def test_errors_say_whose_fault_it_is():
     assert isinstance(conflict, ValueError)
     assert issubclass(StaleAnswer, ValueError)
     assert not issubclass(StaleAnswer, InconsistentAnswers)
+
+
+def test_answers_are_matched_with_pending_queries():
+    first, second = Query("1", LEFT, RIGHT), Query("2", RIGHT, LEFT)
+    told = [Answer(second, Verdict.BETTER), Answer(Query("1", LEFT, RIGHT), None)]  # any order; a copy will do
+    assert match(iter(told), [first, second]) == tuple(told)
+    assert match([], [first]) == ()
+
+
+@pytest.mark.parametrize(
+    ("told", "complaint"),
+    [
+        ([("1", LEFT, RIGHT), ("1", LEFT, RIGHT)], "two answers to one pending query: '1'"),
+        ([("3", LEFT, RIGHT)], "no pending query has the id '3'"),
+        ([("1", LEFT, LEFT)], "'1' is about other vectors"),
+        ([("1", RIGHT, RIGHT)], "'1' is about other vectors"),
+    ],
+)
+def test_answers_to_nothing_pending_are_stale(told, complaint):
+    with pytest.raises(StaleAnswer, match=complaint):
+        match([Answer(Query(*one), Verdict.BETTER) for one in told], [Query("1", LEFT, RIGHT)])
+
+
+@pytest.mark.parametrize("told", [Answer(Query("1", LEFT, RIGHT), None), [Verdict.BETTER], [None]])
+def test_what_is_no_answer(told):
+    with pytest.raises(TypeError, match=r"into a list|must return elicit\.Answer"):
+        match(told, [Query("1", LEFT, RIGHT)])

@@ -1,4 +1,4 @@
-"""Tail sums, gaps and dominance: the coordinates in which everything else is written; and the seeds."""
+"""Tail sums, gaps and dominance: the coordinates in which everything else is written."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit._support.hashing import fold, key_of, name_code, uniform
 from elicit.model.scale import as_vectors, dominance, dot, gaps, normalise, order_bounds, tail_sums, values_of
 
 floats = st.floats(-1e6, 1e6)
@@ -174,51 +173,3 @@ def test_normalise_extremes(values):
 def test_bad_values(values, complaint):
     with pytest.raises(ValueError, match=complaint):
         normalise(values)
-
-
-# --- seeds
-
-
-def test_keys():
-    assert key_of(3) == key_of(np.int64(3)) == key_of(np.random.SeedSequence(3))
-    assert key_of(3) != key_of(4)
-    assert 0 <= key_of(2**80) < 2**64
-    generator, twin = np.random.default_rng(1), np.random.default_rng(1)
-    assert key_of(generator) == key_of(twin) != key_of(generator)
-    for bad in (None, -1, True, 1.5, "a"):
-        with pytest.raises(TypeError, match="seed"):
-            key_of(bad)
-
-
-def test_fold_is_stateless_and_broadcasts():
-    key = key_of(0)
-    grid = fold(key, np.arange(4)[:, None], np.arange(5))
-    assert grid.shape == (4, 5)
-    assert grid.dtype == np.uint64
-    assert all(grid[i, j] == fold(key, i, j) for i in range(4) for j in range(5))
-    assert fold(fold(key, 1), 2) == fold(key, 1, 2)
-    assert len(np.unique(fold(key, np.arange(10_000)))) == 10_000
-    assert fold(key, 1, 2) != fold(key, 2, 1)
-    assert fold(2**64 - 1, 2**64 - 1) == fold(np.uint64(2**64 - 1), -1)
-
-
-def test_fold_is_splitmix64():
-    """The first outputs of SplitMix64 from state 0, as its authors' code gives them."""
-    assert [int(fold(0, i)) for i in range(3)] == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
-
-
-def test_uniform_numbers():
-    u = uniform(fold(key_of(1), np.arange(100_000)))
-    assert 0 <= u.min() < 1e-3
-    assert 1 - 1e-3 < u.max() < 1
-    assert abs(u.mean() - 0.5) < 0.005
-    assert abs(np.corrcoef(u[:-1], u[1:])[0, 1]) < 0.02
-    counts = np.histogram(u, 20, (0, 1))[0]
-    assert abs(counts - 5000).max() < 400
-    assert uniform(np.array([0, 2**64 - 1], dtype=np.uint64)).tolist() == [0, 1 - 2**-53]
-
-
-def test_names_are_numbers():
-    assert name_code("transitions") != name_code("exploration")
-    assert 0 <= name_code("transitions") < 2**64
-    fold(1, name_code("transitions"))

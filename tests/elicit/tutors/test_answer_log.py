@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.model.query import Answer, Query, Verdict
+from elicit.tutors import answer_log
 from elicit.tutors.answer_log import AnswerLog, BadLog, Entry
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [1 / 3, 1 / 3, 1 / 3]
@@ -30,6 +32,19 @@ def same(a: Entry, b: Entry) -> bool:
     )
 
 
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "log.jsonl"
+
+
+def ids(log):
+    return [entry.answer.query.id for entry in log]
+
+
+def broken(number):
+    raise OSError(28, "No space left on device")
+
+
 def filled(path, header=None):
     log = AnswerLog(path, header=header)
     log.append(answer("a", about="ward 3 or ward 4?\nünïcödé \u2028"), time="2024-05-01T12:00:00Z")
@@ -39,13 +54,11 @@ def filled(path, header=None):
 
 
 @pytest.mark.parametrize("on_disk", [True, False])
-def test_what_went_in_comes_out(tmp_path, on_disk):
-    path = tmp_path / "log.jsonl" if on_disk else None
+def test_what_went_in_comes_out(path, on_disk):
+    path = path if on_disk else None
     log = filled(path)
     assert len(log) == 3
     assert log.k == 3
-    assert log.path == path
-    assert log.torn is None
     first, second, third = log
     assert first.answer.query.about == "ward 3 or ward 4?\nünïcödé \u2028"
     assert first.metadata == {"time": "2024-05-01T12:00:00Z"}
@@ -90,9 +103,9 @@ def test_floats_survive_to_the_last_bit(numbers):
     assert np.concatenate([stored.left, stored.right]).tobytes() == np.array(numbers).tobytes()
 
 
-def test_the_file_is_plain_json_lines(tmp_path):
-    filled(tmp_path / "log.jsonl", header={"levels": ["bad", "fair", "good"]})
-    lines = (tmp_path / "log.jsonl").read_text("ascii").splitlines()
+def test_the_file_is_plain_json_lines(path):
+    filled(path, header={"levels": ["bad", "fair", "good"]})
+    lines = path.read_text("ascii").splitlines()
     assert json.loads(lines[0]) == {
         "format": "elicit answers",
         "version": 1,
@@ -111,68 +124,54 @@ def test_the_file_is_plain_json_lines(tmp_path):
     }
 
 
-def test_an_existing_file_is_continued(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_an_existing_file_is_continued(path):
     filled(path, header={"levels": ["bad", "fair", "good"]})
     before = path.read_bytes()
     log = AnswerLog(path, k=3, header={"levels": ("bad", "fair", "good")})
     assert path.read_bytes() == before, "opening must not change the file"
     log.append(answer("d"))
     assert path.read_bytes().startswith(before)
-    assert [e.answer.query.id for e in AnswerLog.read(path)] == ["a", "b", "c", "d"]
+    assert ids(AnswerLog.read(path)) == ["a", "b", "c", "d"]
     assert AnswerLog.read(path).header["levels"] == ["bad", "fair", "good"]
 
 
-def test_a_given_k_shows_before_the_first_answer(tmp_path):
-    log = AnswerLog(tmp_path / "log.jsonl", k=3)
+def test_a_given_k_shows_before_the_first_answer(path):
+    log = AnswerLog(path, k=3)
     assert log.k == 3
     with pytest.raises(ValueError, match="3 levels, but query q is about 2"):
         log.append(answer(left=[0, 1], right=[1, 0]))
     assert len(log) == 0
     log.append(answer())
-    assert AnswerLog.read(tmp_path / "log.jsonl").k == 3
-
-
-def test_each_append_is_synced(tmp_path, monkeypatch):
-    path = tmp_path / "log.jsonl"
-    log = AnswerLog(path)
-    synced = []
-    real = os.fsync
-    monkeypatch.setattr(os, "fsync", lambda n: (synced.append(os.fstat(n).st_size), real(n))[1])
-    for name in "abc":
-        log.append(answer(name))
-        assert synced[-1] == path.stat().st_size
-    assert len(synced) == 3
+    assert AnswerLog.read(path).k == 3
 
 
 # --- crashes
 
 
-def test_a_file_cut_anywhere_in_its_last_line_keeps_the_rest(tmp_path):
-    path = tmp_path / "log.jsonl"
-    filled(path)
-    data = path.read_bytes()
-    start = data.rstrip(b"\n").rindex(b"\n") + 1
+WRITES = [lambda log: log.append(answer("d")), lambda log: log.retract("a", why="typo")]
+
+
+@pytest.mark.parametrize("write", WRITES)
+def test_a_file_cut_anywhere_in_its_last_line_keeps_the_rest(path, write):
+    log = filled(path)
+    before, start = log.answers().ids, len(path.read_bytes())
+    write(log)
+    after, data = log.answers().ids, path.read_bytes()
     for cut in range(start, len(data) + 1):
         path.write_bytes(data[:cut])
+        left = after if cut >= len(data) - 1 else before  # only the line feed may be missing
         for open_log in (AnswerLog.read, AnswerLog):
             log = open_log(path)
-            whole = cut >= len(data) - 1  # only the line feed may be missing
-            assert len(log) == (3 if whole else 2), cut
-            assert log.torn == (None if whole or cut == start else data[start:cut].decode()), cut
+            assert log.answers().ids == left, cut
         assert path.read_bytes() == data[:cut], "opening must not change the file"
         log.append(answer("next"))
-        assert log.torn is None
-        names = ["a", "b", "c", "next"] if whole else ["a", "b", "next"]
+        log.retract("c")  # either takes a torn line out of the file
         for found in (log, AnswerLog.read(path), AnswerLog(path)):
-            assert [e.answer.query.id for e in found] == names, cut
-            assert found.torn is None
-        assert path.read_bytes().count(b"\n") == len(names) + 1
+            assert found.answers().ids == (*(name for name in left if name != "c"), "next"), cut
 
 
-def test_a_file_cut_anywhere_in_its_first_lines(tmp_path):
+def test_a_file_cut_anywhere_in_its_first_lines(path):
     """A crash during the very first append leaves a part of the header, or of the first answer."""
-    path = tmp_path / "log.jsonl"
     AnswerLog(path).append(answer("a"))
     data = path.read_bytes()
     header = data.index(b"\n")
@@ -183,81 +182,83 @@ def test_a_file_cut_anywhere_in_its_first_lines(tmp_path):
         assert len(log) == whole
         assert log.k == (3 if cut >= header else None)
         log.append(answer("next"))
-        assert [e.answer.query.id for e in AnswerLog.read(path)] == (["a", "next"] if whole else ["next"]), cut
+        assert ids(AnswerLog.read(path)) == (["a", "next"] if whole else ["next"]), cut
 
 
-def test_garbage_at_the_end_is_torn_too(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_garbage_at_the_end_is_torn_too(path):
     filled(path)
     whole = path.read_bytes()
     for tail in (b"\0" * 40, b'{"id": "\xc3', b"\xff\xfe"):
         path.write_bytes(whole + tail)
         log = AnswerLog(path)
         assert len(log) == 3
-        assert log.torn
         log.append(answer("d"))
         assert len(AnswerLog.read(path)) == 4
 
 
+@pytest.mark.parametrize("write", WRITES)
+def test_each_write_is_synced(path, monkeypatch, write):
+    log, real, synced = filled(path), os.fsync, []
+    monkeypatch.setattr(os, "fsync", lambda n: (synced.append(os.fstat(n).st_size), real(n))[1])
+    write(log)
+    assert synced == [path.stat().st_size]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="only there a directory can be synced")
+def test_the_name_of_a_new_file_is_synced(path, monkeypatch):
+    synced = []
+    monkeypatch.setattr(os, "fsync", lambda n: synced.append(os.fstat(n).st_ino))
+    AnswerLog(path)
+    assert synced == [path.parent.stat().st_ino]
+
+
+def half_written(*args, **kwargs):
+    """A file that takes all but the last five bytes."""
+    file = open(*args, **kwargs)  # noqa: SIM115
+    half = MagicMock(wraps=file)
+    half.__enter__.return_value = half
+    half.__exit__.side_effect = lambda *reason: file.close()
+    half.write.side_effect = lambda data: file.write(data[:-5])
+    return half
+
+
+@pytest.mark.parametrize("write", WRITES)
 @pytest.mark.parametrize("fails", ["write", "fsync"])
-def test_a_failed_append_changes_nothing(tmp_path, monkeypatch, fails):
-    path = tmp_path / "log.jsonl"
+def test_a_failed_write_changes_nothing(path, monkeypatch, fails, write):
     log = filled(path)
     before = path.read_bytes()
-
-    def broken(number):
-        raise OSError(28, "No space left on device")
-
     with monkeypatch.context() as patch:
         if fails == "fsync":
             patch.setattr(os, "fsync", broken)
         else:
-            real = open
-
-            def short(*args, **kwargs):
-                file = real(*args, **kwargs)
-
-                class Short:
-                    def __enter__(self):
-                        return self
-
-                    def __exit__(self, *reason):
-                        file.close()
-
-                    def __getattr__(self, name):
-                        return getattr(file, name)
-
-                    def write(self, data):
-                        return file.write(data[:-5])
-
-                return Short()
-
-            patch.setattr("builtins.open", short)
+            patch.setattr(answer_log, "open", half_written, raising=False)
         with pytest.raises(OSError, match=r"space|disk full"):
-            log.append(answer("lost"))
+            write(log)
     assert path.read_bytes() == before
     assert len(log) == 3
+    assert log.answers().ids == ("a", "c")
     log.append(answer("d"))
-    assert [e.answer.query.id for e in AnswerLog.read(path)] == ["a", "b", "c", "d"]
+    assert AnswerLog.read(path).answers().ids == ("a", "c", "d")
 
 
-def test_a_second_writer_is_noticed(tmp_path):
-    path = tmp_path / "log.jsonl"
-    one = AnswerLog(path)
+@pytest.mark.parametrize("write", WRITES)
+def test_a_second_writer_is_noticed(path, write):
+    one = filled(path)
     two = AnswerLog(path)
-    one.append(answer("a"))
+    one.append(answer("e"))
     with pytest.raises(BadLog, match="something else wrote"):
-        two.append(answer("b"))
-    one.append(answer("c"))
-    assert [e.answer.query.id for e in AnswerLog.read(path)] == ["a", "c"]
+        write(two)
+    assert two.answers().ids == ("a", "c")
+    one.append(answer("f"))
+    assert AnswerLog.read(path).answers().ids == ("a", "c", "e", "f")
 
 
 # --- taking an answer back
 
 
 @pytest.mark.parametrize("on_disk", [True, False])
-def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(tmp_path, on_disk):
-    path = tmp_path / "log.jsonl" if on_disk else None
+def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(path, on_disk):
+    path = path if on_disk else None
     log = filled(path)
     log.append(answer("a", Verdict.WORSE))  # the same query, told twice
     before = path.read_bytes() if on_disk else b""
@@ -267,7 +268,7 @@ def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(tmp_path, on_di
     assert len(log) == 4
     assert [entry.retracted for entry in log] == [True, True, False, True]
     assert [entry.used for entry in log] == [False, False, True, False]
-    assert [entry.answer.query.id for entry in log] == ["a", "b", "c", "a"]
+    assert ids(log) == ["a", "b", "c", "a"]
     first, second, third, fourth = log
     assert first.metadata == {"time": "2024-05-01T12:00:00Z"}
     assert first.retraction == fourth.retraction == {"who": "nurse", "why": {"typo": True}}
@@ -283,36 +284,7 @@ def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(tmp_path, on_di
             assert all(same(x, y) for x, y in zip(found, log, strict=True))
 
 
-def test_answers_are_those_that_answers_without_leaves():
-    log = filled(None)
-    log.append(answer("a", Verdict.WORSE))
-    kept = log.answers().without(["a"])
-    log.retract("a")
-    assert (kept.ids, kept.y.tolist(), kept.d.tobytes()) == (
-        log.answers().ids,
-        log.answers().y.tolist(),
-        log.answers().d.tobytes(),
-    )
-
-
-def test_a_query_can_be_answered_anew(tmp_path):
-    path = tmp_path / "log.jsonl"
-    log = filled(path)
-    for verdict in (Verdict.WORSE, Verdict.EQUAL):
-        log.retract("a")
-        log.append(answer("a", verdict))
-        for found in (log, AnswerLog.read(path)):
-            assert found.answers().ids == ("c", "a")
-            assert found.answers().y.tolist() == [0, verdict]
-    assert [(e.answer.verdict, e.retracted) for e in log if e.answer.query.id == "a"] == [
-        (Verdict.BETTER, True),
-        (Verdict.WORSE, True),
-        (Verdict.EQUAL, False),
-    ]
-
-
-def test_what_cannot_be_retracted(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_what_cannot_be_retracted(path):
     log = filled(path)
     log.retract("a")
     before = path.read_bytes()
@@ -333,74 +305,8 @@ def test_what_cannot_be_retracted(tmp_path):
     assert log.answers().ids == ("c",)
 
 
-def test_a_retraction_is_synced_or_has_not_happened(tmp_path, monkeypatch):
-    path = tmp_path / "log.jsonl"
-    log = filled(path)
-    before = path.read_bytes()
-    real, synced = os.fsync, []
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "fsync", lambda number: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-        with pytest.raises(OSError, match="No space"):
-            log.retract("a")
-    assert path.read_bytes() == before
-    assert log.answers().ids == ("a", "c")
-    monkeypatch.setattr(os, "fsync", lambda number: (synced.append(path.stat().st_size), real(number))[1])
-    log.retract("a")
-    assert synced == [path.stat().st_size]
-    assert AnswerLog.read(path).answers().ids == ("c",)
-
-
-def test_a_second_writer_is_noticed_by_a_retraction(tmp_path):
-    one = filled(tmp_path / "log.jsonl")
-    two = AnswerLog(tmp_path / "log.jsonl")
-    one.retract("a")
-    with pytest.raises(BadLog, match="something else wrote"):
-        two.retract("c")
-    assert [entry.retracted for entry in two] == [False, False, False]
-
-
-def test_a_file_cut_anywhere_in_a_retraction(tmp_path):
-    path = tmp_path / "log.jsonl"
-    filled(path).retract("a", why="typo")
-    data = path.read_bytes()
-    start = data.rstrip(b"\n").rindex(b"\n") + 1
-    for cut in range(start, len(data) + 1):
-        path.write_bytes(data[:cut])
-        whole = cut >= len(data) - 1
-        for open_log in (AnswerLog.read, AnswerLog):
-            log = open_log(path)
-            assert log.answers().ids == (("c",) if whole else ("a", "c")), cut
-            assert log.torn == (None if whole or cut == start else data[start:cut].decode()), cut
-        log.retract("c")  # takes a torn line out of the file, like any append
-        for found in (log, AnswerLog.read(path)):
-            assert found.answers().ids == (() if whole else ("a",)), cut
-            assert found.torn is None
-
-
-@pytest.mark.parametrize(
-    ("line", "complaint"),
-    [
-        ('{"retract": "x"}', "'x' cannot be retracted"),
-        ('{"retract": "d"}', "'d' cannot be retracted"),  # only what was told before
-        ('{"retract": null}', "None"),
-        ('{"retract": ["a"]}', "cannot be retracted"),
-        ('{"retract": "a", "id": "a"}', "no field"),  # half an answer, half a retraction
-    ],
-)
-def test_a_retraction_of_nothing_is_a_damaged_line(tmp_path, line, complaint):
-    path = tmp_path / "log.jsonl"
-    log = filled(path)
-    log.append(answer("d"))
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([*lines[:4], line, lines[4], ""]))
-    with pytest.raises(BadLog, match=complaint) as caught:
-        AnswerLog(path)
-    assert caught.value.line == 5
-
-
-def test_readers_that_know_no_retractions_cannot_misread_one(tmp_path):
+def test_readers_that_know_no_retractions_cannot_misread_one(path):
     """They demand an answer's fields in every line; and a log without retractions is what it always was."""
-    path = tmp_path / "log.jsonl"
     log = filled(path)
     log.append(answer("d"), retract="free to use as metadata")
     assert json.loads(path.read_text().splitlines()[0])["version"] == 1
@@ -436,8 +342,7 @@ def test_retractions_against_a_list(tmp_path_factory, history):
 # --- what is wrong
 
 
-def test_reading_does_not_write(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_reading_does_not_write(tmp_path, path):
     filled(path)
     log = AnswerLog.read(path)
     with pytest.raises(ValueError, match="opened for reading"):
@@ -464,8 +369,7 @@ def test_reading_does_not_write(tmp_path):
         ('{"format": "elicit answers", "version": 1, "k": "3"}\n', "k = '3'", 1),
     ],
 )
-def test_files_that_are_no_log(tmp_path, text, complaint, line):
-    path = tmp_path / "log.jsonl"
+def test_files_that_are_no_log(path, text, complaint, line):
     path.write_text(text)
     for open_log in (AnswerLog, AnswerLog.read):
         with pytest.raises(BadLog, match=complaint) as caught:
@@ -474,49 +378,53 @@ def test_files_that_are_no_log(tmp_path, text, complaint, line):
     assert path.read_text() == text
 
 
+def told(**changes):
+    """The line of an answer, with other fields; ... takes one out."""
+    fields = {"id": "e", "left": LEFT, "right": RIGHT, "verdict": 1, "swapped": False, "about": "", "used": True}
+    return json.dumps({name: value for name, value in {**fields, **changes}.items() if value is not ...})
+
+
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("line", "complaint"),
     [
-        (lambda f: f.pop("left"), "no field 'left'"),
-        (lambda f: f.update(left=[0, 1]), r"\(2,\) with \(3,\)"),
-        (lambda f: f.update(left=[0, 1], right=[1, 0]), "2 levels, but its header says k = 3"),
-        (lambda f: f.update(left=[0, 1, None]), "finite|number"),
-        (lambda f: f.update(left=[0, 1, float("nan")]), "finite"),
-        (lambda f: f.update(left="abc"), "abc"),
-        (lambda f: f.update(verdict=2), "verdict is 2"),
-        (lambda f: f.update(verdict=True), "verdict is True"),
-        (lambda f: f.update(verdict="better"), "verdict is 'better'"),
-        (lambda f: f.update(used=1), "used is 1"),
-        (lambda f: f.update(swapped=None), "swapped is None"),
-        (lambda f: f.update(id=7), "id is 7"),
+        ("", "damaged"),
+        ("{", "damaged"),
+        ("3", "no JSON object"),
+        ("null", "no JSON object"),
+        ('{"id": "a"', "damaged"),
+        (told(left=...), "no field 'left'"),
+        (told(left=[0, 1]), r"\(2,\) with \(3,\)"),
+        (told(left=[0, 1], right=[1, 0]), "2 levels, but its header says k = 3"),
+        (told(left=[0, 1, None]), "finite|number"),
+        (told(left=[0, 1, float("nan")]), "finite"),
+        (told(left="abc"), "abc"),
+        (told(verdict=2), "verdict is 2"),
+        (told(verdict=True), "verdict is True"),
+        (told(verdict="better"), "verdict is 'better'"),
+        (told(used=1), "used is 1"),
+        (told(swapped=None), "swapped is None"),
+        (told(id=7), "id is 7"),
+        ('{"retract": "x"}', "'x' cannot be retracted"),
+        ('{"retract": "d"}', "'d' cannot be retracted"),  # only what was told before
+        ('{"retract": null}', "None"),
+        ('{"retract": ["a"]}', "cannot be retracted"),
+        ('{"retract": "a", "id": "a"}', "no field"),  # half an answer, half a retraction
     ],
 )
-def test_a_damaged_line_in_the_middle(tmp_path, change, complaint):
-    path = tmp_path / "log.jsonl"
-    filled(path)
+def test_a_damaged_line_in_the_middle(path, line, complaint):
+    filled(path).append(answer("d"))
     lines = path.read_text().splitlines()
-    fields = json.loads(lines[2])
-    change(fields)
-    path.write_text("\n".join([*lines[:2], json.dumps(fields), *lines[3:], ""]))
+    path.write_text("\n".join([*lines[:4], told(), lines[4], ""]))
+    assert ids(AnswerLog.read(path)) == ["a", "b", "c", "e", "d"]
+    path.write_text("\n".join([*lines[:4], line, lines[4], ""]))
     with pytest.raises(BadLog, match=complaint) as caught:
         AnswerLog(path)
-    assert caught.value.line == 3
-    assert "line 3" in str(caught.value)
+    assert caught.value.line == 5
+    assert "line 5" in str(caught.value)
     assert str(path) in str(caught.value)
 
 
-@pytest.mark.parametrize("line", ["", "{", "3", "null", '{"id": "a"'])
-def test_a_line_that_is_no_json_object(tmp_path, line):
-    path = tmp_path / "log.jsonl"
-    filled(path)
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([*lines[:3], line, lines[3], ""]))
-    with pytest.raises(BadLog, match="line 4"):
-        AnswerLog(path)
-
-
-def test_another_log_than_the_one_expected(tmp_path):
-    path = tmp_path / "log.jsonl"
+def test_another_log_than_the_one_expected(path):
     filled(path, header={"problem": "icu"})
     with pytest.raises(BadLog, match="k = 3, not 4"):
         AnswerLog(path, k=4)

@@ -20,8 +20,10 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import Floats, tail_sums
+from elicit.model.tutor import Tutor
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import FlippingTutor, NotInLog, ReplayTutor, TruthfulTutor, Tutor
+from elicit.tutors.replay import NotInLog, ReplayTutor
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.learners.learner import Learner, Result, Status, drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration

@@ -27,7 +27,7 @@ from elicit import (
 from elicit.comparators.baselines import Dominance
 from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats, dot, gaps, tail_sums
-from elicit.tutors.simulated import Tutor
+from elicit.model.tutor import Tutor
 from qlearn import InteractiveValueIteration, OrdinalMDP, Result, drive, random_mdp
 from qlearn.learners import state_sweep as competition
 from qlearn.learners.learner import Status

@@ -15,7 +15,8 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor, Tutor
+from elicit.model.tutor import Tutor
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.learners.learner import Result, Status, drive
 from qlearn.learners.value_iteration import InteractiveValueIteration, _sweeps_needed
 from qlearn.mdp.ordinal_mdp import OrdinalMDP

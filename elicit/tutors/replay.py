@@ -1,0 +1,67 @@
+"""A tutor that replays a log of answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from elicit.model.query import Answer, Query
+from elicit.model.scale import Floats
+from elicit.tutors.answer_log import Entry
+
+
+class NotInLog(LookupError):
+    """A replayed log holds no answer to this query."""
+
+
+class ReplayTutor:
+    """Answers from a log: by query id, else by pair (the same difference to the last bit, or its opposite).
+
+    ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
+    replayed too, what was retracted is not. A pair answered several times is replayed in the order of the
+    log. The same query asked again gets the same answer again.
+    """
+
+    def __init__(self, log: Iterable[Entry | Answer]) -> None:
+        kept = (entry for entry in log if not (isinstance(entry, Entry) and entry.retracted))
+        self._answers = [entry.answer if isinstance(entry, Entry) else entry for entry in kept]
+        self._by_id: dict[str, list[int]] = {}
+        self._by_pair: dict[bytes, list[int]] = {}
+        for i, answer in enumerate(self._answers):
+            self._by_id.setdefault(answer.query.id, []).append(i)
+            self._by_pair.setdefault(_bits(answer.query.d), []).append(i)
+        self._replayed: set[int] = set()
+        self._last: dict[str, int] = {}
+
+    def __call__(self, query: Query) -> Answer:
+        """The answer that the log holds. Raises NotInLog (a LookupError) where it holds none."""
+        d = query.d
+        same, opposite = _bits(d), _bits(-d)
+        own = self._by_id.get(query.id, [])
+        last = self._last.get(query.id, own[-1] if own else None)
+        candidates = own
+        if last is None:
+            candidates = sorted({*self._by_pair.get(same, []), *self._by_pair.get(opposite, [])})
+        fresh = next((i for i in candidates if i not in self._replayed), last)
+        if fresh is None:
+            raise NotInLog(
+                f"the log has no answer to query {query.id}"
+                + (f": all {len(candidates)} answers to this pair were replayed already" if candidates else "")
+                + ". Its problem, seed or settings may differ from those of the recorded run; "
+                "replay the run that was recorded, or put this query to a tutor and append the answer to the log"
+            )
+        found = self._answers[fresh]
+        stored = _bits(found.query.d)
+        if stored not in (same, opposite):
+            raise NotInLog(
+                f"the log's query {query.id} is about other vectors: left {found.query.left}, right "
+                f"{found.query.right}, not left {query.left}, right {query.right}. The log is of another problem"
+            )
+        self._replayed.add(fresh)
+        self._last[query.id] = fresh
+        if stored == same:
+            return Answer(query, found.verdict, found.swapped)
+        return Answer(query, None if found.verdict is None else found.verdict.flipped, not found.swapped)
+
+
+def _bits(d: Floats) -> bytes:
+    return (d + 0.0).tobytes()
