@@ -34,13 +34,12 @@ def where(cell: dict[str, Any]) -> dict[str, Any]:
     return {"pid": os.getpid(), "threads": pools, "numba": os.environ.get("NUMBA_NUM_THREADS")}
 
 
-def deadly(cell: dict[str, Any], log: str, marker: str) -> int:
-    """Dies as if it were killed, at x = 2, unless the file ``marker`` is there."""
-    if cell["x"] == 2 and cell["name"] == "a" and not Path(marker).exists():
+def deadly(cell: dict[str, Any], marker: str) -> int:
+    """Dies as if it were killed, at the third cell, unless the file ``marker`` is there."""
+    if cell == CELLS[2] and not Path(marker).exists():
         time.sleep(0.3)  # let the others get on
-        Path(marker.removesuffix("!")).touch()
+        Path(marker).touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    note(log, cell)
     return int(cell["x"]) + 1
 
 

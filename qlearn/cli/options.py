@@ -10,7 +10,7 @@ from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
-from qlearn.experiments.settings import COUNT, Choice, Number, Settings, check_of
+from qlearn.experiments.settings import COUNT, Number, Settings
 
 EXTRAS = ("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm")
 
@@ -87,13 +87,11 @@ def write_csv(frame: Any, path: Path) -> None:
 
 def _keywords(one: Field[Any]) -> dict[str, Any]:
     """What argparse is told of a setting."""
-    check = check_of(one)
+    check = one.metadata["check"]
     many = {"nargs": "+"} if isinstance(one.default, tuple) else {}
-    if isinstance(check, Choice):
-        return {"choices": check.names, **many}
     if isinstance(check, Number):
         return {"type": _parser(check), "metavar": "X" if check.kind is float else "N", **many}
-    return {"action": "store_true"}
+    return {"action": "store_true"} if one.default is False else {"choices": check.names, **many}
 
 
 def _parser(check: Number) -> Callable[[str], float]:

@@ -16,8 +16,8 @@ from typing import Any
 import pandas as pd
 
 from qlearn.experiments.metrics import CELL, summarise
-from qlearn.experiments.parallel import Interrupted
-from qlearn.experiments.run import Cell, Run, in_order, run, run_all, run_named
+from qlearn.experiments.parallel import Cell, Interrupted
+from qlearn.experiments.run import Run, in_order, run, run_all, run_named
 from qlearn.experiments.settings import AblationSettings
 
 __all__ = ["AblationSettings", "Interrupted", "Run", "ablate", "plan_of", "run", "summarise"]

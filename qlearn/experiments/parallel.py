@@ -23,7 +23,7 @@ from typing import Any, BinaryIO, TypeAlias
 if sys.platform != "win32":
     import fcntl
 
-__all__ = ["Cell", "Interrupted", "do_first", "sweep"]
+__all__ = ["Cell", "Interrupted", "sweep"]
 
 Cell: TypeAlias = Mapping[str, Any]
 
@@ -88,7 +88,8 @@ def sweep(
         show = progress or (lambda done, total: None)
         try:
             show(len(rows), total)
-            do_first(ahead(missing.values()) if ahead else (), jobs)
+            for _ in _computed(((part, ()) for part in (ahead(missing.values()) if ahead else ())), jobs):
+                pass
             order = sorted(missing, key=lambda key: -cost(missing[key]) if cost else 0.0)
             calls = ((_call, (function, key, missing[key], shared)) for key in order)
             for key, row in stack.enter_context(closing(_computed(calls, jobs))):
@@ -100,12 +101,6 @@ def sweep(
         except KeyboardInterrupt:
             raise Interrupted([rows.get(key) for key in keys]) from None
     return [rows[key] for key in keys]
-
-
-def do_first(parts: Iterable[Callable[[], None]], jobs: int | None = None) -> None:
-    """Call each part, side by side: what ``sweep`` does with what goes ahead."""
-    for _ in _computed(((part, ()) for part in parts), jobs):
-        pass
 
 
 def _key(function: Callable[..., Any], shared: Mapping[str, Any], cell: Cell) -> str:

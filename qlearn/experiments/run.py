@@ -34,7 +34,7 @@ from qlearn.experiments.metrics import (
     paper_loss,
     reference_differences,
 )
-from qlearn.experiments.parallel import Interrupted, sweep
+from qlearn.experiments.parallel import Cell, Interrupted, sweep
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.learner import drive
 from qlearn.learners.q_learning import InteractiveQLearning
@@ -46,7 +46,6 @@ from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
 
 __all__ = ["COMPARATORS", "LEARNERS", "PROBLEMS", "TUTORS", "Run", "instance", "run", "run_all", "sources"]
 
-Cell: TypeAlias = dict[str, Any]
 Size: TypeAlias = tuple[int, int, int, float]
 """Of the random MDPs: states, actions, levels, discount."""
 SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor
@@ -62,12 +61,13 @@ _NO_RUNS = (
 
 
 class Run(NamedTuple):
-    """One finished run: its row of the table; and for the comparison with the oracle's v (S,) of figure 4, and the
-    greatest reward that can be had."""
+    """One finished run: its row of the table, v (S,) of figure 4 and the greatest reward that can be had, for the
+    comparison with the oracle, and the seconds it took."""
 
-    row: Cell
+    row: dict[str, Any]
     v: Floats
     best: float
+    seconds: float
 
 
 # --- what the names stand for
@@ -109,12 +109,12 @@ CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the in
 def _q_learning(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
     epsilon = settings.epsilon if settings.exploration is None else None
     how: dict[str, Any] = {"steps": settings.steps, "exploration": settings.exploration, "epsilon": epsilon}
-    return InteractiveQLearning(mdp, comparator, indifference=settings.indifference, **how, **common)
+    return InteractiveQLearning(mdp, comparator, **how, **common)
 
 
 def _value_iteration(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
     how: dict[str, Any] = {"tolerance": settings.tolerance, "max_sweeps": settings.max_sweeps}
-    return InteractiveValueIteration(mdp, comparator, indifference=settings.indifference, **how, **common)
+    return InteractiveValueIteration(mdp, comparator, **how, **common)
 
 
 LEARNERS: Mapping[str, Callable[[OrdinalMDP, Comparator, Settings, dict[str, Any]], Any]] = {
@@ -160,6 +160,7 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         comparator = COMPARATORS[cell["comparator"]](mdp.k, seed, settings)
         tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
         common = {"rng": seed, "max_queries": settings.max_queries, "audit": cell["audit"]}
+        common |= {"indifference": settings.indifference}
         learner = LEARNERS[cell["learner"]](mdp, comparator, settings, common)
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
@@ -175,9 +176,8 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
             **audits(result, values),
             "loss": float(np.mean(loss)),
             "loss_initial": float(mdp.initial @ loss),
-            "seconds": seconds,
         }
-        return Run(row, estimated_values(mdp, result.q, values), greatest_reward(mdp, values))
+        return Run(row, estimated_values(mdp, result.q, values), greatest_reward(mdp, values), seconds)
 
 
 def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP) -> Settings:
@@ -291,17 +291,16 @@ def _cost(cell: Cell) -> float:
 
 def _beside_oracles(results: Iterable[Any]) -> pd.DataFrame:
     """The table of the runs that have finished."""
-    runs = [Run(row, np.array(v), best) for row, v, best in filter(None, results)]
+    runs = [Run(row, np.array(v), best, seconds) for row, v, best, seconds in filter(None, results)]
     oracles = {_problem(run.row): run for run in runs if is_oracle(run.row)}
     table = []
-    for row, v, best in runs:
+    for row, v, best, seconds in runs:
         oracle = oracles.get(_problem(row))
         beside = dict.fromkeys(_BESIDE, math.nan)
         if oracle is not None and not row["audit"]:
             distance = paper_loss(np.abs(v - oracle.v), 0.0, best)
             excess = (row[name] - oracle.row[name] for name in ("loss", "loss_initial"))
             beside = dict(zip(_BESIDE, (paper_loss(v, oracle.v, best), distance, *excess), strict=True))
-        seconds = row.pop("seconds")
         table.append(row | beside | {"seconds": seconds})
     return pd.DataFrame(table)
 

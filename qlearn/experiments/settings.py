@@ -9,9 +9,9 @@ import math
 import numbers
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
-__all__ = ["AblationSettings", "Choice", "FiguresSettings", "Number", "Settings", "check_of"]
+__all__ = ["AblationSettings", "Choice", "FiguresSettings", "Number", "Settings"]
 
 
 _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumPy's numbers too
@@ -38,32 +38,19 @@ class Number:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of these names."""
+    """One of these names, or yes and no."""
 
-    names: tuple[str, ...]
+    names: tuple[Any, ...]
 
     @property
     def wanted(self) -> str:
         """Which in words."""
-        return f"one of {', '.join(self.names)}"
+        return f"one of {', '.join(map(str, self.names))}"
 
-    def value_of(self, given: Any) -> str | None:
+    def value_of(self, given: Any) -> Any:
         """The name that was given; None if it is none of these."""
         return given if given in self.names else None
 
-
-@dataclass(frozen=True)
-class Flag:
-    """Yes or no."""
-
-    wanted: ClassVar[str] = "True or False"
-
-    def value_of(self, given: Any) -> bool | None:
-        """What was given; None if it is neither."""
-        return given if isinstance(given, bool) else None
-
-
-Check: TypeAlias = Number | Choice | Flag
 
 COUNT = Number(int, lambda n: n >= 1, "a whole number of at least 1")
 FROM_0 = Number(int, lambda n: n >= 0, "a whole number of at least 0")
@@ -83,16 +70,10 @@ ORDER = {"problem": PROBLEMS, "learner": LEARNERS, "comparator": COMPARATORS}
 """The order in which tables and pictures name things."""
 
 
-def setting(default: Any, check: Check, text: str) -> Any:
+def setting(default: Any, check: Number | Choice, text: str) -> Any:
     """A field of a class of settings. A tuple stands for one or more values, each of which is checked; None is
     allowed where the field's type says so."""
     return field(default=default, metadata={"check": check, "help": text})
-
-
-def check_of(one: Field[Any]) -> Check:
-    """What the values of a field may be."""
-    check: Check = one.metadata["check"]
-    return check
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,12 +199,12 @@ class FiguresSettings(Settings):
         "of the tutor of all but the polytope, who errs as in eq. (6): his precision is set to err in this share of "
         "the comparisons of an optimal policy",
     )
-    both_tutors: bool = setting(False, Flag(), "a truthful tutor for all of them as well")
+    both_tutors: bool = setting(False, Choice((False, True)), "a truthful tutor for all of them as well")
 
 
 def _checked(one: Field[Any], given: Any) -> Any:
     """The value of a field as its kind has it. Raises ValueError for one that is not wanted."""
-    check = check_of(one)
+    check = one.metadata["check"]
     many = isinstance(one.default, tuple)
     if many and (isinstance(given, str) or not hasattr(given, "__iter__")):
         raise ValueError(f"{one.name} must be several values, not {given!r}")

@@ -17,8 +17,8 @@ from typing import Any
 
 import pandas as pd
 
-from qlearn.experiments.parallel import Interrupted
-from qlearn.experiments.run import Cell, Run, in_order, run_all, run_named
+from qlearn.experiments.parallel import Cell, Interrupted
+from qlearn.experiments.run import Run, in_order, run_all, run_named
 from qlearn.experiments.settings import FiguresSettings
 
 __all__ = ["KEYS", "FiguresSettings", "Interrupted", "figures", "plan_of", "run_one"]

@@ -7,12 +7,24 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy import stats
 
 from elicit.model.comparator import AlwaysAsk, Decisions, Tier
 from elicit.model.query import Answers, Query, Verdict
 from elicit.model.scale import Floats, normalise, tail_sums
-from qlearn.experiments.metrics import Watch, audits, counts, estimated_values, paper_loss, reference_differences
+from qlearn.experiments.metrics import (
+    Watch,
+    audits,
+    counts,
+    estimated_values,
+    greatest_reward,
+    half_width,
+    means,
+    paper_loss,
+    reference_differences,
+)
 from qlearn.learners.learner import Audit, Result, Status
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import value_iteration
@@ -154,13 +166,15 @@ def test_the_papers_loss_by_hand() -> None:
     v = estimated_values(mdp, q, VALUES)
     assert v.tolist() == pytest.approx([36.0, 40.0])
     # the greatest reward that can be had is 20: 100 * ((36 - 40) + (40 - 40)) / (2 * 20)
-    assert paper_loss(mdp, v, np.array([40.0, 40.0]), VALUES) == pytest.approx(-10.0)
-    assert paper_loss(mdp, v, v, VALUES) == 0.0
+    best = greatest_reward(mdp, VALUES)
+    assert paper_loss(v, np.array([40.0, 40.0]), best) == pytest.approx(-10.0)
+    assert paper_loss(v, v, best) == 0.0
 
 
 def test_the_papers_loss_is_undefined_where_no_reward_is_positive() -> None:
-    mdp = small_mdp()
-    assert math.isnan(paper_loss(mdp, np.ones(2), np.zeros(2), (-5.0, 0.0, 7.0)))
+    best = greatest_reward(small_mdp(), (-5.0, 0.0, 7.0))
+    assert best == 0
+    assert math.isnan(paper_loss(np.ones(2), np.zeros(2), best))
 
 
 def test_reference_differences_are_open_and_against_an_optimal_action() -> None:
@@ -175,3 +189,20 @@ def test_reference_differences_are_open_and_against_an_optimal_action() -> None:
     q = 0.05 * e[mdp.levels] + 0.95 * (mdp.transitions @ v).reshape(mdp.levels.shape)
     losses = np.sort((q - q[np.arange(12), policy][:, None]).ravel())
     assert all(np.abs(losses - x).min() < 1e-8 for x in d @ e)
+
+
+@pytest.mark.parametrize("n", [2, 3, 20])
+def test_intervals_are_those_of_the_t_test_at_95_percent(n: int) -> None:
+    x = np.random.default_rng(n).normal(3.0, 2.0, n)
+    low, high = stats.ttest_1samp(x, 0.0).confidence_interval(0.95)
+    assert half_width(x) == pytest.approx((high - low) / 2)
+    frame = pd.DataFrame({"of": "one", "x": [*x, np.nan]})  # what is nan is left out
+    (row,) = means(frame.groupby("of"), ["x"]).itertuples()
+    assert (row.x, row.x_half) == pytest.approx((x.mean(), half_width(x)))
+
+
+@pytest.mark.parametrize("x", [[], [1.0]])
+def test_less_than_two_numbers_have_no_interval(x: list[float]) -> None:
+    assert math.isnan(half_width(np.array(x)))
+    frame = pd.DataFrame({"of": "one", "x": x or [np.nan]})
+    assert means(frame.groupby("of"), ["x"]).x_half.isna().all()
