@@ -20,7 +20,8 @@ def row(cell: dict[str, Any], scale: float = 1.0, log: str | None = None, pause:
     if log is not None:
         note(log, cell)
     x = cell["x"]
-    return {"x": x, "third": scale * (x + 1) / 3, "none": float("nan"), "v": np.sqrt(np.arange(x + 2.0)), "of": "é\n"}
+    numbers = {"third": scale * (x + 1) / 3, "ends": [float("nan"), float("-inf"), -0.0, 5e-324]}
+    return {"x": x, **numbers, "v": np.sqrt(np.arange(x + 2.0)), "of": "é\n"}
 
 
 def note(log: str, cell: dict[str, Any]) -> None:
@@ -41,8 +42,3 @@ def deadly(cell: dict[str, Any], marker: str) -> int:
         Path(marker).touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return int(cell["x"]) + 1
-
-
-def linger(cell: dict[str, Any], log: str) -> None:
-    note(log, {"name": os.getpid(), "x": ""})
-    time.sleep(100)

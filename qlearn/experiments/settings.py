@@ -49,7 +49,7 @@ class Choice:
 
     def value_of(self, given: Any) -> Any:
         """The name that was given; None if it is none of these."""
-        return given if given in self.names else None
+        return given if isinstance(given, type(self.names[0])) and given in self.names else None
 
 
 COUNT = Number(int, lambda n: n >= 1, "a whole number of at least 1")

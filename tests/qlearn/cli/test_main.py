@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import builtins
-import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import BrokenExecutor
 from dataclasses import fields
 from pathlib import Path
@@ -120,26 +118,6 @@ def test_quick_writes_rows_times_and_figure(tmp_path: Path, capsys: pytest.Captu
     assert "before" not in capsys.readouterr().err
     assert (out / "runs.csv").read_bytes() == first
     assert (out / "times.csv").read_bytes() != spent
-
-
-def test_after_kill_9_the_same_command_computes_what_is_missing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    options = [*QUICKER.split(), "--learners", "ivi", "--seeds", "3"]
-    journal = tmp_path / "killed" / "journal.jsonl"
-    with subprocess.Popen([sys.executable, "-m", "qlearn", *options, "--out", str(journal.parent)]) as child:
-        while not (journal.exists() and journal.read_bytes().count(b"\n") >= 2):
-            assert child.poll() is None
-            time.sleep(0.005)
-        child.send_signal(signal.SIGKILL)
-    kept = journal.read_bytes().count(b"\n")
-    assert 2 <= kept < 15
-    assert not (journal.parent / "runs.csv").exists()
-
-    assert cli.main([*options, "--out", str(journal.parent)]) == 0
-    assert f"{kept} of the 15 runs had finished before" in capsys.readouterr().err
-    assert cli.main([*options, "--out", str(tmp_path)]) == 0
-    assert (journal.parent / "runs.csv").read_bytes() == (tmp_path / "runs.csv").read_bytes()
 
 
 def test_options_override_the_preset_and_the_preset_the_defaults(

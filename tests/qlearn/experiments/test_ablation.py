@@ -86,19 +86,12 @@ def test_one_row_a_cell_in_order(frame: pd.DataFrame) -> None:
     assert frame.asked[frame.comparator != "always"].max() <= 40
 
 
-def test_the_oracle_is_its_own_baseline(frame: pd.DataFrame) -> None:
-    oracle = frame[(frame.comparator == "always") & (frame.error_rate == 0)]
-    assert len(oracle) == 2
-    for column in ("excess_loss", "excess_loss_initial", "paper_loss_percent"):
-        assert (oracle[column] == 0).all()
-
-
 def test_polytope_with_a_truthful_tutor_is_the_oracle_with_fewer_questions(frame: pd.DataFrame) -> None:
     plain = frame[(frame.learner == "q-learning") & (frame.error_rate == 0) & (frame.audit == 0)]
     learned = plain.set_index("comparator")
     polytope = learned.loc[["polytope"]]
-    assert (polytope.excess_loss == 0).all()
-    assert (polytope.paper_loss_percent == 0).all()
+    paired = ["excess_loss", "excess_loss_initial", "paper_loss_percent"]
+    assert (learned.loc[["always", "polytope"], paired] == 0).all(axis=None)
     assert (polytope.wrong_before + polytope.wrong_after == 0).all()
     assert (polytope.judged_before > 0).all()
     assert (polytope.asked < learned.asked["always"]).all()
@@ -120,16 +113,10 @@ def test_a_run_can_be_rebuilt_by_hand(frame: pd.DataFrame) -> None:
     tutor = FlippingTutor(values, 0.15, seed=0)
     result = drive(learner, tutor)
     loss = policy_loss(mdp, result.policy, values)
-    row = frame.query("learner == 'q-learning' and comparator == 'polytope' and error_rate == .15 and audit == 0").iloc[
-        0
-    ]
-    assert (row.asked, row.compared, row.realised_error_rate, row.loss, row.loss_initial) == (
-        result.asked,
-        result.compared,
-        tutor.realised_error_rate,
-        loss.mean(),
-        mdp.initial @ loss,
-    )
+    where = "learner == 'q-learning' and comparator == 'polytope' and error_rate == .15 and audit == 0"
+    (row,) = frame.query(where).itertuples()
+    found = (row.asked, row.compared, row.realised_error_rate, row.loss, row.loss_initial)
+    assert found == (result.asked, result.compared, tutor.realised_error_rate, loss.mean(), mdp.initial @ loss)
 
 
 def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -206,24 +193,19 @@ def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
     assert caught.value.frame.columns.tolist() == frame.columns.tolist()
 
 
-def test_summary_has_the_mean_and_the_t_interval() -> None:
+def test_summary_has_the_mean_and_the_t_interval(frame: pd.DataFrame) -> None:
     rows = ablate(**TINY | {"seeds": 3, "steps": 60, "learners": ["q-learning"], "comparators": ["ensemble"]}, jobs=1)
     summary = summarise(rows)
     assert (summary.runs == 3).all()
-    cell = rows[(rows.comparator == "ensemble") & (rows.error_rate == 0.15) & (rows.audit == 0)]
-    line = summary[(summary.comparator == "ensemble") & (summary.error_rate == 0.15) & (summary.audit == 0)].iloc[0]
+    where = "comparator == 'ensemble' and error_rate == .15 and audit == 0"
+    cell, line = rows.query(where), summary.query(where).iloc[0]
     assert line.asked == pytest.approx(cell.asked.mean())
-    assert line.asked_half == pytest.approx(
-        4.302652729911275 * cell.asked.std() / np.sqrt(3)
-    )  # t, 2 degrees of freedom
+    assert line.asked_half == pytest.approx(4.302652729911275 * cell.asked.std() / np.sqrt(3))  # 2 degrees of freedom
     assert line.budget_spent == (cell.guess > 0).sum()
     assert {*MEASURES} <= {*summary.columns}
-
-
-def test_one_seed_has_a_mean_and_no_interval(frame: pd.DataFrame) -> None:
-    summary = summarise(frame)
-    assert summary.asked.tolist() == frame.asked.tolist()
-    assert summary.asked_half.isna().all()
+    one = summarise(frame)  # of a single seed
+    assert one.asked.tolist() == frame.asked.tolist()
+    assert one.asked_half.isna().all()
 
 
 def test_the_table_says_all_cells_in_120_columns(frame: pd.DataFrame) -> None:

@@ -43,9 +43,9 @@ from qlearn.paper.series import figures
         ("problems", [["icu"]], r"problems must each be one of random, icu, frozen-lake, .*, not \['icu'\]"),
     ],
 )
-def test_a_value_that_cannot_be_is_refused_before_the_runs(settings: str, value: Any, wanted: str) -> None:
+def test_a_value_that_cannot_be_is_refused_by_name(settings: str, value: Any, wanted: str) -> None:
     with pytest.raises(ValueError, match=wanted):
-        ablate(**{settings: value})
+        AblationSettings(**{settings: value})
 
 
 @pytest.mark.parametrize(
@@ -53,19 +53,21 @@ def test_a_value_that_cannot_be_is_refused_before_the_runs(settings: str, value:
     [
         ("comparators", ["always"], "comparators must each be one of polytope, posterior, box-rescaled, box, not 'alw"),
         ("levels", 10, "levels must be several values, not 10"),
-        ("both_tutors", 1, "both_tutors must be True or False, not 1"),
+        ("both_tutors", 1, "both_tutors must be one of False, True, not 1"),
         ("error_rate", 0.5, "error_rate must be a number of at least 0 and below 0.5, not 0.5"),
     ],
 )
 def test_the_figures_have_checks_of_their_own(setting: str, value: Any, wanted: str) -> None:
     with pytest.raises(ValueError, match=wanted):
-        figures(**{setting: value})
+        FiguresSettings(**{setting: value})
 
 
 @pytest.mark.parametrize("command", [ablate, figures])
-def test_a_setting_that_there_is_not_is_refused(command: Callable[..., Any]) -> None:
+def test_settings_by_keyword_are_checked_before_the_runs(command: Callable[..., Any]) -> None:
     with pytest.raises(TypeError, match="unexpected keyword argument 'stepz'"):
         command(stepz=3)
+    with pytest.raises(ValueError, match="seeds must be a whole number of at least 1, not 0"):
+        command(seeds=0)
 
 
 def test_the_ends_of_what_may_be_are_taken() -> None:

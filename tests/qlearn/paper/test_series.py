@@ -15,7 +15,7 @@ from qlearn.cli import main as cli
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.settings import FiguresSettings
 from qlearn.paper.claims import MEASURES, claims, claims_page, series_of, summarise_series
-from qlearn.paper.series import KEYS, Interrupted, figures
+from qlearn.paper.series import KEYS, figures
 
 TINY: dict[str, Any] = {
     "levels": (3, 5), "at_states": 8, "states": (8, 12), "at_levels": 5, "actions": 3, "seeds": 2, "steps": 250,
@@ -23,35 +23,9 @@ TINY: dict[str, Any] = {
 }  # fmt: skip
 
 
-def text_of(frame: pd.DataFrame) -> str:
-    return str(frame.drop(columns="seconds").to_csv(index=False))
-
-
 @pytest.fixture(scope="module")
 def frame() -> pd.DataFrame:
     return figures(**TINY, jobs=1)
-
-
-def test_the_same_rows_on_two_cores_and_resumed(frame: pd.DataFrame, tmp_path: Path) -> None:
-    journal = tmp_path / "journal"
-    seen: list[tuple[int, int]] = []
-    assert text_of(figures(**TINY, jobs=2, journal=journal)) == text_of(frame)
-    kept = journal.read_bytes().splitlines(keepends=True)
-    journal.write_bytes(b"".join(kept[3:]) + kept[0][:-30])
-    resumed = figures(**TINY, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
-    assert seen[0] == (len(frame) - 3, len(frame))
-    assert text_of(resumed) == text_of(frame)
-
-
-def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
-    def stop(done: int, total: int) -> None:
-        if done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as caught:
-        figures(**TINY, jobs=1, progress=stop)
-    assert len(caught.value.frame) == 2
-    assert caught.value.frame.columns.tolist() == frame.columns.tolist()
 
 
 def test_one_row_a_run_and_a_problem_of_both_series_once(frame: pd.DataFrame) -> None:
