@@ -130,10 +130,10 @@ def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytes
         ablate(**one, jobs=1, journal=tmp_path / "journal")
 
 
-def one_run(**changes: Any) -> Run:
-    """A short run of Q-learning that always asks a tutor who flips."""
+def one_run(comparator: str = "always", **changes: Any) -> Run:
+    """A short run of Q-learning with a tutor who flips."""
     mdp, values = random_mdp(8, 3, 4, rng=0)
-    cell = dict(zip(KEYS, ("random", "q-learning", "always", 0.15, 0.0, 0), strict=True))
+    cell = dict(zip(KEYS, ("random", "q-learning", comparator, 0.15, 0.0, 0), strict=True))
     return run(cell, mdp, values, Settings(steps=300, **changes))
 
 
@@ -148,6 +148,16 @@ def test_a_named_exploration_takes_the_place_of_epsilon() -> None:
         for changes in ({"exploration": "constant", "epsilon": 0.3}, {"epsilon": 0.1}, {"exploration": "decaying"})
     )
     assert named == constant != other
+
+
+def test_posterior_close_is_the_posterior_with_an_indifference() -> None:
+    plain, close, by_hand = (
+        one_run(name, particles=50, **changes).v.tolist()
+        for name, changes in (
+            ("posterior", {}), ("posterior-close", {"close": 0.1}), ("posterior", {"indifference": 0.1})
+        )
+    )  # fmt: skip
+    assert close == by_hand != plain
 
 
 def test_a_run_has_linear_algebra_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,14 +47,15 @@ pytestmark = pytest.mark.filterwarnings("ignore:Creating scratch directories is 
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """A client of two worker processes."""
+    """A client of two worker processes, in which linear algebra has two threads."""
     import dask
     from distributed import Client, LocalCluster
 
     options = {"threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     patient = {"distributed.comm.timeouts.connect": "60s", "distributed.comm.timeouts.tcp": "120s"}
+    two = {f"distributed.nanny.pre-spawn-environ.{name}_NUM_THREADS": 2 for name in ("OPENBLAS", "OMP")}
     with (
-        dask.config.set(patient),
+        dask.config.set(patient | two),
         LocalCluster(n_workers=2, local_directory=str(tmp_path_factory.mktemp("dask")), **options) as cluster,
         Client(cluster) as client,
     ):
