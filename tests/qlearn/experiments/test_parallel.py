@@ -53,13 +53,13 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
 
     options = {"threads_per_worker": 1, "processes": True, "dashboard_address": ":0"}
     patient = {"distributed.comm.timeouts.connect": "60s", "distributed.comm.timeouts.tcp": "120s"}
-    two = {f"distributed.nanny.pre-spawn-environ.{name}_NUM_THREADS": 2 for name in ("OPENBLAS", "OMP")}
-    with (
-        dask.config.set(patient | two),
-        LocalCluster(n_workers=2, local_directory=str(tmp_path_factory.mktemp("dask")), **options) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+    with dask.config.set(patient), pytest.MonkeyPatch.context() as environment:
+        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+            environment.setenv(name, "2")
+        local = LocalCluster(n_workers=2, local_directory=str(tmp_path_factory.mktemp("dask")), **options)
+        environment.undo()
+        with local, Client(local) as client:
+            yield client
 
 
 # --- where rows are computed
