@@ -20,7 +20,8 @@ def row(cell: dict[str, Any], scale: float = 1.0, log: str | None = None, pause:
     if log is not None:
         note(log, cell)
     x = cell["x"]
-    return {"x": x, "third": scale * (x + 1) / 3, "none": float("nan"), "v": np.sqrt(np.arange(x + 2.0)), "of": "é\n"}
+    numbers = {"third": scale * (x + 1) / 3, "ends": [float("nan"), float("-inf"), -0.0, 5e-324]}
+    return {"x": x, **numbers, "v": np.sqrt(np.arange(x + 2.0)), "of": "é\n"}
 
 
 def note(log: str, cell: dict[str, Any]) -> None:
@@ -34,16 +35,10 @@ def where(cell: dict[str, Any]) -> dict[str, Any]:
     return {"pid": os.getpid(), "threads": pools, "numba": os.environ.get("NUMBA_NUM_THREADS")}
 
 
-def deadly(cell: dict[str, Any], log: str, marker: str) -> int:
-    """Dies as if it were killed, at x = 2, unless the file ``marker`` is there."""
-    if cell["x"] == 2 and cell["name"] == "a" and not Path(marker).exists():
+def deadly(cell: dict[str, Any], marker: str) -> int:
+    """Dies as if it were killed, at the third cell, unless the file ``marker`` is there."""
+    if cell == CELLS[2] and not Path(marker).exists():
         time.sleep(0.3)  # let the others get on
-        Path(marker.removesuffix("!")).touch()
+        Path(marker).touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    note(log, cell)
     return int(cell["x"]) + 1
-
-
-def linger(cell: dict[str, Any], log: str) -> None:
-    note(log, {"name": os.getpid(), "x": ""})
-    time.sleep(100)

@@ -13,13 +13,19 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from benchmarks.reporting import save, with_interval
 from elicit import AlwaysAsk, BradleyTerryComparator, BradleyTerryTutor, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
-from qlearn.experiments.metrics import counts, estimated_values, paper_loss, reference_differences
-from qlearn.experiments.threads import one_thread
+from qlearn.experiments.metrics import (
+    counts,
+    estimated_values,
+    greatest_reward,
+    paper_loss,
+    reference_differences,
+)
 from qlearn.learners.exploration import Start
 from qlearn.learners.q_learning import LearningRate, polynomial_rate
 
@@ -96,7 +102,8 @@ def measure(choice: Choice, states: int, levels: int, steps: int, seed: int) -> 
     v, best = (estimated_values(mdp, result.q, values) for result in (found, oracle))
     loss, least = (float(policy_loss(mdp, result.policy, values).mean()) for result in (found, oracle))
     shares = [told["asked_percent_all"], told["asked_percent_open"]]
-    return np.array([*shares, paper_loss(mdp, v, best, values), 100 * (loss - least), 100 * least])
+    formula = paper_loss(v, best, greatest_reward(mdp, values))
+    return np.array([*shares, formula, 100 * (loss - least), 100 * least])
 
 
 def report(states: int, levels: int, steps: int, seeds: int, say: Callable[[str], None]) -> list[str]:
@@ -130,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     size = (12, 4, 300, 2) if chosen.quick else (100, 10, chosen.steps, chosen.seeds)
     head = HEAD.format(**dict(zip(("states", "levels", "steps", "seeds"), size, strict=True))).splitlines()
-    with one_thread():
+    with threadpool_limits(1):
         print("\n".join(head))
         lines = [*head, "", *report(*size, say=lambda line: print(line, flush=True)), ""]
     save("\n".join(lines), chosen.out)

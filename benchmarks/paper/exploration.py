@@ -14,13 +14,13 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from benchmarks.reporting import save, with_interval
 from elicit import AlwaysAsk, PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
 from qlearn.experiments.run import instance
-from qlearn.experiments.threads import one_thread
 from qlearn.learners.exploration import EXPLORATIONS, Decay, Exploration
 
 Problem: TypeAlias = Callable[[int], tuple[OrdinalMDP, Floats]]
@@ -122,7 +122,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     steps, seeds = (2_000, 3) if chosen.quick else (100_000, 20)
     lines = [*HEAD.format(steps=steps, seeds=seeds).splitlines(), ""]
-    with one_thread():
+    with threadpool_limits(1):
         print("\n".join(lines))
         for title, problem, ask in QUICK if chosen.quick else FULL:
             part = section(title, problem, steps, seeds, ask)

@@ -5,66 +5,13 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from qlearn.cli.options import (
-    COUNT,
-    DISCOUNT,
-    ERROR_RATE,
-    FROM_0,
-    INNER,
-    LAPSE,
-    LEVELS,
-    PARTICLES,
-    SCALE,
-    SHARE,
-    Groups,
-    add_groups,
-    add_where,
-    defaults_of,
-    frame_of,
-    without,
-)
+from qlearn.cli.options import add_settings, add_where, frame_of, without, write_csv
+from qlearn.experiments.settings import FiguresSettings
 
 QUICK: dict[str, Any] = {
     "levels": [4, 6, 8], "at_states": 20, "states": [20, 30, 40], "at_levels": 6, "actions": 3, "seeds": 3,
     "steps": 2000, "n_boot": 20, "particles": 200,
 }  # fmt: skip
-_COMPARATORS = ("polytope", "posterior", "box-rescaled", "box")
-OPTIONS: Groups = {
-    "the two series": {
-        "levels": ({"nargs": "+", "type": LEVELS}, (5, 10, 15, 20, 25), "numbers of levels of the first series"),
-        "at_states": ({"type": COUNT}, 100, "its number of states"),
-        "states": ({"nargs": "+", "type": COUNT}, (100, 200, 300, 400, 500), "numbers of states of the second series"),
-        "at_levels": ({"type": LEVELS}, 20, "its number of levels"),
-        "actions": ({"type": COUNT}, 5, "number of actions"),
-        "discount": ({"type": DISCOUNT}, 0.95, "discount factor"),
-        "seeds": ({"type": COUNT}, 20, "number of runs of each point"),
-        "seed": ({"type": FROM_0}, 0, "the first seed"),
-        "steps": ({"type": COUNT}, 100_000, "number of steps of Q-learning"),
-        "epsilon": ({"type": SHARE}, 1.0, "chance of a random action; at 1 all comparators see the same transitions"),
-    },
-    "comparators and tutors": {
-        "comparators": (
-            {"nargs": "+", "choices": _COMPARATORS},
-            _COMPARATORS,
-            "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box with footnote 3 and "
-            "without",
-        ),
-        "error_rate": (
-            {"type": ERROR_RATE},
-            0.1,
-            "of the tutor of all but the polytope, who errs as in eq. (6): his precision is set to err in this share "
-            "of the comparisons of an optimal policy",
-        ),
-        "both_tutors": ({"action": "store_true"}, False, "a truthful tutor for all of them as well"),
-        "precision": ({"type": SCALE}, 300.0, "of the box's prior, logits per unit of d.e"),
-        "n_boot": ({"type": COUNT}, 50, "the box's number of resamples"),
-        "level": ({"type": INNER}, 0.95, "confidence level, also the posterior's"),
-        "refit_growth": ({"type": SCALE}, 0.2, "growth of the box's answers between two fits; 0: fit at each (hours)"),
-        "lapse": ({"type": LAPSE}, 0.1, "share of answers that the posterior takes to be given at random"),
-        "particles": ({"type": PARTICLES}, 1000, "the posterior's number of particles"),
-    },
-}
-DEFAULTS = defaults_of(OPTIONS)
 
 
 def add_to(commands: Any) -> None:
@@ -83,38 +30,38 @@ def add_to(commands: Any) -> None:
     command.set_defaults(command=run)
     add_where(command, "results/figures")
     command.add_argument("--quick", action="store_true", help="a tiny setting, to see that it works (seconds)")
-    add_groups(command, OPTIONS)
+    add_settings(command, FiguresSettings)
 
 
 def run(options: dict[str, Any]) -> int:
     """The command; returns the exit code."""
-    quick, out = options.pop("quick"), options.pop("out")
-    settings = (QUICK if quick else {}) | options
+    quick, out, jobs, fresh = (options.pop(name) for name in ("quick", "out", "jobs", "fresh"))
+    settings = FiguresSettings(**(QUICK if quick else {}) | options)
     try:
         import tqdm  # noqa: F401 - for the bar
 
-        from qlearn.paper.claims import claims, claims_page, claims_text, summarise_series
+        from qlearn.paper.claims import claims, claims_page, summarise_series
         from qlearn.paper.figures import plot_asked, plot_loss, save
         from qlearn.paper.series import KEYS, figures
     except ModuleNotFoundError as error:
         return without(error)
-    frame, code = frame_of("figures", partial(figures, **settings), out)
+    frame, code = frame_of("figures", partial(figures, settings, jobs=jobs, fresh=fresh), out)
     if frame is None:
         return code
 
-    frame[[*KEYS, "seconds"]].to_csv(out / "times.csv", index=False, lineterminator="\n")
+    write_csv(frame[[*KEYS, "seconds"]], out / "times.csv")
     frame = frame.drop(columns="seconds")
-    frame.to_csv(out / "runs.csv", index=False, lineterminator="\n")
+    write_csv(frame, out / "runs.csv")
     if code:
         return code
-    summary, told = summarise_series(frame), claims(frame)
-    summary.to_csv(out / "summary.csv", index=False, lineterminator="\n")
-    told.to_csv(out / "claims.csv", index=False, lineterminator="\n")
-    (out / "claims.md").write_text(claims_page(frame), encoding="utf-8")
+    summary, page = summarise_series(frame), claims_page(frame)
+    write_csv(summary, out / "summary.csv")
+    write_csv(claims(frame), out / "claims.csv")
+    (out / "claims.md").write_text(page, encoding="utf-8")
     save(plot_asked(summary, "levels"), out, "figure2")
     save(plot_asked(summary, "states"), out, "figure3")
     save(plot_loss(summary), out, "figure4")
-    print(claims_text(told))
-    print(f"\nwritten to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, claims.csv, claims.md,")
+    print(page)
+    print(f"written to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, claims.csv, claims.md,")
     print("times.csv; and journal.jsonl, from which the same command takes what has finished")
     return code

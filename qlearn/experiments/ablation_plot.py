@@ -14,36 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
-from qlearn.experiments.label_placement import Marked, place_labels
+from qlearn.experiments.palette import NAMES, STYLES
 
-NAMES = {
-    "random": "random MDP",
-    "icu": "ICU-Sepsis",
-    "frozen-lake": "FrozenLake 8x8",
-    "deep-sea-treasure": "deep-sea-treasure",
-    "q-learning": "Q-learning",
-    "ivi": "value iteration",
-    "always": "always ask",
-    "polytope": "polytope",
-    "relaxed": "relaxed polytope",
-    "posterior": "posterior",
-    "posterior-close": "posterior, indifferent",
-    "ensemble": "Bradley-Terry ensemble",
-    "box": "Bradley-Terry box",
-    "box-rescaled": "Bradley-Terry box, rescaled",
-}
-# Okabe and Ito's colours; the markers and line styles tell the same in grey
-STYLES: dict[str, dict[str, Any]] = {
-    "always": {"color": "#000000", "marker": "D", "linestyle": (0, (1, 1.5))},
-    "polytope": {"color": "#D55E00", "marker": "s", "linestyle": "-"},
-    "relaxed": {"color": "#E69F00", "marker": "v", "linestyle": (0, (1, 1))},
-    "posterior": {"color": "#CC79A7", "marker": "P", "linestyle": (0, (8, 2))},
-    "posterior-close": {"color": "#7A5195", "marker": "X", "linestyle": (0, (2, 1))},
-    "ensemble": {"color": "#0072B2", "marker": "o", "linestyle": (0, (5, 1.5))},
-    "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
-    "box-rescaled": {"color": "#56B4E9", "marker": "v", "linestyle": (0, (1, 1))},
-}
-
+_BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
+_ASKED = "questions asked\n(log scale)"
+_LOST = "excess policy loss, %\n(log scale beyond ±0.1)"
 _HEADER = (
     f"{'comparator':<16}{'errors':>7}{'questions':>15}{'% asked':>8}{'excess loss %':>14}{'wrong %':>8}"
     f"{'after 1st':>10}  {'audits to conflict':<18} notes"
@@ -82,99 +57,89 @@ def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None) -> str:
 def plot_ablation(
     summary: pd.DataFrame, *, max_queries: int | None = None, names: Mapping[str, str] | None = None
 ) -> Figure:
-    """One panel a problem and learner: questions asked against excess policy loss, a path over the error rates
-    for each comparator, with 95% t-intervals. Hollow markers: the budget was spent in at least one run. Where markers
-    lie on each other the smaller is on top, and neighbours on a path share a label.
+    """For each problem and learner, two panels one above the other: questions asked, and excess policy loss, by the
+    tutor's error rate, a path for each comparator, with 95% t-intervals. Hollow markers: the budget was spent in at
+    least one run.
 
     ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget.
     """
     shown = NAMES | dict(names or {})
     plain = summary[summary.audit == 0]
     problems, learners = plain.problem.unique(), plain.learner.unique()
-    figure = Figure(figsize=(1.2 + 4.9 * len(learners), 1.7 + 3.5 * len(problems)), layout="constrained")
-    grid = figure.subplots(len(problems), len(learners), squeeze=False, sharex=True, sharey=True)
+    figure = Figure(figsize=(1.4 + 4.9 * len(learners), 1.6 + 4.6 * len(problems)), layout="constrained")
+    grid = figure.subplots(2 * len(problems), len(learners), squeeze=False, sharex=True, sharey="row")
     for i, problem in enumerate(problems):
         for j, learner in enumerate(learners):
+            asked, lost = grid[2 * i][j], grid[2 * i + 1][j]
             part = plain[(plain.problem == problem) & (plain.learner == learner)]
-            axes = grid[i][j]
-            _panel(axes, part, max_queries)
-            axes.set_title(f"{shown[problem]}: {shown[learner]}", fontsize=11)
+            _paths(asked, part, part.asked, part.asked_half, least=0.0)
+            _paths(lost, part, 100 * part.excess_loss, 100 * part.excess_loss_half)
+            _scales(asked, lost, max_queries)
+            asked.set_ylim(0, 3 * max(10, plain.asked.max()))
+            asked.set_title(f"{shown[problem]}: {shown[learner]}", fontsize=11)
             if j == 0:
-                axes.set_ylabel("excess policy loss\n(% of the value range; log scale beyond ±0.1)")
-            if i == len(problems) - 1:
-                axes.set_xlabel("questions asked (log scale)")
-    grid[0][0].set_xlim(-1, 2 * max(10, plain.asked.max()))
+                asked.set_ylabel(_ASKED)
+                lost.set_ylabel(_LOST)
+            lost.set_xlabel("the tutor's wrong answers (%)")
+            rates = sorted(plain.error_rate.unique())
+            lost.set_xticks(range(len(rates)), [f"{100 * rate:.3g}" for rate in rates])
     drawn = [name for name in STYLES if name in set(plain.comparator)]
     handles = [Line2D([], [], label=shown[name], markersize=7, **STYLES[name]) for name in drawn]
+    if max_queries is not None:
+        handles.append(Line2D([], [], label="budget", **_BUDGET))
     if (plain.budget_spent > 0).any():
         hollow: dict[str, Any] = {"color": "0.35", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
         handles.append(Line2D([], [], label="hollow: budget spent", markersize=7, **hollow))
     columns = min(len(handles), 2 * len(learners))  # as many as the width of the panels holds
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2)
-    rates = ", ".join(f"{rate:.3g}" for rate in 100 * plain.error_rate.drop_duplicates())
     title = (
-        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one",
-        f"numbers at the markers (neighbours' together): wrong answers of the tutor in percent ({rates}); lower left "
-        "is better",
+        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one "
+        "(share of the value range); lower is better"
     )
-    width = 120 if len(learners) > 1 else 72
-    figure.suptitle("\n".join(textwrap.fill(line, width) for line in title), fontsize=11 if len(learners) > 1 else 9.5)
-    figure.draw_without_rendering()  # settles where everything is
-    for i, problem in enumerate(problems):
-        for j, learner in enumerate(learners):
-            place_labels(grid[i][j], _marked(plain[(plain.problem == problem) & (plain.learner == learner)]))
+    many = len(learners) > 1
+    figure.suptitle(textwrap.fill(title, 100 if many else 64), fontsize=11 if many else 9.5)
     return figure
 
 
-def _marked(part: pd.DataFrame) -> list[Marked]:
-    """The markers of one panel, called by what they stand for."""
-    return [
-        Marked(
-            np.stack([path.asked, 100 * path.excess_loss], axis=1),
-            [f"{100 * rate:.3g}" for rate in path.error_rate],
-            STYLES[str(name)]["color"],
+def _paths(axes: Axes, part: pd.DataFrame, mean: pd.Series, half: pd.Series, least: float = -math.inf) -> None:
+    """A path over the error rates a comparator; intervals beside each other, not on each other, and none below
+    ``least``."""
+    rates = sorted(part.error_rate.unique())
+    comparators = list(dict.fromkeys(part.comparator))
+    for place, name in enumerate(comparators):
+        style, own = STYLES[name], part.comparator == name
+        x = part.error_rate[own].map(rates.index) + 0.6 * ((place + 0.5) / len(comparators) - 0.5)
+        y, wide, hollow = mean[own], half[own].fillna(0.0), (part.budget_spent[own] > 0).to_numpy()
+        axes.errorbar(
+            x,
+            y,
+            [np.minimum(wide, y - least), wide],
+            color=style["color"],
+            linestyle=style["linestyle"],
+            linewidth=1.0,
+            ecolor=(style["color"], 0.6),
+            elinewidth=1.1,
+            capsize=2.5,
         )
-        for name, path in part.groupby("comparator", sort=False)
-    ]
+        for chosen, face in ((~hollow, style["color"]), (hollow, "white")):
+            look = {"color": style["color"], "marker": style["marker"], "markerfacecolor": face, "markersize": 6.5}
+            axes.plot(x[chosen], y[chosen], linestyle="none", **look, zorder=3)
 
 
-def _panel(axes: Axes, part: pd.DataFrame, max_queries: int | None) -> None:
-    axes.axhline(0, color="0.6", linewidth=0.8, zorder=0)
-    for rank, (name, path) in enumerate(part.groupby("comparator", sort=False)):
-        style = STYLES[str(name)]
-        x, y = path.asked, 100 * path.excess_loss
-        axes.plot(x, y, color=style["color"], linestyle=style["linestyle"], linewidth=1.1, alpha=0.7, zorder=1)
-        for row in path.itertuples():
-            point: Any = row
-            at = (point.asked, 100 * point.excess_loss)
-            axes.errorbar(
-                *at,
-                xerr=[[min(_known(point.asked_half), at[0])], [_known(point.asked_half)]],
-                yerr=_known(100 * point.excess_loss_half),
-                color=style["color"],
-                marker=style["marker"],
-                markersize=max(5.5, 9.5 - 0.8 * rank),  # the later ones smaller, and seen on those below them
-                markerfacecolor="white" if point.budget_spent else style["color"],
-                markeredgecolor=style["color"] if point.budget_spent else "white",
-                markeredgewidth=1.2 if point.budget_spent else 0.5,
-                ecolor=(style["color"], 0.45),
-                elinewidth=0.9,
-                capsize=2,
-                zorder=2 + 0.1 * rank,
-            )
-    axes.set_xscale("symlog", linthresh=10, linscale=0.5)
-    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    axes.set_yscale("symlog", linthresh=0.1, linscale=0.5)
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.tick_params(labelbottom=True)
-    axes.grid(True, color="0.92", linewidth=0.7)
-    axes.set_axisbelow(True)
+def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
+    """Both log scales, about 0; and the budget."""
+    asked.set_yscale("symlog", linthresh=10, linscale=0.5)
+    asked.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
+    lost.axhline(0, color="0.6", linewidth=0.8, zorder=0)
+    lost.set_yscale("symlog", linthresh=0.1, linscale=0.5)
+    lost.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    lost.tick_params(labelbottom=True)
+    for axes in (asked, lost):
+        axes.grid(True, axis="y", color="0.92", linewidth=0.7)
+        axes.set_axisbelow(True)
+    lost.margins(y=0.1)
     if max_queries is not None:
-        axes.axvline(max_queries, color="0.45", linestyle=(0, (2, 2)), linewidth=1, zorder=0)
-        axes.annotate(
-            "budget", (max_queries, 1), xycoords=("data", "axes fraction"), xytext=(3, -11),
-            textcoords="offset points", fontsize=8, color="0.35",
-        )  # fmt: skip
+        asked.axhline(max_queries, zorder=0, **_BUDGET)
 
 
 def _line(name: Any, row: Any, audited: Any) -> str:
@@ -208,7 +173,3 @@ def _rate(x: float) -> str:
 
 def _with_half(mean: float, half: float, digits: int) -> str:
     return _number(mean, digits) + ("" if math.isnan(half) else f" ± {half:.{digits}f}")
-
-
-def _known(half: float) -> float:
-    return 0.0 if math.isnan(half) else half

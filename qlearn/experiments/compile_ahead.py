@@ -4,9 +4,9 @@ another would be, for processes that begin together compile the same functions."
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable
 
+import joblib
 import numpy as np
 
 from elicit.asking.choose import choose
@@ -15,7 +15,7 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.experiments.parallel import do_first
+from qlearn.experiments.parallel import Cell
 from qlearn.learners.learner import drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.problems.random_mdp import random_mdp
@@ -23,7 +23,7 @@ from qlearn.problems.random_mdp import random_mdp
 __all__ = ["parts"]
 
 
-def parts(cells: Iterable[Mapping[str, Any]]) -> tuple[Callable[[], None], ...]:
+def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
     """What the runs of these cells will need: with two processes, the loops take up what the proofs have compiled."""
     cells = tuple(cells)
     comparators = {cell["comparator"] for cell in cells}
@@ -54,7 +54,7 @@ def loops() -> None:
 
 def main() -> None:
     """Compile now, as a step of setting up: ``python -m qlearn.experiments.compile_ahead``."""
-    do_first((proofs, moves, loops))
+    joblib.Parallel(n_jobs=-1)(joblib.delayed(part)() for part in (proofs, moves, loops))
 
 
 def _choose(comparator: Comparator) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import stdtrit
+from scipy import stats
 
 from elicit.model.comparator import BY_ANSWERS, Decisions, Tier
 from elicit.model.query import Verdict
@@ -141,14 +141,18 @@ def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
     return v
 
 
-def paper_loss(mdp: OrdinalMDP, v: Floats, baseline: Floats, values: ArrayLike) -> float:
+def greatest_reward(mdp: OrdinalMDP, values: ArrayLike) -> float:
+    """The greatest of the hidden ``values`` (k,) that an admissible action earns: max r of figure 4's formula."""
+    return float(np.asarray(values, dtype=np.float64)[mdp.levels[mdp.admissible]].max())
+
+
+def paper_loss(v: Floats, baseline: Floats | float, best: float) -> float:
     """Figure 4's percentage of loss, signed as printed: 100 sum_s (v(s) - V(s)) / (|S| max r).
 
-    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model. It
-    compares what two runs believe, not what their policies earn (``planning.policy_loss``). nan where
-    the greatest reward is 0.
+    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model, ``best`` is the
+    ``greatest_reward``. It compares what two runs believe, not what their policies earn (``planning.policy_loss``). nan
+    where the greatest reward is 0.
     """
-    best = float(np.asarray(values, dtype=np.float64)[mdp.levels[mdp.admissible]].max())
     return float(100 * np.mean(v - baseline) / best) if best else float("nan")
 
 
@@ -194,12 +198,14 @@ def means(groups: Any, measures: Sequence[str]) -> DataFrame:
     """Of a grouped frame: the mean of each measure and, as ``<name>_half``, half the width of its 95% t-interval,
     nan from one number; numbers that are nan are left out."""
     mean, spread, n = (groups[list(measures)].agg(how) for how in ("mean", "std", "count"))
-    half = spread * stdtrit(n - 1, 0.975).where(n > 1) / np.sqrt(n)
-    table: DataFrame = mean.join(half.add_suffix("_half"))
+    table: DataFrame = mean.join(_half(spread, n).add_suffix("_half"))
     return table[[column for name in measures for column in (name, f"{name}_half")]]
 
 
 def half_width(x: Floats) -> float:
     """Half the width of the 95% t-interval of the mean of x (n,); nan from one number."""
-    n = len(x)
-    return float(stdtrit(n - 1, 0.975) * np.std(x, ddof=1) / np.sqrt(n)) if n > 1 else float("nan")
+    return float(_half(np.std(x, ddof=1), len(x))) if len(x) > 1 else float("nan")
+
+
+def _half(spread: Any, n: Any) -> Any:
+    return spread * stats.t.ppf(0.975, n - 1) / np.sqrt(n)

@@ -1,18 +1,21 @@
-"""One run of the ablation: a learner, a comparator, a tutor and a problem, from the few words that name them."""
+"""One run of the ablation: a learner, a comparator, a tutor and a problem, from the few words that name them; and many,
+each beside the oracle's."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache, lru_cache
+from dataclasses import asdict, replace
+from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
-from inspect import signature
 from pathlib import Path
 from time import perf_counter
-from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
@@ -23,9 +26,17 @@ from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.experiments import compile_ahead
-from qlearn.experiments.metrics import Watch, audits, counts, estimated_values, reference_differences
-from qlearn.experiments.parallel import Unfinished, sweep
-from qlearn.experiments.threads import one_thread
+from qlearn.experiments.metrics import (
+    Watch,
+    audits,
+    counts,
+    estimated_values,
+    greatest_reward,
+    paper_loss,
+    reference_differences,
+)
+from qlearn.experiments.parallel import Cell, Interrupted, sweep
+from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.learner import drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
@@ -35,181 +46,213 @@ from qlearn.problems.gymnasium import deep_sea_treasure, frozen_lake
 from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values, random_mdp
 
-__all__ = ["Cell", "Run", "Size", "instance", "run", "run_all", "run_named", "sources"]
+__all__ = ["COMPARATORS", "LEARNERS", "PROBLEMS", "TUTORS", "Run", "instance", "run", "run_all", "sources"]
 
-T = TypeVar("T")
-Cell: TypeAlias = dict[str, Any]
 Size: TypeAlias = tuple[int, int, int, float]
 """Of the random MDPs: states, actions, levels, discount."""
+SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor
 
-REAL: Mapping[str, Callable[[], OrdinalMDP]] = MappingProxyType(
-    {"icu": icu_sepsis, "frozen-lake": frozen_lake, "deep-sea-treasure": deep_sea_treasure}
-)
 _NO_RUNS = (
     "cli",
     "paper",
     "experiments/ablation.py",
     "experiments/ablation_plot.py",
     "experiments/compile_ahead.py",
-    "experiments/label_placement.py",
+    "experiments/palette.py",
 )  # sources of qlearn that no run depends on
 
 
 class Run(NamedTuple):
-    """One finished run: its row of the table, and v (S,) of figure 4 for the comparison with the oracle's."""
+    """One finished run: its row of the table, v (S,) of figure 4 and the greatest reward that can be had, for the
+    comparison with the oracle, and the seconds it took."""
 
-    row: Cell
+    row: dict[str, Any]
     v: Floats
+    best: float
+    seconds: float
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during many runs; ``frame``, a pandas DataFrame, holds those that had finished."""
-
-    def __init__(self, frame: Any) -> None:
-        super().__init__(f"interrupted after {len(frame)} runs")
-        self.frame = frame
+# --- what the names stand for
 
 
-def run(
-    cell: Cell,
-    mdp: OrdinalMDP,
-    values: Floats,
-    *,
-    steps: int = 100_000,
-    epsilon: float = 1.0,
-    exploration: str | None = None,
-    indifference: float = 0.0,
-    close: float = 0.005,
-    tolerance: float = 0.005,
-    max_sweeps: int = 200,
-    max_queries: int | None = 2000,
-    audit_steps: int = 2000,
-    audit_sweeps: int = 20,
-    precision: float = 300.0,
-    n_boot: int = 50,
-    level: float = 0.95,
-    refit_growth: float = 0.05,
-    lapse: float = 0.1,
-    particles: int = 1000,
-    slack: float = 0.0,
-    noise: Literal["flip", "logistic"] = "flip",
-) -> Run:
+def _posterior(k: int, seed: int, settings: Settings) -> Comparator:
+    return PosteriorComparator(k, lapse=settings.lapse, level=settings.level, particles=settings.particles, seed=seed)
+
+
+def _bradley_terry(
+    k: int, seed: int, settings: Settings, *, region: Literal["box", "ensemble"], rescale: bool = False
+) -> Comparator:
+    return BradleyTerryComparator(
+        k,
+        precision=settings.precision,
+        region=region,
+        rescale=rescale,
+        n_boot=settings.n_boot,
+        level=settings.level,
+        refit_growth=settings.refit_growth,
+        seed=seed,
+    )
+
+
+COMPARATORS: Mapping[str, Callable[[int, int, Settings], Comparator]] = {
+    "always": lambda k, seed, settings: AlwaysAsk(k),
+    "polytope": lambda k, seed, settings: PolytopeComparator(k),
+    "relaxed": lambda k, seed, settings: RelaxedPolytopeComparator(k, slack=settings.slack),
+    "posterior": _posterior,
+    "posterior-close": _posterior,
+    "ensemble": partial(_bradley_terry, region="ensemble"),
+    "box-rescaled": partial(_bradley_terry, region="box", rescale=True),
+    "box": partial(_bradley_terry, region="box"),
+}
+"""A comparator of k levels, from the seed of its resamples and the settings."""
+CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the indifference ``settings.close``
+
+
+def _q_learning(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
+    epsilon = settings.epsilon if settings.exploration is None else None
+    how: dict[str, Any] = {"steps": settings.steps, "exploration": settings.exploration, "epsilon": epsilon}
+    return InteractiveQLearning(mdp, comparator, **how, **common)
+
+
+def _value_iteration(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
+    how: dict[str, Any] = {"tolerance": settings.tolerance, "max_sweeps": settings.max_sweeps}
+    return InteractiveValueIteration(mdp, comparator, **how, **common)
+
+
+LEARNERS: Mapping[str, Callable[[OrdinalMDP, Comparator, Settings, dict[str, Any]], Any]] = {
+    "q-learning": _q_learning,
+    "ivi": _value_iteration,
+}
+"""A learner, from the settings and the keywords that all learners have in common."""
+
+
+def _logistic(mdp: OrdinalMDP, values: Floats, rate: float, seed: int) -> SimulatedTutor:
+    return BradleyTerryTutor.from_error_rate(values, rate, _reference(mdp, tuple(values)), seed)
+
+
+TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]] = {
+    "flip": lambda mdp, values, rate, seed: FlippingTutor(values, rate, seed),
+    "logistic": _logistic,
+}
+"""A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of his errors."""
+
+PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
+    "random": lambda seed, size: random_mdp(*size, rng=seed),
+    "icu": lambda seed, size: _real(icu_sepsis, seed),
+    "frozen-lake": lambda seed, size: _real(frozen_lake, seed),
+    "deep-sea-treasure": lambda seed, size: _real(deep_sea_treasure, seed),
+}
+"""An MDP and its hidden values (k,)."""
+
+
+# --- one run
+
+
+def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
     """One run of one cell, on one thread.
 
-    steps, epsilon  of Q-learning. An epsilon of 1 explores uniformly: then all comparators see the same transitions,
-                    and losses differ by verdicts alone
-    exploration     of Q-learning, by name (``exploration.EXPLORATIONS``), in place of epsilon
-    indifference    of Q-learning, share of the value range; value iteration derives its own from the tolerance
-    close           indifference of Q-learning with "posterior-close"
-    tolerance       of value iteration: policy loss with right verdicts, share of the value range
-    max_sweeps      of value iteration; a tutor who errs anew each time would keep it going for ever
-    max_queries     question budget, None for none; "always" has none
-    audit_steps, audit_sweeps   no more of an audited run: contradictions show early
-    precision       of the Bradley-Terry comparators' prior, logits per unit of d.e. 300: a difference of 1% of the
-                    value range is answered rightly 95 times in 100
-    n_boot, level, refit_growth   of the Bradley-Terry comparators: resamples, confidence (the posterior's too), and
-                    how much the answers grow between two refits
-    lapse, particles   of the posterior: share of answers given at random, and number of particles
-    slack           of the relaxed polytope
-    noise           of a tutor who errs: "flip" (any answer, however clear) or "logistic" (near ties mostly; the
-                    precision is set so that the error rate holds on average over ``reference_differences``)
+    cell    the names of its "learner" and "comparator", "error_rate" of the tutor, "audit" (share of the decided pairs)
+            and "seed". Audited runs are shorter, for contradictions show early. "always" has no budget. With an error
+            rate of 0 the tutor is truthful
+    values  (k,) the hidden scale
     """
-    seed, rate, ivi = cell["seed"], cell["error_rate"], cell["learner"] == "ivi"
-    name, k = cell["comparator"], mdp.k
-    comparator: Comparator
-    if name == "always":
-        comparator = AlwaysAsk(k)
-    elif name == "polytope":
-        comparator = PolytopeComparator(k)
-    elif name == "relaxed":
-        comparator = RelaxedPolytopeComparator(k, slack=slack)
-    elif name.startswith("posterior"):
-        comparator = PosteriorComparator(k, lapse=lapse, level=level, particles=particles, seed=seed)
-    else:
-        region: Any = "box" if name == "box-rescaled" else name
-        rescale = name == "box-rescaled"
-        common_fit: dict[str, Any] = {"n_boot": n_boot, "level": level, "refit_growth": refit_growth, "seed": seed}
-        comparator = BradleyTerryComparator(k, precision=precision, region=region, rescale=rescale, **common_fit)
-    if name == "posterior-close":
-        indifference = close
-    indifference = tolerance * (1 - mdp.discount) / 2 if ivi else indifference
-    if cell["audit"]:
-        steps, max_sweeps = min(steps, audit_steps), min(max_sweeps, audit_sweeps)
-    common = {"rng": seed, "max_queries": max_queries, "indifference": indifference, "audit": cell["audit"]}
-    with one_thread():
-        tutor = _tutor(noise, rate, mdp, values, seed)
-        learner: InteractiveValueIteration | InteractiveQLearning = (
-            InteractiveValueIteration(mdp, comparator, tolerance=tolerance, max_sweeps=max_sweeps, **common)
-            if ivi
-            else InteractiveQLearning(
-                mdp,
-                comparator,
-                steps=steps,
-                exploration=exploration,
-                epsilon=epsilon if exploration is None else None,
-                **common,
-            )
-        )
-        watch = Watch(values, indifference, erred=lambda: tutor.realised_error_rate > 0)
+    settings = _of_cell(settings, cell, mdp)
+    with threadpool_limits(1):
+        seed, rate = cell["seed"], cell["error_rate"]
+        comparator = COMPARATORS[cell["comparator"]](mdp.k, seed, settings)
+        tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
+        common = {"rng": seed, "max_queries": settings.max_queries, "audit": cell["audit"]}
+        common |= {"indifference": settings.indifference}
+        learner = LEARNERS[cell["learner"]](mdp, comparator, settings, common)
+        watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()
         result = drive(learner, tutor, on_conflict="drop" if cell["audit"] else "raise")
         seconds = perf_counter() - start
         loss = policy_loss(mdp, result.policy, values, optimum=_optimum(mdp, tuple(values)))
-        return Run(
-            {
-                **cell,
-                **counts(result),
-                "realised_error_rate": tutor.realised_error_rate,
-                **watch.counts._asdict(),
-                **audits(result, values),
-                "loss": float(np.mean(loss)),
-                "loss_initial": float(mdp.initial @ loss),
-                "seconds": seconds,
-            },
-            estimated_values(mdp, result.q, values),
-        )
+        row = {
+            **cell,
+            **counts(result),
+            "realised_error_rate": tutor.realised_error_rate,
+            **watch.counts._asdict(),
+            **audits(result, values),
+            "loss": float(np.mean(loss)),
+            "loss_initial": float(mdp.initial @ loss),
+        }
+        return Run(row, estimated_values(mdp, result.q, values), greatest_reward(mdp, values), seconds)
 
 
-def run_named(cell: Cell, size: Size, built: str, settings: dict[str, Any]) -> Run:
-    """``run``, by a worker that makes the problem itself (once): a task is a few hundred bytes, a table of ICU-Sepsis
-    40 MB. Raises RuntimeError if this process's ``sources`` are not those ``built`` names."""
-    if built != sources():
-        raise RuntimeError("this worker has other sources or libraries than the process that started the sweep")
-    return run(cell, *instance(cell["problem"], cell["seed"], tuple(size)), **settings)
+def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP) -> Settings:
+    """The settings as they are in a cell."""
+    if cell["audit"]:
+        steps, sweeps = min(settings.steps, settings.audit_steps), min(settings.max_sweeps, settings.audit_sweeps)
+        settings = replace(settings, steps=steps, max_sweeps=sweeps)
+    if cell["learner"] == "ivi":
+        return replace(settings, indifference=settings.tolerance * (1 - mdp.discount) / 2)
+    return replace(settings, indifference=settings.close) if cell["comparator"] in CLOSE else settings
+
+
+@lru_cache(maxsize=32)
+def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
+    """The MDP and the hidden values (k,) of one of ``PROBLEMS``. Raises as their makers do."""
+    return PROBLEMS[problem](seed, size)
+
+
+# --- many runs
 
 
 def run_all(
     function: Callable[..., Run],
     plan: Sequence[Cell],
-    paired: Callable[[Iterable[Any]], T],
-    *,
-    shared: dict[str, Any],
-    settings: dict[str, Any],
+    size: Mapping[str, Any],
+    settings: Settings,
+    shown: Callable[[pd.DataFrame], pd.DataFrame],
     **how: Any,
-) -> T:
-    """What ``paired`` makes of the rows of all cells, ``how`` as ``sweep`` has it. The function gets ``shared``, the
-    ``settings`` of ``run``, defaults included, and what it was ``built`` of. Raises Interrupted on Ctrl-C, with what
-    ``paired`` makes of those that had finished."""
-    arguments = signature(run).bind(None, None, None, **settings)
-    arguments.apply_defaults()  # named or not, a default is the same setting
-    given = {name: value for name, value in arguments.arguments.items() if name not in ("cell", "mdp", "values")}
-    shared = shared | {"built": sources(), "settings": given}
+) -> pd.DataFrame:
+    """One row a cell, in their order, beside the oracle's of the same problem and seed: always asking a truthful tutor.
+
+    A cell is as ``run`` has it, with the name of its "problem"; ``size`` has "states", "actions", "levels" and
+    "discount" of the random MDPs, where the cells do not name their own. ``function`` is ``run_named``, or adds to its
+    row; ``shown`` makes the table that is returned; ``how`` are keywords of ``sweep``. The last columns, nan without
+    an oracle and for audited runs, which are shorter than it: ``paper_loss_percent`` (figure 4's formula, signed as
+    printed), ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out), ``excess_loss`` and
+    ``excess_loss_initial`` (true policy loss beyond the oracle's, share of the value range); and the ``seconds`` of
+    the run.
+
+    Raises ImportError without the package of a problem, Interrupted on Ctrl-C, and as ``sweep`` does.
+    """
+    for cell in {cell["problem"]: cell for cell in plan}.values():
+        instance(cell["problem"], cell["seed"], _size(cell, size))  # what is wrong with it is said before the runs
+    shared = {"size": size, "built": sources(), "settings": asdict(settings.of_a_run())}
     try:
-        rows = sweep(function, plan, shared=shared, ahead=compile_ahead.parts, **how)
-    except Unfinished as stopped:
-        raise Interrupted(paired(stopped.rows)) from None
-    return paired(rows)
+        rows = sweep(function, plan, shared=shared, ahead=compile_ahead.parts, cost=_cost, **how)
+    except Interrupted as stopped:
+        frame = _beside_oracles(stopped.rows)
+        stopped.frame = frame if frame.empty else shown(frame)
+        raise
+    return shown(_beside_oracles(rows))
 
 
-@lru_cache(maxsize=32)
-def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of a problem: "random" (``size`` says which), or one of ``REAL``, whose values
-    come from ``draw_values``. Raises as their makers do."""
-    if problem in REAL:
-        mdp = _real(problem)
-        return mdp, draw_values(mdp.k, rng=seed)
-    return random_mdp(*size, rng=seed)
+def run_named(cell: Cell, size: Mapping[str, Any], built: str, settings: Mapping[str, Any]) -> Run:
+    """``run``, by a worker that makes the problem itself (once): a task is a few hundred bytes, a table of ICU-Sepsis
+    40 MB. Raises RuntimeError if this process's ``sources`` are not those ``built`` names."""
+    if built != sources():
+        raise RuntimeError("this worker has other sources or libraries than the process that started the sweep")
+    return run(cell, *instance(cell["problem"], cell["seed"], _size(cell, size)), Settings(**settings))
+
+
+def in_order(cells: Iterable[Cell], keys: Sequence[str]) -> list[Cell]:
+    """Cells in the order of their table, which goes by these keys."""
+
+    def place(cell: Cell) -> tuple[Any, ...]:
+        return tuple(ORDER[key].index(cell[key]) if key in ORDER else cell[key] for key in keys)
+
+    return sorted(cells, key=place)
+
+
+def is_oracle(cell: Cell) -> bool:
+    """Whether a run always asks a truthful tutor."""
+    return bool(cell["comparator"] == "always" and cell["error_rate"] == 0)
 
 
 @cache
@@ -230,9 +273,52 @@ def sources() -> str:
     return digest.hexdigest()
 
 
+def _size(cell: Cell, size: Mapping[str, Any]) -> Size:
+    whole = {**size, **cell}
+    return whole["states"], whole["actions"], whole["levels"], whole["discount"]
+
+
+_BESIDE = ("paper_loss_percent", "paper_abs_percent", "excess_loss", "excess_loss_initial")
+_SLOW = {"box": 8.0, "box-rescaled": 4.0, "ensemble": 4.0, "posterior": 3.0, "posterior-close": 3.0}  # others 1
+
+
+def _cost(cell: Cell) -> float:
+    """The oracles first, which the others are paired with, should the sweep be interrupted; then what takes long."""
+    if is_oracle(cell):
+        return math.inf
+    size = cell.get("levels", 1) * (1 + cell.get("states", 0) / 500)
+    slow = _SLOW.get(cell["comparator"], 1.0) * (2.0 if cell["error_rate"] else 1.0)
+    return float(size * slow / (10.0 if cell["audit"] else 1.0))
+
+
+def _beside_oracles(results: Iterable[Any]) -> pd.DataFrame:
+    """The table of the runs that have finished."""
+    runs = [Run(row, np.array(v), best, seconds) for row, v, best, seconds in filter(None, results)]
+    oracles = {_problem(run.row): run for run in runs if is_oracle(run.row)}
+    table = []
+    for row, v, best, seconds in runs:
+        oracle = oracles.get(_problem(row))
+        beside = dict.fromkeys(_BESIDE, math.nan)
+        if oracle is not None and not row["audit"]:
+            distance = paper_loss(np.abs(v - oracle.v), 0.0, best)
+            excess = (row[name] - oracle.row[name] for name in ("loss", "loss_initial"))
+            beside = dict(zip(_BESIDE, (paper_loss(v, oracle.v, best), distance, *excess), strict=True))
+        table.append(row | beside | {"seconds": seconds})
+    return pd.DataFrame(table)
+
+
+def _problem(cell: Cell) -> tuple[Any, ...]:
+    return tuple(cell.get(key) for key in ("problem", "states", "levels", "learner", "seed"))
+
+
+def _real(make: Callable[[], OrdinalMDP], seed: int) -> tuple[OrdinalMDP, Floats]:
+    mdp = _made(make)
+    return mdp, draw_values(mdp.k, rng=seed)
+
+
 @cache
-def _real(problem: str) -> OrdinalMDP:
-    return REAL[problem]()  # takes seconds
+def _made(make: Callable[[], OrdinalMDP]) -> OrdinalMDP:
+    return make()  # takes seconds
 
 
 @lru_cache(maxsize=32)
@@ -243,15 +329,3 @@ def _optimum(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
 @lru_cache(maxsize=32)
 def _reference(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
     return reference_differences(mdp, values)
-
-
-def _tutor(
-    noise: str, rate: float, mdp: OrdinalMDP, values: Floats, seed: int
-) -> TruthfulTutor | FlippingTutor | BradleyTerryTutor:
-    if noise not in ("flip", "logistic"):
-        raise ValueError(f"noise must be 'flip' or 'logistic', not {noise!r}")
-    if rate == 0:
-        return TruthfulTutor(values)
-    if noise == "flip":
-        return FlippingTutor(values, rate, seed)
-    return BradleyTerryTutor.from_error_rate(values, rate, _reference(mdp, tuple(values)), seed)

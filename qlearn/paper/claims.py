@@ -10,9 +10,9 @@ from scipy.stats import spearmanr
 
 from elicit.model.scale import Floats
 from qlearn.experiments.metrics import half_width, means
-from qlearn.paper.series import ORDER
+from qlearn.experiments.settings import COMPARATORS
 
-__all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_page", "claims_text", "series_of", "summarise_series"]
+__all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_page", "series_of", "summarise_series"]
 
 DENOMINATORS = ("all", "unequal", "open", "fresh")
 LOSSES = ("paper_loss_percent", "paper_abs_percent", "excess_loss_percent")
@@ -34,7 +34,7 @@ def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
     points = frame[["states", "levels"]].drop_duplicates()
     fixed = points.groupby(other, sort=True)[name].nunique().idxmax()
     rows = _wide(frame[frame[other] == fixed])
-    place = rows.comparator.map(ORDER.index)
+    place = rows.comparator.map(COMPARATORS.index)
     return rows.assign(place=place).sort_values(["place", "error_rate", name, "seed"]).drop(columns="place")
 
 
@@ -73,49 +73,38 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
-def claims_text(told: pd.DataFrame) -> str:
-    """``claims`` as text of at most 120 columns, without the unequal pairs (nearly all of all)."""
-    lines = [f"{'figure':<8}{'comparator':<14}{'tutor errs':<12}{'measured':<32}{'estimate, 95% interval':<31}answer"]
-    lines += ["-" * 104]
-    row: Any
-    for row in told[told.measure != "asked_percent_unequal"].itertuples():
-        measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
-        what = f"{measure}, {row.statistic!s}" if row.figure == 4 else measure
-        numbers = f"{row.estimate:+.3f} ({row.low:+.3f} to {row.high:+.3f})"
-        note = f" ({row.agreeing} of {row.runs} runs)" if row.figure != 4 else ""
-        rate = f"{100 * row.error_rate:g}%"
-        lines.append(f"{row.figure:<8}{row.comparator:<14}{rate:<12}{what:<32}{numbers:<31}{row.answer}{note}")
-    lines += [
-        "",
-        "figure 2: slope per 5 levels; figure 3: slope per 100 states, both in percentage points; figure 4: %",
-    ]
-    return "\n".join(lines)
+_PAGE = """\
+# The claims of figures 2, 3 and 4
+
+{runs} runs a point, {steps:,} steps each; 95% t-intervals over the runs. Written by `qlearn figures`.
+
+- figure 2: slope of the percentage asked, in percentage points for 5 levels more; figure 3: for 100 states
+  more. In brackets, how many runs' own slopes have that sign.
+- figure 4: its formula signed as printed (paper loss), the same with |v(s) - V(s)| (paper abs), and true
+  policy loss beyond the oracle's (excess loss), in percent, mean over the sizes; `worst` is the farthest end
+  of the interval at one size.
+
+"""
+_HEAD = ("figure", "comparator", "tutor errs", "measured", "estimate", "95% interval", "answer")
 
 
 def claims_page(frame: pd.DataFrame) -> str:
-    """The claims of these runs as a page of Markdown."""
-    runs, steps = frame.seed.nunique(), frame.rounds.max()
-    lines = [
-        "# The claims of figures 2, 3 and 4",
-        "",
-        f"{runs} runs a point, {steps:,} steps each; 95% t-intervals over the runs. Written by `qlearn figures`.",
-        "",
-        "- figure 2: slope of the percentage asked, in percentage points for 5 levels more; figure 3: for 100 states",
-        "  more. In brackets, how many runs' own slopes have that sign.",
-        "- figure 4: its formula signed as printed (paper loss), the same with |v(s) - V(s)| (paper abs), and true",
-        "  policy loss beyond the oracle's (excess loss), in percent, mean over the sizes; `worst` is the farthest end",
-        "  of the interval at one size.",
-        "",
-        "| figure | comparator | tutor errs | measured | estimate | 95% interval | answer |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    row: Any
-    for row in claims(frame).itertuples():
-        measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
-        note = f"worst {row.worst:.2f}" if row.figure == 4 else f"{row.agreeing} of {row.runs}"
-        cells = (row.figure, row.comparator, f"{100 * row.error_rate:g}%", measure, f"{row.estimate:+.3f}")
-        lines.append(f"| {' | '.join(map(str, cells))} | {row.low:+.3f} to {row.high:+.3f} | {row.answer} ({note}) |")
-    return "\n".join(lines) + "\n"
+    """The claims of these runs as a page of Markdown of at most 120 columns, to be read as text too."""
+    table = [_HEAD, *map(_cells, claims(frame).itertuples())]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    table.insert(1, tuple("-" * width for width in widths))
+    rows = (" | ".join(f"{cell:<{n}}" for cell, n in zip(cells, widths, strict=True)) for cells in table)
+    page = _PAGE.format(runs=frame.seed.nunique(), steps=frame.rounds.max())
+    return page + "".join(f"| {row} |\n" for row in rows)
+
+
+def _cells(row: Any) -> tuple[str, ...]:
+    """A claim as a line of the page's table."""
+    measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
+    note = f"worst {row.worst:.2f}" if row.figure == 4 else f"{row.agreeing} of {row.runs}"
+    interval = f"{row.low:+.3f} to {row.high:+.3f}"
+    rate, mean = f"{100 * row.error_rate:g}%", f"{row.estimate:+.3f}"
+    return str(row.figure), str(row.comparator), rate, measure, mean, interval, f"{row.answer} ({note})"
 
 
 def _wide(rows: pd.DataFrame) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlearn.experiments.ablation_plot import NAMES, STYLES
+from qlearn.experiments.palette import NAMES, STYLES
 
 __all__ = ["plot_asked", "plot_loss", "save"]
 

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from io import BytesIO
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.image import imread
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Tier
-from elicit.tutors.simulated import FlippingTutor
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments import run as runs
-from qlearn.experiments.ablation import KEYS, Interrupted, ablate, cells, run, summarise
-from qlearn.experiments.ablation_plot import LEGEND, plot_ablation, table
+from qlearn.experiments.ablation import KEYS, Interrupted, ablate, summarise
+from qlearn.experiments.ablation_plot import LEGEND, table
 from qlearn.experiments.metrics import MEASURES
+from qlearn.experiments.palette import NAMES, STYLES
+from qlearn.experiments.run import Run, run
+from qlearn.experiments.settings import ORDER, Settings
+from qlearn.learners.exploration import EXPLORATIONS
 from qlearn.learners.learner import drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.mdp.planning import policy_loss
@@ -82,19 +86,12 @@ def test_one_row_a_cell_in_order(frame: pd.DataFrame) -> None:
     assert frame.asked[frame.comparator != "always"].max() <= 40
 
 
-def test_the_oracle_is_its_own_baseline(frame: pd.DataFrame) -> None:
-    oracle = frame[(frame.comparator == "always") & (frame.error_rate == 0)]
-    assert len(oracle) == 2
-    for column in ("excess_loss", "excess_loss_initial", "paper_loss_percent"):
-        assert (oracle[column] == 0).all()
-
-
 def test_polytope_with_a_truthful_tutor_is_the_oracle_with_fewer_questions(frame: pd.DataFrame) -> None:
     plain = frame[(frame.learner == "q-learning") & (frame.error_rate == 0) & (frame.audit == 0)]
     learned = plain.set_index("comparator")
     polytope = learned.loc[["polytope"]]
-    assert (polytope.excess_loss == 0).all()
-    assert (polytope.paper_loss_percent == 0).all()
+    paired = ["excess_loss", "excess_loss_initial", "paper_loss_percent"]
+    assert (learned.loc[["always", "polytope"], paired] == 0).all(axis=None)
     assert (polytope.wrong_before + polytope.wrong_after == 0).all()
     assert (polytope.judged_before > 0).all()
     assert (polytope.asked < learned.asked["always"]).all()
@@ -116,16 +113,10 @@ def test_a_run_can_be_rebuilt_by_hand(frame: pd.DataFrame) -> None:
     tutor = FlippingTutor(values, 0.15, seed=0)
     result = drive(learner, tutor)
     loss = policy_loss(mdp, result.policy, values)
-    row = frame.query("learner == 'q-learning' and comparator == 'polytope' and error_rate == .15 and audit == 0").iloc[
-        0
-    ]
-    assert (row.asked, row.compared, row.realised_error_rate, row.loss, row.loss_initial) == (
-        result.asked,
-        result.compared,
-        tutor.realised_error_rate,
-        loss.mean(),
-        mdp.initial @ loss,
-    )
+    where = "learner == 'q-learning' and comparator == 'polytope' and error_rate == .15 and audit == 0"
+    (row,) = frame.query(where).itertuples()
+    found = (row.asked, row.compared, row.realised_error_rate, row.loss, row.loss_initial)
+    assert found == (result.asked, result.compared, tutor.realised_error_rate, loss.mean(), mdp.initial @ loss)
 
 
 def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -139,35 +130,65 @@ def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytes
         ablate(**one, jobs=1, journal=tmp_path / "journal")
 
 
-def test_a_setting_that_is_none_is_said_before_the_runs() -> None:
-    with pytest.raises(TypeError, match="unexpected keyword argument 'stepz'"):
-        ablate(**TINY, stepz=3)
+def one_run(comparator: str = "always", **changes: Any) -> Run:
+    """A short run of Q-learning with a tutor who flips."""
+    mdp, values = random_mdp(8, 3, 4, rng=0)
+    cell = dict(zip(KEYS, ("random", "q-learning", comparator, 0.15, 0.0, 0), strict=True))
+    return run(cell, mdp, values, Settings(steps=300, **changes))
 
 
 def test_logistic_noise_errs_at_near_ties() -> None:
-    mdp, values = random_mdp(8, 3, 4, rng=0)
-    cell = dict(zip(KEYS, ("random", "q-learning", "always", 0.15, 0.0, 0), strict=True))
-    flip, logistic = (run(cell, mdp, values, steps=300, noise=noise).row for noise in ("flip", "logistic"))
+    flip, logistic = (one_run(noise=noise).row for noise in ("flip", "logistic"))
     assert 0 < logistic["realised_error_rate"] != flip["realised_error_rate"] > 0
-    with pytest.raises(ValueError, match="noise must be"):
-        run(cell, mdp, values, steps=1, noise="loud")  # type: ignore[arg-type]
 
 
 def test_a_named_exploration_takes_the_place_of_epsilon() -> None:
-    mdp, values = random_mdp(8, 3, 4, rng=0)
-    cell = dict(zip(KEYS, ("random", "q-learning", "always", 0.0, 0.0, 0), strict=True))
     named, constant, other = (
-        run(cell, mdp, values, steps=300, **settings).v.tolist()
-        for settings in ({"exploration": "constant", "epsilon": 0.3}, {"epsilon": 0.1}, {"exploration": "decaying"})
+        one_run(**changes).v.tolist()
+        for changes in ({"exploration": "constant", "epsilon": 0.3}, {"epsilon": 0.1}, {"exploration": "decaying"})
     )
     assert named == constant != other
 
 
-def test_unknown_names_and_rates_are_refused() -> None:
-    with pytest.raises(ValueError, match="no comparator 'sphere'; choose among always"):
-        ablate(comparators=["sphere"])
-    with pytest.raises(ValueError, match=r"below 1/2, not 0\.5"):
-        cells(["random"], ["ivi"], ["box"], [0.5], 0.0, [0])
+def test_posterior_close_is_the_posterior_with_an_indifference() -> None:
+    plain, close, by_hand = (
+        one_run(name, particles=50, **changes).v.tolist()
+        for name, changes in (
+            ("posterior", {}), ("posterior-close", {"close": 0.1}), ("posterior", {"indifference": 0.1})
+        )
+    )  # fmt: skip
+    assert close == by_hand != plain
+
+
+def test_a_run_has_linear_algebra_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[int] = []
+
+    def tutor(*_: Any) -> TruthfulTutor:
+        seen.extend(pool["num_threads"] for pool in threadpool_info())
+        return TruthfulTutor([0, 1, 2, 3])
+
+    monkeypatch.setattr(runs, "TUTORS", {"flip": tutor})
+    with threadpool_limits(2):
+        one_run()
+    assert {*seen} == {1}
+
+
+def test_every_name_has_something_that_it_stands_for() -> None:
+    assert {name: {*ORDER[name]} for name in ORDER} == {
+        "problem": {*runs.PROBLEMS}, "learner": {*runs.LEARNERS}, "comparator": {*runs.COMPARATORS}
+    }  # fmt: skip
+    assert {*NAMES} == {name for names in ORDER.values() for name in names}
+    looks = [(style["color"], style["marker"]) for style in STYLES.values()]
+    assert {*STYLES} == {*ORDER["comparator"]}
+    assert all(len(set(look)) == len(STYLES) for look in zip(*looks, strict=True))  # no two have one in common
+    choices = {one.name: one.metadata["check"] for one in fields(Settings)}
+    assert {*choices["exploration"].names} == {*EXPLORATIONS}
+    assert {*choices["noise"].names} == {*runs.TUTORS}
+
+
+def test_what_runs_do_not_depend_on_is_there() -> None:
+    here = Path(runs.__file__).parents[1]
+    assert all((here / name).exists() for name in runs._NO_RUNS)
 
 
 def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
@@ -182,24 +203,19 @@ def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
     assert caught.value.frame.columns.tolist() == frame.columns.tolist()
 
 
-def test_summary_has_the_mean_and_the_t_interval() -> None:
+def test_summary_has_the_mean_and_the_t_interval(frame: pd.DataFrame) -> None:
     rows = ablate(**TINY | {"seeds": 3, "steps": 60, "learners": ["q-learning"], "comparators": ["ensemble"]}, jobs=1)
     summary = summarise(rows)
     assert (summary.runs == 3).all()
-    cell = rows[(rows.comparator == "ensemble") & (rows.error_rate == 0.15) & (rows.audit == 0)]
-    line = summary[(summary.comparator == "ensemble") & (summary.error_rate == 0.15) & (summary.audit == 0)].iloc[0]
+    where = "comparator == 'ensemble' and error_rate == .15 and audit == 0"
+    cell, line = rows.query(where), summary.query(where).iloc[0]
     assert line.asked == pytest.approx(cell.asked.mean())
-    assert line.asked_half == pytest.approx(
-        4.302652729911275 * cell.asked.std() / np.sqrt(3)
-    )  # t, 2 degrees of freedom
+    assert line.asked_half == pytest.approx(4.302652729911275 * cell.asked.std() / np.sqrt(3))  # 2 degrees of freedom
     assert line.budget_spent == (cell.guess > 0).sum()
     assert {*MEASURES} <= {*summary.columns}
-
-
-def test_one_seed_has_a_mean_and_no_interval(frame: pd.DataFrame) -> None:
-    summary = summarise(frame)
-    assert summary.asked.tolist() == frame.asked.tolist()
-    assert summary.asked_half.isna().all()
+    one = summarise(frame)  # of a single seed
+    assert one.asked.tolist() == frame.asked.tolist()
+    assert one.asked_half.isna().all()
 
 
 def test_the_table_says_all_cells_in_120_columns(frame: pd.DataFrame) -> None:
@@ -210,19 +226,6 @@ def test_the_table_says_all_cells_in_120_columns(frame: pd.DataFrame) -> None:
     named = ("always", "polytope", "relaxed", "posterior", "ensemble", "box")
     assert sum(line.startswith(named) for line in lines) == 2 * (6 + 2) + 2 * (5 + 2)
     assert "nan" not in text
-
-
-@pytest.mark.parametrize("max_queries", [None, 40])
-def test_the_figure_shows_something(frame: pd.DataFrame, max_queries: int | None) -> None:
-    figure = plot_ablation(summarise(frame), max_queries=max_queries)
-    assert len(figure.axes) == 2
-    assert all("questions" in axes.get_xlabel() for axes in figure.axes)
-    file = BytesIO()
-    figure.savefig(file, format="png")
-    file.seek(0)
-    picture = imread(file)
-    assert picture.shape[0] > 300
-    assert picture.std() > 0.05
 
 
 @pytest.mark.parametrize("problem", ["frozen-lake", "deep-sea-treasure"])

@@ -7,14 +7,26 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy import stats
 
 from elicit.asking.elicitation import Audit
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Answers, Query, Verdict
 from elicit.model.scale import Floats, normalise, tail_sums
-from qlearn.experiments.metrics import Watch, audits, counts, estimated_values, paper_loss, reference_differences
+from qlearn.experiments.metrics import (
+    Watch,
+    audits,
+    counts,
+    estimated_values,
+    greatest_reward,
+    half_width,
+    means,
+    paper_loss,
+    reference_differences,
+)
 from qlearn.learners.learner import Result, Status
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import value_iteration
@@ -31,12 +43,36 @@ def decided(verdicts: Sequence[int], tier: Tier = Tier.MODEL) -> Decisions:
 DIFFERENCES = np.array([[0.0, -0.5, 0.5], [0.0, 0.5, -0.5], [0.08, -0.1, 0.02]])
 
 
-def test_watch_counts_verdicts_against_the_hidden_scale() -> None:
-    watch = Watch(VALUES)
-    watch(DIFFERENCES, decided([1, 1, -1]))
-    assert watch.counts == (3, 1, 0, 0)
-    watch(DIFFERENCES, decided([1, -1, 1]))
-    assert watch.counts == (6, 2, 0, 0)
+PROVEN = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
+TIE = np.array([[0.75, -1.0, 0.25]])  # d.e is .25 * 1 - 1 * .25 = 0
+
+
+@pytest.mark.parametrize(
+    ("d", "said", "indifference", "tier", "counts"),
+    [
+        (DIFFERENCES, [1, 1, -1], 0.0, Tier.MODEL, (3, 1)),
+        (DIFFERENCES, [1, -1, 1], 0.0, Tier.MODEL, (3, 1)),
+        (DIFFERENCES, [1, -1, 1], 0.01, Tier.MODEL, (2, 0)),  # the third is within the indifference
+        (TIE, [1], 0.0, Tier.MODEL, (0, 0)),
+        (DIFFERENCES, [Verdict.EQUAL, Verdict.UNKNOWN, Verdict.BETTER], 0.0, Tier.LP, (1, 1)),
+        *(
+            (
+                DIFFERENCES,
+                [-1, 1, 1],
+                0.0,
+                tier,
+                (3, 3) if tier.name in ("SCREEN", "SIMPLEX", "LP", "EXACT", "MODEL") else (0, 0),
+            )
+            for tier in Tier
+        ),
+    ],
+)
+def test_watch_counts_what_the_answers_decided_against_the_hidden_scale(
+    d: Floats, said: list[int], indifference: float, tier: Tier, counts: tuple[int, int]
+) -> None:
+    watch = Watch(VALUES, indifference)
+    watch(d, decided(said, tier))
+    assert watch.counts == (*counts, 0, 0)
 
 
 def test_watch_splits_at_the_tutors_first_wrong_answer() -> None:
@@ -47,30 +83,6 @@ def test_watch_splits_at_the_tutors_first_wrong_answer() -> None:
     watch(DIFFERENCES, decided([-1, 1, 1]))
     assert watch.counts == (2, 1, 3, 3)
     assert watch.counts._fields == ("judged_before", "wrong_before", "judged_after", "wrong_after")
-
-
-def test_watch_leaves_out_pairs_within_the_indifference_and_exact_ties() -> None:
-    watch = Watch(VALUES, indifference=0.01)
-    watch(DIFFERENCES, decided([1, -1, 1]))
-    assert watch.counts == (2, 0, 0, 0)
-    tie = np.array([[0.75, -1.0, 0.25]])
-    exact = Watch(VALUES)
-    exact(tie, decided([1]))
-    assert exact.counts == (0, 0, 0, 0)
-
-
-@pytest.mark.parametrize("tier", Tier)
-def test_watch_counts_only_what_the_answers_decided(tier: Tier) -> None:
-    watch = Watch(VALUES)
-    watch(DIFFERENCES, decided([-1, 1, 1], tier))
-    counted = tier in (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
-    assert watch.counts == ((3, 3, 0, 0) if counted else (0, 0, 0, 0))
-
-
-def test_watch_counts_no_equal_and_no_unknown() -> None:
-    watch = Watch(VALUES)
-    watch(DIFFERENCES, decided([Verdict.EQUAL, Verdict.UNKNOWN, Verdict.BETTER], Tier.LP))
-    assert watch.counts == (1, 1, 0, 0)
 
 
 def test_watch_judges_many_small_calls_like_one() -> None:
@@ -108,10 +120,7 @@ def test_counts_name_every_denominator() -> None:
     assert row["compared"] == 100
     assert (row["equal"], row["lp"], row["guess"]) == (10, 36, 0)
     assert (row["status"], row["rounds"]) == ("done", 7)
-
-
-def test_counts_without_comparisons_have_no_percentage() -> None:
-    row = counts(result({"equal": 3}))
+    row = counts(result({"equal": 3}))  # no comparisons, no percentage
     assert row["asked_percent_all"] == 0
     assert math.isnan(row["asked_percent_unequal"])
     assert math.isnan(row["asked_percent_open"])
@@ -156,13 +165,11 @@ def test_the_papers_loss_by_hand() -> None:
     v = estimated_values(mdp, q, VALUES)
     assert v.tolist() == pytest.approx([36.0, 40.0])
     # the greatest reward that can be had is 20: 100 * ((36 - 40) + (40 - 40)) / (2 * 20)
-    assert paper_loss(mdp, v, np.array([40.0, 40.0]), VALUES) == pytest.approx(-10.0)
-    assert paper_loss(mdp, v, v, VALUES) == 0.0
-
-
-def test_the_papers_loss_is_undefined_where_no_reward_is_positive() -> None:
-    mdp = small_mdp()
-    assert math.isnan(paper_loss(mdp, np.ones(2), np.zeros(2), (-5.0, 0.0, 7.0)))
+    best = greatest_reward(mdp, VALUES)
+    assert paper_loss(v, np.array([40.0, 40.0]), best) == pytest.approx(-10.0)
+    assert paper_loss(v, v, best) == 0.0
+    assert greatest_reward(mdp, (-5.0, 0.0, 7.0)) == 0  # the best level cannot be had, and the loss is not defined
+    assert math.isnan(paper_loss(v, v, 0.0))
 
 
 def test_reference_differences_are_open_and_against_an_optimal_action() -> None:
@@ -177,3 +184,15 @@ def test_reference_differences_are_open_and_against_an_optimal_action() -> None:
     q = 0.05 * e[mdp.levels] + 0.95 * (mdp.transitions @ v).reshape(mdp.levels.shape)
     losses = np.sort((q - q[np.arange(12), policy][:, None]).ravel())
     assert all(np.abs(losses - x).min() < 1e-8 for x in d @ e)
+
+
+@pytest.mark.parametrize("n", [2, 3, 20])
+def test_intervals_are_those_of_the_t_test_at_95_percent(n: int) -> None:
+    x = np.random.default_rng(n).normal(3.0, 2.0, n)
+    low, high = stats.ttest_1samp(x, 0.0).confidence_interval(0.95)
+    assert half_width(x) == pytest.approx((high - low) / 2)
+    frame = pd.DataFrame({"of": "one", "x": [*x, np.nan], "alone": [2.0] + [np.nan] * n})
+    (row,) = means(frame.groupby("of"), ["x", "alone"]).itertuples()  # what is nan is left out
+    assert (row.x, row.x_half, row.alone) == pytest.approx((x.mean(), half_width(x), 2.0))
+    assert math.isnan(row.alone_half)
+    assert math.isnan(half_width(x[:1]))

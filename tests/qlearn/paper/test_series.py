@@ -11,11 +11,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from qlearn.cli import figures as figures_command
 from qlearn.cli import main as cli
 from qlearn.experiments.ablation import ablate
-from qlearn.paper.claims import MEASURES, claims, claims_text, series_of, summarise_series
-from qlearn.paper.series import COMPARATORS, KEYS, SETTINGS, Interrupted, cells, figures
+from qlearn.experiments.settings import FiguresSettings
+from qlearn.paper.claims import MEASURES, claims, claims_page, series_of, summarise_series
+from qlearn.paper.series import KEYS, figures
 
 TINY: dict[str, Any] = {
     "levels": (3, 5), "at_states": 8, "states": (8, 12), "at_levels": 5, "actions": 3, "seeds": 2, "steps": 250,
@@ -23,35 +23,9 @@ TINY: dict[str, Any] = {
 }  # fmt: skip
 
 
-def text_of(frame: pd.DataFrame) -> str:
-    return str(frame.drop(columns="seconds").to_csv(index=False))
-
-
 @pytest.fixture(scope="module")
 def frame() -> pd.DataFrame:
     return figures(**TINY, jobs=1)
-
-
-def test_the_same_rows_on_two_cores_and_resumed(frame: pd.DataFrame, tmp_path: Path) -> None:
-    journal = tmp_path / "journal"
-    seen: list[tuple[int, int]] = []
-    assert text_of(figures(**TINY, jobs=2, journal=journal)) == text_of(frame)
-    kept = journal.read_bytes().splitlines(keepends=True)
-    journal.write_bytes(b"".join(kept[3:]) + kept[0][:-30])
-    resumed = figures(**TINY, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
-    assert seen[0] == (len(frame) - 3, len(frame))
-    assert text_of(resumed) == text_of(frame)
-
-
-def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
-    def stop(done: int, total: int) -> None:
-        if done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as caught:
-        figures(**TINY, jobs=1, progress=stop)
-    assert len(caught.value.frame) == 2
-    assert caught.value.frame.columns.tolist() == frame.columns.tolist()
 
 
 def test_one_row_a_run_and_a_problem_of_both_series_once(frame: pd.DataFrame) -> None:
@@ -84,7 +58,7 @@ def test_every_denominator(frame: pd.DataFrame) -> None:
 
 def test_runs_of_one_seed_are_those_of_the_ablation(frame: pd.DataFrame) -> None:
     """The same run by the other command: nothing is computed twice in two ways."""
-    settings = SETTINGS | {"steps": 250, "n_boot": 10, "particles": 50}
+    settings = {"noise": "logistic", "max_queries": None, "refit_growth": 0.2, "steps": 250, "n_boot": 10}
     other = ablate(
         problems=["random"], learners=["q-learning"], comparators=["box"], error_rates=[0.1], audit=0.0, seeds=1,
         states=8, actions=3, levels=5, jobs=1, **settings,
@@ -108,15 +82,6 @@ def test_warnings_are_counted_not_shown() -> None:
     quiet, loud = (figures(**part, jobs=1, precision=precision) for precision in (300.0, 1e300))
     assert (quiet.warnings == 0).all()
     assert loud.warnings[loud.comparator == "box"].item() > 0
-
-
-def test_what_there_is_not_is_refused() -> None:
-    with pytest.raises(ValueError, match="no comparator 'sphere' in the figures; choose among polytope"):
-        figures(comparators=["sphere"])
-    with pytest.raises(ValueError, match=r"below 1/2, not 0\.5"):
-        cells([(8, 3)], ["box"], 0.5, False, [0])
-    with pytest.raises(TypeError, match="unexpected keyword argument 'stepz'"):
-        figures(**TINY, stepz=3)
 
 
 # --- what is said of the rows
@@ -159,8 +124,11 @@ def test_its_sign_is_told_as_it_is(slope: float, noise: float, answer: str) -> N
     told = claims(made_up(slope, 0.0, noise=noise))
     assert (told.answer[told.figure == 2] == answer).all()
     assert told.answer[told.figure == 3].nunique() == 1
-    assert "slope per 5 levels" in claims_text(told)
-    assert max(map(len, claims_text(told).splitlines())) <= 120
+    page = claims_page(made_up(slope, 0.0, noise=noise).assign(rounds=7000))
+    assert page.count(f"| {answer} (") >= 4
+    assert "\n6 runs a point, 7,000 steps each; 95% t-intervals" in page
+    assert max(map(len, page.splitlines())) <= 120
+    assert len({len(line) for line in page.splitlines() if line.startswith("|")}) == 1  # a table to read as text too
 
 
 @pytest.mark.parametrize(
@@ -202,7 +170,7 @@ def test_the_summary_has_means_and_half_widths(frame: pd.DataFrame) -> None:
     asked = frame.query("states == 12 and comparator == 'box'").asked
     assert (line.asked, line.runs) == (asked.mean(), 2)
     assert line.asked_half == pytest.approx(stats.t.ppf(0.975, 1) * asked.std() / math.sqrt(2))
-    assert series_of(frame, "levels").comparator.unique().tolist() == ["always", *COMPARATORS]
+    assert series_of(frame, "levels").comparator.unique().tolist() == ["always", *FiguresSettings().comparators]
 
 
 # --- the command
@@ -213,17 +181,6 @@ COMMAND = (
     "--n-boot 5 --particles 20"
 )
 PICTURES = [f"figure{i}.{kind}" for i in (2, 3, 4) for kind in ("png", "svg")]
-
-
-def test_the_defaults_in_the_help_are_those_of_the_library() -> None:
-    from inspect import signature
-
-    from qlearn.experiments.run import run
-
-    keywords = {name: p.default for name, p in signature(run).parameters.items()} | SETTINGS
-    keywords |= {name: p.default for name, p in signature(figures).parameters.items()}
-    assert {name: keywords[name] for name in figures_command.DEFAULTS} == figures_command.DEFAULTS
-    assert {*figures_command.QUICK} <= {*figures_command.DEFAULTS}
 
 
 def test_the_command_writes_the_same_bytes_again_and_on_two_cores(
@@ -247,31 +204,3 @@ def test_the_command_writes_the_same_bytes_again_and_on_two_cores(
     assert len(runs) == 3 * 5 * 2
     svg = (one / "figure4.svg").read_text(encoding="utf-8")
     assert "<dc:date>" not in svg
-
-
-def test_interrupted_the_command_keeps_its_rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    import qlearn.paper.series as module
-
-    real = module.figures
-
-    def stopped(progress: Any, **settings: Any) -> pd.DataFrame:
-        def stop(done: int, total: int) -> None:
-            if done == 3:
-                raise KeyboardInterrupt
-
-        return real(progress=stop, **settings)
-
-    monkeypatch.setattr(module, "figures", stopped)
-    assert cli.main([*COMMAND.split(), "--out", str(tmp_path)]) == 130
-    assert len(pd.read_csv(tmp_path / "runs.csv")) == 3
-
-
-@pytest.mark.parametrize(
-    ("option", "value", "said"),
-    [("--seeds", "0", "'0' is not a whole number of at least 1"), ("--comparators", "always", "invalid choice")],
-)
-def test_bad_options_end_in_2(option: str, value: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        cli.main(["figures", option, value])
-    assert caught.value.code == 2
-    assert said in capsys.readouterr().err

@@ -1,0 +1,66 @@
+"""The command ``qlearn ablate``: what each comparator costs in questions and in policy loss."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+from qlearn.cli.options import add_settings, add_where, frame_of, without, write_csv
+from qlearn.experiments.settings import AblationSettings
+
+QUICK: dict[str, Any] = {
+    "problems": ["random"], "states": 15, "actions": 3, "levels": 4, "seeds": 2, "steps": 400, "tolerance": 0.02,
+    "max_sweeps": 150, "max_queries": 150, "n_boot": 20,
+}  # fmt: skip
+PAPER: dict[str, Any] = {"seeds": 20, "n_boot": 200, "refit_growth": 0.0}
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to a parser's."""
+    command = commands.add_parser(
+        "ablate",
+        help="compare the comparators: what they cost in questions and in policy loss, and where they break",
+        description="Run comparators x learners x tutors x problems over several seeds with common random numbers. "
+        "Prints a table and writes runs.csv (one row a run), summary.csv (one a cell), times.csv and ablation.png. "
+        "Runs.csv is the same for the same options on any number of processes. Every run is kept in journal.jsonl as "
+        "it finishes: after Ctrl-C, or worse, the same command computes what is missing.",
+    )
+    command.set_defaults(command=run)
+    add_where(command, "results/ablation")
+    size = command.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="a tiny setting, to see that it works (seconds)")
+    size.add_argument(
+        "--paper",
+        action="store_true",
+        help="the paper's 1e5 steps and 20 runs; 200 resamples, fitted anew at every answer (takes many hours)",
+    )
+    add_settings(command, AblationSettings)
+
+
+def run(options: dict[str, Any]) -> int:
+    """The command; returns the exit code."""
+    quick, paper, out, jobs, fresh = (options.pop(name) for name in ("quick", "paper", "out", "jobs", "fresh"))
+    settings = AblationSettings(**(QUICK if quick else PAPER if paper else {}) | options)
+    try:
+        import tqdm  # noqa: F401 - for the bar
+
+        from qlearn.experiments.ablation import KEYS, ablate, summarise
+        from qlearn.experiments.ablation_plot import LEGEND, plot_ablation, table
+    except ModuleNotFoundError as error:
+        return without(error)
+    frame, code = frame_of("ablation", partial(ablate, settings, jobs=jobs, fresh=fresh), out)
+    if frame is None:
+        return code
+
+    write_csv(frame[[*KEYS, "seconds"]], out / "times.csv")
+    write_csv(frame.drop(columns="seconds"), out / "runs.csv")
+    summary = summarise(frame)
+    write_csv(summary, out / "summary.csv")
+    size = "{states} states, {actions} actions, {levels} levels".format(**asdict(settings))
+    names = {"random": f"random MDP ({size})"}
+    plot_ablation(summary, max_queries=settings.max_queries, names=names).savefig(out / "ablation.png", dpi=150)
+    print(table(summary, names), LEGEND, sep="\n\n")
+    print(f"\nwritten to {out}: runs.csv (a row a run), summary.csv (a row a cell), times.csv, ablation.png; and")
+    print("journal.jsonl, from which the same command takes what has finished")
+    return code

@@ -1,0 +1,216 @@
+"""The settings of the ablation and of the paper's figures: each with its default, what it may be and what it means.
+
+The command line, its help and all checks are made from the fields of these classes. Imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+from collections.abc import Callable, Mapping
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, ClassVar
+
+__all__ = ["AblationSettings", "Choice", "FiguresSettings", "Number", "Settings"]
+
+
+_LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumPy's numbers too
+
+
+@dataclass(frozen=True)
+class Number:
+    """Finite numbers of a kind for which something holds; ``wanted`` says which in words."""
+
+    kind: type[int] | type[float]
+    holds: Callable[[Any], bool]
+    wanted: str
+
+    def value_of(self, given: Any) -> int | float | None:
+        """What was given as a number of the kind; None if it is none that is wanted."""
+        if isinstance(given, bool) or not isinstance(given, _LIKE[self.kind]):
+            return None
+        try:
+            value: int | float = self.kind(given)
+            return value if math.isfinite(value) and self.holds(value) else None
+        except (OverflowError, ValueError):  # an int that no float can hold, a nan that no int can
+            return None
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of these names, or yes and no."""
+
+    names: tuple[Any, ...]
+
+    @property
+    def wanted(self) -> str:
+        """Which in words."""
+        return f"one of {', '.join(map(str, self.names))}"
+
+    def value_of(self, given: Any) -> Any:
+        """The name that was given; None if it is none of these."""
+        return given if isinstance(given, type(self.names[0])) and given in self.names else None
+
+
+COUNT = Number(int, lambda n: n >= 1, "a whole number of at least 1")
+FROM_0 = Number(int, lambda n: n >= 0, "a whole number of at least 0")
+LEVELS = Number(int, lambda n: 2 <= n <= 100, "a whole number from 2 to 100")
+PARTICLES = Number(int, lambda n: n >= 20, "a whole number of at least 20")
+SHARE = Number(float, lambda x: 0 <= x <= 1, "a number from 0 to 1")
+INNER = Number(float, lambda x: 0 < x < 1, "a number strictly between 0 and 1")
+BELOW_1 = Number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 1")
+ERROR_RATE = Number(float, lambda x: 0 <= x < 0.5, "a number of at least 0 and below 0.5")
+POSITIVE = Number(float, lambda x: x > 0, "a number above 0")
+SCALE = Number(float, lambda x: x >= 0, "a number of at least 0")
+
+PROBLEMS = ("random", "icu", "frozen-lake", "deep-sea-treasure")
+LEARNERS = ("q-learning", "ivi")
+COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box-rescaled", "box")
+ORDER = {"problem": PROBLEMS, "learner": LEARNERS, "comparator": COMPARATORS}
+"""The order in which tables and pictures name things."""
+
+
+def setting(default: Any, check: Number | Choice, text: str) -> Any:
+    """A field of a class of settings. A tuple stands for one or more values, each of which is checked; None is
+    allowed where the field's type says so."""
+    return field(default=default, metadata={"check": check, "help": text})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of one run. Values that cannot be raise ValueError, which names the setting."""
+
+    GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    """The settings that the command has as options, by the title under which its help lists them."""
+
+    noise: str = setting(
+        "flip",
+        Choice(("flip", "logistic")),
+        "errors however clear the case (flip), or near ties mostly, set to the same mean rate (logistic)",
+    )
+    max_queries: int | None = setting(2000, FROM_0, "question budget; beyond it the best guess decides")
+    audit_steps: int = setting(2000, COUNT, "steps of an audited run, if steps are not fewer")
+    audit_sweeps: int = setting(20, COUNT, "sweeps of an audited run at most, if max-sweeps are not fewer")
+    steps: int = setting(100_000, COUNT, "number of steps of Q-learning")
+    epsilon: float = setting(1.0, SHARE, "chance of a random action; at 1 all comparators see the same transitions")
+    exploration: str | None = setting(
+        None,
+        Choice(("constant", "decaying", "restarts", "optimistic", "uniform")),
+        "a named way of exploring, in place of epsilon",
+    )
+    indifference: float = setting(0.0, SHARE, "undecided pairs this close count as equal (share of range)")
+    close: float = setting(0.005, SHARE, "the indifference of posterior-close")
+    tolerance: float = setting(0.005, POSITIVE, "policy loss aimed at (share of range)")
+    max_sweeps: int = setting(200, COUNT, "stop there; a tutor who errs anew each time keeps it going")
+    precision: float = setting(300.0, SCALE, "of the Bradley-Terry prior, logits per unit of d.e")
+    n_boot: int = setting(50, COUNT, "number of resamples of a Bradley-Terry fit")
+    level: float = setting(0.95, INNER, "confidence level, also the posterior's")
+    refit_growth: float = setting(
+        0.05, SCALE, "growth of the answers between two Bradley-Terry fits; 0: fit at each (hours)"
+    )
+    lapse: float = setting(0.1, BELOW_1, "share of answers that the posterior takes to be given at random")
+    particles: int = setting(1000, PARTICLES, "the posterior's number of particles")
+    slack: float = setting(0.0, SCALE, "violation allowed the relaxed polytope beyond the least (share of range)")
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            given = getattr(self, one.name)
+            if not (given is None and "None" in str(one.type)):
+                object.__setattr__(self, one.name, _checked(one, given))
+
+    def of_a_run(self) -> Settings:
+        """Those of a single run alone, without the plan of many."""
+        return Settings(**{one.name: getattr(self, one.name) for one in fields(Settings)})
+
+
+_IN_THE_ABLATION = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box")
+_IN_THE_PAPER = ("polytope", "posterior", "box-rescaled", "box")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AblationSettings(Settings):
+    """The settings of the ablation."""
+
+    GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "the sweep": (
+            "problems", "learners", "comparators", "error_rates", "noise", "audit", "audit_steps", "audit_sweeps",
+            "seeds", "seed", "max_queries",
+        ),
+        "the random MDP": ("states", "actions", "levels", "discount"),
+        "Q-learning": ("steps", "epsilon", "exploration", "indifference", "close"),
+        "value iteration": ("tolerance", "max_sweeps"),
+        "Bradley-Terry": ("precision", "n_boot", "level", "refit_growth"),
+        "posterior and relaxed polytope": ("lapse", "particles", "slack"),
+    }  # fmt: skip
+
+    problems: tuple[str, ...] = setting(PROBLEMS[:2], Choice(PROBLEMS), "random MDPs; real and known tasks")
+    learners: tuple[str, ...] = setting(LEARNERS, Choice(LEARNERS), "Q-learning, interactive value iteration")
+    comparators: tuple[str, ...] = setting(
+        _IN_THE_ABLATION,
+        Choice(_IN_THE_ABLATION),
+        "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; Bradley-Terry",
+    )
+    error_rates: tuple[float, ...] = setting(
+        (0.0, 0.05, 0.15), ERROR_RATE, "the tutor's chance of a wrong answer; 0 is truthful"
+    )
+    audit: float = setting(0.05, SHARE, "share of decided pairs put to the tutor in the audited runs; 0: none")
+    seeds: int = setting(4, COUNT, "number of seeds")
+    seed: int = setting(0, FROM_0, "the first seed")
+    states: int = setting(100, COUNT, "number of states")
+    actions: int = setting(5, COUNT, "number of actions")
+    levels: int = setting(10, LEVELS, "number of levels")
+    discount: float = setting(0.95, BELOW_1, "discount factor (ICU-Sepsis, FrozenLake: 0.99)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FiguresSettings(Settings):
+    """The settings of the paper's figures. A run differs from those of the ablation in a tutor as in eq. (6); in having
+    no budget, or that would be what figures 2 and 3 show; and in fits only when the answers have grown by a fifth."""
+
+    GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "the two series": (
+            "levels", "at_states", "states", "at_levels", "actions", "discount", "seeds", "seed", "steps", "epsilon",
+        ),
+        "comparators and tutors": (
+            "comparators", "error_rate", "both_tutors", "precision", "n_boot", "level", "refit_growth", "lapse",
+            "particles",
+        ),
+    }  # fmt: skip
+
+    noise: str = setting("logistic", Choice(("flip", "logistic")), "as in the ablation")
+    max_queries: int | None = setting(None, FROM_0, "as in the ablation")
+    refit_growth: float = setting(0.2, SCALE, "growth of the box's answers between two fits; 0: fit at each (hours)")
+    levels: tuple[int, ...] = setting((5, 10, 15, 20, 25), LEVELS, "numbers of levels of the first series")
+    at_states: int = setting(100, COUNT, "its number of states")
+    states: tuple[int, ...] = setting((100, 200, 300, 400, 500), COUNT, "numbers of states of the second series")
+    at_levels: int = setting(20, LEVELS, "its number of levels")
+    actions: int = setting(5, COUNT, "number of actions")
+    discount: float = setting(0.95, BELOW_1, "discount factor")
+    seeds: int = setting(20, COUNT, "number of runs of each point")
+    seed: int = setting(0, FROM_0, "the first seed")
+    comparators: tuple[str, ...] = setting(
+        _IN_THE_PAPER,
+        Choice(_IN_THE_PAPER),
+        "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box with footnote 3 and without",
+    )
+    error_rate: float = setting(
+        0.1,
+        ERROR_RATE,
+        "of the tutor of all but the polytope, who errs as in eq. (6): his precision is set to err in this share of "
+        "the comparisons of an optimal policy",
+    )
+    both_tutors: bool = setting(False, Choice((False, True)), "a truthful tutor for all of them as well")
+
+
+def _checked(one: Field[Any], given: Any) -> Any:
+    """The value of a field as its kind has it. Raises ValueError for one that is not wanted."""
+    check = one.metadata["check"]
+    many = isinstance(one.default, tuple)
+    if many and (isinstance(given, str) or not hasattr(given, "__iter__")):
+        raise ValueError(f"{one.name} must be several values, not {given!r}")
+    found = []
+    for value in given if many else (given,):
+        found.append(check.value_of(value))
+        if found[-1] is None:
+            raise ValueError(f"{one.name} must {'each ' if many else ''}be {check.wanted}, not {value!r}")
+    return tuple(found) if many else found[0]
