@@ -12,9 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.asking.elicitation import Elicitation, place
+from elicit.asking.elicitation import Elicitation, Pair
 from elicit.model.comparator import simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
+from qlearn.learners.learner import pair_of, place
 from qlearn.learners.query_strategies import Candidates, Strategy, best
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -42,9 +43,8 @@ class Checkpoints:
 
     def question(
         self, q: Floats, policy: NDArray[np.int64], visits: NDArray[np.int64], elicitation: Elicitation
-    ) -> tuple[Floats, Floats, int, int, int] | None:
-        """The next pair to ask about: left and right (k,), the state, and their actions. None where nothing at this
-        checkpoint is worth a question."""
+    ) -> Pair | None:
+        """The next pair to ask about. None where nothing at this checkpoint is worth a question."""
         if self._asked >= self._most:
             return None
         wanted = self._live & (visits > 0)
@@ -62,7 +62,7 @@ class Checkpoints:
         row = rows[best(self._strategy, pool)[0]]
         self._asked += 1
         s, a, b = int(states[row]), int(actions[row]), int(own[row])
-        return q[s, a].copy(), q[s, b].copy(), s, a, b
+        return pair_of(q[s, a].copy(), q[s, b].copy(), s, a, b)
 
     def pass_on(self, q: Floats) -> None:
         """This checkpoint is done with: to the next."""

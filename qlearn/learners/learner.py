@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.validation import is_number
-from elicit.asking.elicitation import Audit, Elicitation, OnConflict
+from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair
 from elicit.model.comparator import AlwaysAsk, Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query
 from elicit.model.scale import Floats
@@ -47,6 +47,19 @@ class Status(Enum):
         "loss_bound says how much that can matter"
     )
     SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
+
+
+def place(state: int, a: int, b: int) -> tuple[int, int, int]:
+    """Where two actions are compared, whichever is left."""
+    return int(state), int(min(a, b)), int(max(a, b))
+
+
+def pair_of(
+    left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR), audited: bool = False
+) -> Pair:
+    """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
+    about = f"state {state}: action {a} (left) or action {b} (right)?"
+    return Pair(left, right, about, place(state, a, b), tier, audited)
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:

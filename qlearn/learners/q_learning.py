@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.validation import is_number, is_whole
-from elicit.asking.elicitation import Elicitation, OnConflict, Watch, place
+from elicit.asking.elicitation import Elicitation, Judgements, OnConflict, Pair, Place, Watch
 from elicit.decision.rule import outlasts_answers, rule_of
 from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Tier
 from elicit.model.query import Answer, Query, Verdict
@@ -20,12 +20,20 @@ from elicit.tutors.simulated_kernel import NOBODY, nobody
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Epsilon, Exploration, Start, check_start, epsilons, exploration_of
 from qlearn.learners.late_questions import Checkpoints
-from qlearn.learners.learner import Asking, Result, Status, check_asking, check_max_loss, check_problem, result_of
+from qlearn.learners.learner import (
+    Asking,
+    Result,
+    Status,
+    check_asking,
+    check_max_loss,
+    check_problem,
+    pair_of,
+    result_of,
+)
 from qlearn.learners.loss_bound import advantages, guarantee, loss_bound
 from qlearn.learners.query_strategies import Strategy, check_strategy, telling_violation
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-_TO_ASK = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
 KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
@@ -150,7 +158,7 @@ class InteractiveQLearning:
         q, policy = self._state.q, self._state.best
         self._stops.best_by(self._elicitation.comparator.values, q, policy)
         pair = self._stops.question(q, policy, self._state.visits, self._elicitation)
-        return () if pair is None else self._elicitation.open([pair], _TO_ASK)
+        return () if pair is None else self._elicitation.open([pair])
 
     def _certified(self) -> bool:
         """Whether no plausible scale lets the greedy policy lose more than ``max_loss``."""
@@ -175,20 +183,20 @@ class InteractiveQLearning:
             if oracle.kind != NOBODY:
                 self._elicitation.asked = int(self._elicitation.counts[Tier.TUTOR] + self._state.decided[Tier.TUTOR])
             if code == kernel.ASK and self._elicitation.signs is None:
-                return self._elicitation.open([self._pair()], _TO_ASK)
+                return self._elicitation.open([self._pair()])
             if code in (kernel.ASK, kernel.DEFER):
                 pair = self._pair()
-                d = (pair[0] - pair[1])[None, :]
+                d = (pair.left - pair.right)[None, :]
                 if self._elicitation.signs is not None and not self._model.dominance:  # AlwaysAsk has no say
-                    self._verdict = int(self._elicitation.consult(d)[0])
+                    self._verdict = int(self._elicitation.ask_oracle(d)[0])
                     if self._oracle is not None:
                         oracle = self._oracle.respondent
                     continue
-                decisions = self._judge(d, pair[2:])
-                if decisions.verdicts[0] == Verdict.UNKNOWN:
-                    return self._elicitation.open([pair], decisions)
-                self._verdict = int(decisions.verdicts[0])
-                self._elicitation.commit(d, decisions)
+                verdicts, tiers, audited = self._judge(d, pair.place)
+                if verdicts[0] == Verdict.UNKNOWN:
+                    return self._elicitation.open([pair._replace(tier=int(tiers[0]), audited=bool(audited[0]))])
+                self._verdict = int(verdicts[0])
+                self._elicitation.commit(d, Decisions(verdicts, tiers))
         return ()
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
@@ -236,8 +244,8 @@ class InteractiveQLearning:
         """What is known of the scale."""
         return self._elicitation.comparator
 
-    def _judge(self, d: Floats, where: tuple[int, int, int]) -> Decisions:
-        return self._elicitation.judge(d, lambda row: place(*where))
+    def _judge(self, d: Floats, where: Place | None) -> Judgements:
+        return self._elicitation.judge(d, lambda row: where)
 
     def _show(self, kept: kernel.Kept) -> None:
         """Hand what the loop kept to the watcher."""
@@ -245,12 +253,12 @@ class InteractiveQLearning:
         if n and self._elicitation.watch is not None:
             self._elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
 
-    def _pair(self) -> tuple[Floats, Floats, int, int, int]:
-        """The vectors at the cursor, the state, and the two actions."""
+    def _pair(self) -> Pair:
+        """The two actions at the cursor."""
         s, position = self._state.cursor[[kernel.STATE, kernel.POSITION]]
         challenger, incumbent = self._model.actions[s, position], self._state.best[s]
         q = self._state.q[s]
-        return q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent)
+        return pair_of(q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
 
 
 def _rates(learning_rate: LearningRate, steps: int) -> Floats:

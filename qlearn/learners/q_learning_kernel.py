@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import mix, unit
 from elicit._support.jit import compiled
-from elicit.asking.elicitation_kernel import AskingRule, judge_pair
-from elicit.decision.judge import FLOORED, holds
+from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
+from elicit.decision.judge import holds
 from elicit.decision.rule import Rule
 from elicit.lp.sign import (
     BETTER,
@@ -145,12 +145,13 @@ def advance(
                         elif side != 0 and asking.plain and holds(t, 1 if side > 0 else -1, floors[s, challenger]):
                             verdict, tier = (BETTER, int(side)) if side > 0 else (WORSE, -int(side))
                         else:
-                            verdict, tier = judge_pair(d, t, work, rule, asking, floors[s, challenger])
+                            floor = floors[s, challenger]
+                            judged = judge_pair(d, t, work, floor, rule, asking, NOTHING_LOOKED_UP)
+                            verdict, tier = judged.verdict, judged.tier
                             sides[s, challenger] = 0
                             if verdict in (UNSETTLED, UNKNOWN):
-                                return DEFER if verdict == UNSETTLED else ASK
-                            if tier >= FLOORED:
-                                tier -= FLOORED
+                                return DEFER if verdict == UNSETTLED or judged.audited else ASK
+                            if judged.certified:
                                 sides[s, challenger] = verdict * (BY_SCREEN if tier == BY_SIMPLEX else tier)
                         if len(kept.tiers) > 0:
                             for j in range(k):

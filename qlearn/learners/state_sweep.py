@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.asking.elicitation import Elicitation, place
+from elicit.asking.elicitation import Elicitation
 from elicit.decision.rule import NOTHING, PROOFS, Rule, outlasts_answers, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, tail_sums
+from qlearn.learners.learner import place
 from qlearn.learners.state_sweep_kernel import DONE, Found, Work, compete, found
 from qlearn.mdp.backup import is_compiled, model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -36,7 +37,7 @@ class Competition:
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
-        self.tiers: dict[int, int] = {}  # of waiting states: the tier their pair was judged with
+        self.judged: dict[int, tuple[int, bool]] = {}  # of waiting states: their pair's tier, and whether an audit
         self.lent = False  # whether somebody may still read V
         self._floors = np.empty((n * m, mdp.k - 1), dtype=np.float32)
         self._sides = np.zeros(n * m, dtype=np.int8)
@@ -67,7 +68,7 @@ class Competition:
 
     def _begin(self) -> None:
         self.cursor[:] = 0
-        self.tiers.clear()
+        self.judged.clear()
         self._reached = 0  # states from here on have not been looked at in this sweep
         self.change = 0.0  # the greatest of a tail sum of V: the most that any ordered scale can see
         self._waiting = np.empty(0, dtype=np.int64)  # states whose pair at the cursor is undecided, in order
@@ -104,7 +105,7 @@ class Competition:
                 seen, out = self._compete(part, batch - self._verified, self._rule())
                 looked_at, waiting = len(seen), self._take(seen, out)
                 asks = out.code[:looked_at][out.code[:looked_at] != DONE] == Verdict.UNKNOWN
-                self.tiers.update(dict.fromkeys(waiting[asks].tolist(), int(Tier.TUTOR)))
+                self.judged.update(dict.fromkeys(waiting[asks].tolist(), (int(Tier.TUTOR), False)))
                 if not asks.all():
                     waiting = np.union1d(waiting[asks], self._by_elicitation(waiting[~asks]))
             else:  # twice as many each time: few calls, and few judgements that the next answer outdates
@@ -196,7 +197,8 @@ class Competition:
         self._settle(owners[used], challenger[used], decisions.verdicts[used])
         self.cursor[owners[unknown]] = challenger[unknown]
         blocked[owner[unknown]] = True
-        self.tiers.update(zip(owners[unknown].tolist(), decisions.tiers[unknown].tolist(), strict=True))
+        how = zip(decisions.tiers[unknown].tolist(), decisions.audited[unknown].tolist(), strict=True)
+        self.judged.update(zip(owners[unknown].tolist(), how, strict=True))
         if self._elicitation.signs is not None:
             return np.unique(owner[used])
         going: NDArray[np.int64] = owner[better]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import compiled, unlocked
-from elicit.asking.elicitation_kernel import AskingRule, judge_pair
-from elicit.decision.judge import FLOORED, holds
+from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
+from elicit.decision.judge import holds
 from elicit.lp.sign import (
     BETTER,
     BY_DOMINANCE,
@@ -107,9 +107,9 @@ def compete(
                 elif side != 0 and plain and holds(t, 1 if side > 0 else -1, floors[row]):
                     verdict, tier = (BETTER, side) if side > 0 else (WORSE, -side)
                 else:
-                    verdict, tier = judge_pair(d, t, sums, rule, asking, floor)
-                    if tier >= FLOORED:
-                        tier -= FLOORED
+                    judged = judge_pair(d, t, sums, floor, rule, asking, NOTHING_LOOKED_UP)
+                    verdict, tier = UNSETTLED if judged.audited else judged.verdict, judged.tier
+                    if judged.certified:
                         sides[row] = verdict * tier
                         round_up(floor, floors[row])
                 if verdict in (UNKNOWN, UNSETTLED):

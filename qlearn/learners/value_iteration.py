@@ -13,10 +13,19 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
 from elicit.asking.elicitation import Elicitation, OnConflict, Watch
-from elicit.model.comparator import Comparator, Decisions, Tier
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.learner import Asking, Result, Status, check_asking, check_max_loss, check_problem, result_of
+from qlearn.learners.learner import (
+    Asking,
+    Result,
+    Status,
+    check_asking,
+    check_max_loss,
+    check_problem,
+    pair_of,
+    result_of,
+)
 from qlearn.learners.loss_bound import advantages, guarantee, loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.learners.state_sweep import Competition
@@ -165,12 +174,11 @@ class InteractiveValueIteration:
             )
             order = best(self._strategy, pool, len(heads))
         chosen = [order[i] for i in self._elicitation.next_batch(d[order])]
-        pairs = [
-            (q[i, challengers[i]], q[i, incumbents[i]], int(heads[i]), int(challengers[i]), int(incumbents[i]))
-            for i in chosen
-        ]
-        tiers = np.array([states.tiers[int(heads[i])] for i in chosen], dtype=np.int8)
-        queries = self._elicitation.open(pairs, Decisions(np.full(len(chosen), Verdict.UNKNOWN, np.int8), tiers))
+        pairs = []
+        for i in chosen:
+            s, a, b = int(heads[i]), int(challengers[i]), int(incumbents[i])
+            pairs.append(pair_of(q[i, a], q[i, b], s, a, b, *states.judged[s]))
+        queries = self._elicitation.open(pairs)
         self._asking = {query.id: int(heads[i]) for query, i in zip(queries, chosen, strict=True)}
         return queries
 
