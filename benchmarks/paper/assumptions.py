@@ -20,7 +20,7 @@ from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
 from qlearn.experiments.metrics import counts, estimated_values, half_width, paper_loss, reference_differences
 from qlearn.experiments.threads import one_thread
-from qlearn.learners.exploration import Start
+from qlearn.learners.exploration import Exploration, Start
 from qlearn.learners.q_learning import LearningRate, polynomial_rate
 
 MEASURES = ("asked_percent_all", "asked_percent_open", "paper_loss", "excess_loss", "oracle_loss")
@@ -88,8 +88,8 @@ def measure(choice: Choice, states: int, levels: int, steps: int, seed: int) -> 
     tutor = noisy(values, choice.error_rate, reference, seed) if choice.error_rate else truth
     settings = {"n_boot": 50, "refit_growth": 0.2, "precision": 300.0} | dict(choice.box)
     box = BradleyTerryComparator(levels, region="box", seed=seed, **settings)
-    learning = {"learning_rate": choice.learning_rate, "epsilon": choice.epsilon, "start": choice.start}
-    common = {"steps": steps, "rng": seed, **learning}
+    exploration = Exploration(choice.epsilon, start=choice.start)
+    common: Any = {"steps": steps, "rng": seed, "learning_rate": choice.learning_rate, "exploration": exploration}
     oracle = drive(InteractiveQLearning(mdp, AlwaysAsk(levels), **common), truth)
     found = drive(InteractiveQLearning(mdp, box, **common), tutor)
     told = counts(found)

@@ -194,16 +194,6 @@ class Elicitation:
         if self.watch is not None:
             self.watch(d, decisions)
 
-    def ask_oracle(self, d: Floats) -> NDArray[np.int8]:
-        """An oracle's verdicts (n,), counted: the short way where it answers everything."""
-        assert self.signs is not None
-        verdicts = self.signs(d)
-        self.counts[Tier.TUTOR] += len(d)
-        self.asked += len(d)
-        if self.watch is not None:
-            self.watch(d, Decisions(verdicts, np.full(len(d), Tier.TUTOR, np.int8)))
-        return verdicts
-
     def open(self, pairs: Sequence[Pair]) -> tuple[Query, ...]:
         """Make the pending queries of pairs judged UNKNOWN."""
         pending = []

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from math import nan
-from typing import Literal, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.validation import is_number
-from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair
+from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.model.comparator import AlwaysAsk, Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query
 from elicit.model.scale import Floats
@@ -21,8 +21,6 @@ from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import Tutor
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-Asking: TypeAlias = Literal["at once", "late"]
-"""When a learner asks: as soon as it meets a pair that it cannot decide, or not before that can matter."""
 Guarantor: TypeAlias = Callable[[], tuple[float, float]]
 """Computes a bound on a policy's loss and the confidence in it (``qlearn.learners.loss_bound``)."""
 
@@ -69,13 +67,6 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
     check_comparator_made(comparator)
     if mdp.k != comparator.k:
         raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
-
-
-def check_asking(asking: Asking) -> bool:
-    """Whether questions are put off. Raises ValueError for no known way to ask."""
-    if asking not in ("at once", "late"):
-        raise ValueError(f'asking must be "at once" or "late", not {asking!r}')
-    return asking == "late"
 
 
 def check_max_loss(max_loss: float | None) -> float | None:
@@ -200,6 +191,26 @@ class Learner(Protocol):
     @property
     def comparator(self) -> Comparator:
         """What is known of the scale."""
+
+
+class Elicits:
+    """What a learner leaves to its elicitation."""
+
+    _elicitation: Elicitation
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Let ``signs`` answer from now on: counted, not logged."""
+        self._elicitation.signs = signs
+
+    def watch(self, watcher: Watch) -> None:
+        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on. Q-learning leaves out those that
+        equality or dominance settled; policy iteration shows the questions answered."""
+        self._elicitation.watch = watcher
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+        return self._elicitation.comparator
 
 
 def drive(

@@ -74,6 +74,11 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
     return guarantee(mdp, advantages(mdp, policy), comparator)
 
 
+def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
+    """Whether no plausible scale lets ``policy`` (S,) lose more than this share of the value range."""
+    return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
+
+
 def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None) -> Guarantee:
     """The same from a policy's advantages. With ``enough`` only whether the bound exceeds it need be right: a bound
     above may come out as inf."""

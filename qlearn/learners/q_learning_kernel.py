@@ -1,8 +1,7 @@
 """The Q-learning loop as arrays and a cursor: runs until it is done or meets a pair it cannot decide.
 
-Plain scalar code over arrays, compiled where numba is installed; both ways give the same numbers. The cursor says
-where the loop stands (in the middle of a step's comparisons, if need be); calling again with a verdict goes on from
-there. Random numbers are a hash of (key, purpose, counters): see ``elicit._support.hashing.fold``.
+The cursor says where the loop stands (in the middle of a step's comparisons, if need be); calling again with a verdict
+goes on from there. Random numbers are a hash of (key, purpose, counters): see ``elicit._support.hashing.fold``.
 """
 
 from __future__ import annotations
@@ -14,29 +13,25 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import mix, unit
 from elicit._support.jit import compiled
-from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
-from elicit.decision.judge import holds
+from elicit.asking.elicitation_kernel import AskingRule
 from elicit.decision.rule import Rule
-from elicit.lp.sign import (
-    BETTER,
-    BY_DOMINANCE,
-    BY_EQUAL,
-    BY_SCREEN,
-    BY_SIMPLEX,
-    EQUAL,
-    UNKNOWN,
-    UNSETTLED,
-    WORSE,
-    by_dominance,
-)
-from elicit.model.comparator import Tier
+from elicit.lp.sign import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, Respondent, respond
+from qlearn.learners.pair_kernel import (
+    BY_TUTOR,
+    Certificates,
+    Kept,
+    by_order,
+    certified,
+    difference,
+    judge_anew,
+    keep,
+)
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
-STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE, KEPT = range(8)  # what the cursor holds
+STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE = range(7)  # what the cursor holds
 IDLE = -1  # POSITION between two steps
-BY_TUTOR = int(Tier.TUTOR)
 
 
 class Model(NamedTuple):
@@ -64,18 +59,8 @@ class State(NamedTuple):
     q: NDArray[np.float64]  # (S, A, k) shares
     best: NDArray[np.int64]  # (S,) B(s)
     visits: NDArray[np.int64]  # (S, A)
-    cursor: NDArray[np.int64]  # (8,)
+    cursor: NDArray[np.int64]  # (7,)
     decided: NDArray[np.int64]  # comparisons settled here, by tier
-    floors: NDArray[np.float64]  # (S, A, p) how far the tail sums of (s, a) may sink (``elicit.decision.judge.judge``)
-    sides: NDArray[np.int8]  # (S, A) the verdict that then holds, times its tier; 0: none
-
-
-class Kept(NamedTuple):
-    """The comparisons that neither equality nor dominance settled, for whoever watches; c = 0: nobody does."""
-
-    d: NDArray[np.float64]  # (c, k)
-    verdicts: NDArray[np.int8]  # (c,)
-    tiers: NDArray[np.int8]  # (c,)
 
 
 @compiled
@@ -95,70 +80,53 @@ def draw(cumulative: Any, u: float) -> int:
 
 
 @compiled
-def difference(q: Any, state: int, challenger: int, incumbent: int, d: Any, t: Any) -> int:
-    """Q(s, challenger) - Q(s, incumbent) into d, its tail sums into t, and their verdict by eq. (4)."""
-    total = -0.0
-    for j in range(len(d) - 1, 0, -1):
-        d[j] = q[state, challenger, j] - q[state, incumbent, j]
-        total += d[j]
-        t[j - 1] = total
-    d[0] = q[state, challenger, 0] - q[state, incumbent, 0]
-    return by_dominance(t)
-
-
-@compiled
 def advance(
-    state: State, model: Model, verdict: int, rule: Rule, asking: AskingRule, oracle: Respondent, kept: Kept
+    state: State,
+    model: Model,
+    verdict: int,
+    opened: Any,
+    rule: Rule,
+    asking: AskingRule,
+    oracle: Respondent,
+    certificates: Certificates,
+    kept: Kept,
 ) -> int:
     """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet).
-    With an ``oracle`` it is asked whatever dominance leaves open.
+    With an ``oracle`` it is asked whatever dominance leaves open. Kept is what neither equality nor dominance settled.
 
     Returns DONE; FULL where ``kept`` must be emptied first; or, with the cursor at a pair, ASK where only the tutor
     can settle it and DEFER where perhaps the elicitation can.
     """
-    q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
-    floors, sides = state.floors, state.sides
-    k = q.shape[2]
-    d, t, work = np.empty(k), np.empty(k - 1), np.empty((2, k - 1))
+    best, cursor, decided = state.best, state.cursor, state.decided
+    m, k = state.q.shape[1:]
+    d, t, work = np.empty(k), np.empty(k - 1), np.empty((3, k - 1))
     while True:
         if cursor[POSITION] == IDLE:
             if cursor[STEP] >= model.steps:
                 return DONE
             learn(state, model)
         s = cursor[STATE]
+        q = state.q[s]
         while cursor[POSITION] < cursor[LAST]:
             challenger = model.actions[s, cursor[POSITION]]
             incumbent = best[s]
             if challenger != incumbent:
                 if verdict == UNKNOWN:
-                    verdict, tier = difference(q, s, challenger, incumbent, d, t), BY_DOMINANCE
-                    if verdict == EQUAL:
-                        tier = BY_EQUAL
-                    elif verdict == UNKNOWN or not model.dominance:
-                        if len(kept.tiers) > 0 and cursor[KEPT] == len(kept.tiers):
+                    verdict, row = difference(q, challenger, incumbent, d, t), s * m + challenger
+                    if verdict == EQUAL or (model.dominance and verdict != UNKNOWN):
+                        verdict, tier = by_order(t, verdict, opened)
+                    else:
+                        if len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers):
                             return FULL
-                        side = sides[s, challenger]
                         if oracle.kind != NOBODY:
                             verdict, tier = respond(t, work[0], oracle), BY_TUTOR
-                            if verdict == UNSETTLED:
-                                return DEFER
-                        elif side != 0 and asking.plain and holds(t, 1 if side > 0 else -1, floors[s, challenger]):
-                            verdict, tier = (BETTER, int(side)) if side > 0 else (WORSE, -int(side))
+                        elif asking.plain and certified(t, row, certificates):
+                            verdict, tier = certificates.verdicts[row], certificates.tiers[row]
                         else:
-                            floor = floors[s, challenger]
-                            judged = judge_pair(d, t, work, floor, rule, asking, NOTHING_LOOKED_UP)
-                            verdict, tier = judged.verdict, judged.tier
-                            sides[s, challenger] = 0
-                            if verdict in (UNSETTLED, UNKNOWN):
-                                return DEFER if verdict == UNSETTLED or judged.audited else ASK
-                            if judged.certified:
-                                sides[s, challenger] = verdict * (BY_SCREEN if tier == BY_SIMPLEX else tier)
-                        if len(kept.tiers) > 0:
-                            for j in range(k):
-                                kept.d[cursor[KEPT], j] = d[j]
-                            kept.verdicts[cursor[KEPT]] = verdict
-                            kept.tiers[cursor[KEPT]] = tier
-                            cursor[KEPT] += 1
+                            verdict, tier = judge_anew(d, t, row, work, rule, asking, certificates)
+                        if verdict in (UNSETTLED, UNKNOWN):
+                            return DEFER if verdict == UNSETTLED else ASK
+                        keep(d, verdict, tier, kept)
                     decided[tier] += 1
                 if verdict == BETTER:  # Alg. 2, l. 7 and 15; equal keeps the incumbent
                     best[s] = challenger

@@ -19,15 +19,16 @@ from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.model.scale import values_of
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
 from qlearn.learners.loss_bound import advantages, drawn_set, loss_bound, loss_over_draws
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.query_strategies import most_even_cut
-from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
 from qlearn.problems.random_mdp import draw_values, icu_sepsis, random_mdp
-from tests.qlearn.test_reference import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 
 def solve(mdp, comparator, tutor, **settings):
@@ -90,9 +91,9 @@ def test_the_bound_is_never_below_the_loss_at_any_time_of_any_learner(seed, k, a
     makers = (
         partial(InteractivePolicyIteration, tolerance=1e-4),
         partial(InteractiveValueIteration, tolerance=1e-3),
-        partial(InteractiveValueIteration, tolerance=1e-3, asking="late"),
+        partial(LateValueIteration, tolerance=1e-3),
         partial(InteractiveQLearning, steps=300, epsilon=1.0),
-        partial(InteractiveQLearning, steps=300, epsilon=1.0, asking="late"),
+        partial(LateQLearning, steps=300, epsilon=1.0),
     )
     for make in makers:
         learner, tutor = make(mdp, PolytopeComparator(k)), TruthfulTutor(values)
@@ -258,8 +259,6 @@ def test_settings_that_make_no_sense_are_refused():
     for bad in ({"tolerance": 0.0}, {"tolerance": np.nan}, {"max_loss": -1.0}, {"max_queries": -1}, {"bags": True}):
         with pytest.raises(ValueError, match=next(iter(bad))):
             InteractivePolicyIteration(mdp, PolytopeComparator(3), **bad)
-    with pytest.raises(ValueError, match="k = 4"):
-        InteractivePolicyIteration(mdp, PolytopeComparator(4))
     with pytest.raises(ValueError, match="one number"):
         InteractivePolicyIteration(mdp, PolytopeComparator(3), tolerance=1e-6, strategy=lambda c: np.zeros(1)).ask()
 

@@ -16,13 +16,14 @@ from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor, Tutor
 from qlearn.learners import q_learning_kernel as kernel
+from qlearn.learners.exploration import Exploration
 from qlearn.learners.learner import Result, Status, drive
-from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
+from qlearn.learners.q_learning import InteractiveQLearning, QLearningLoop, polynomial_rate, rescaled_linear_rate
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
 from qlearn.reference import interactive_q_learning, scalar_q_learning
-from tests.qlearn.test_reference import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 COMPARATORS: dict[str, Callable[[int], Comparator]] = {
     "dominance": Dominance,
@@ -39,15 +40,23 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "default": {},
     "zero start, rate 1": {"start": "zero", "learning_rate": 1.0},
     "episodes, constant rate": {"episode_length": 7, "learning_rate": 0.5},
+    "greedy": {"epsilon": 0.0},
     "best start, decaying": {"start": "best", "epsilon": np.linspace(0.9, 0.1, 400)},
 }
 
 
+def learner_of(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveQLearning:
+    """With the settings of the reference, those of exploration beside the others."""
+    chances = settings.pop("epsilon", 0.3)
+    explored = {name: settings.pop(name) for name in ("start", "episode_length") if name in settings}
+    exploration = Exploration(
+        (lambda steps: chances[steps]) if isinstance(chances, np.ndarray) else chances, **explored
+    )
+    return InteractiveQLearning(mdp, comparator, **{"steps": 400, "exploration": exploration, **settings})
+
+
 def learn(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Result:
-    chances = settings.get("epsilon")
-    if isinstance(chances, np.ndarray):
-        settings["epsilon"] = lambda steps: chances[steps]
-    return drive(InteractiveQLearning(mdp, comparator, **{"steps": 400, "epsilon": 0.3, **settings}), tutor)
+    return drive(learner_of(mdp, comparator, **settings), tutor)
 
 
 def reference(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Any:
@@ -89,7 +98,7 @@ def test_agrees_with_the_reference_to_the_last_bit(comparator: str, tutor: str, 
 def test_always_asking_the_truth_is_scalar_q_learning(seed: int) -> None:
     for mdp, values in (random_mdp(15, 4, 6, rng=seed), messy_mdp(seed, n=15, k=5)):
         watched: list[int] = []
-        learner = InteractiveQLearning(mdp, AlwaysAsk(mdp.k), steps=1500, epsilon=0.2, rng=seed)
+        learner = learner_of(mdp, AlwaysAsk(mdp.k), steps=1500, epsilon=0.2, rng=seed)
         learner.watch(lambda d, decisions, seen=watched: seen.extend(decisions.verdicts.tolist()))
         result = drive(learner, TruthfulTutor(values))
         scalar = scalar_q_learning(
@@ -159,24 +168,33 @@ def test_questions_compare_two_admissible_actions_of_one_state() -> None:
     assert number == learner.result().asked > 0
 
 
-def trace(learner: InteractiveQLearning, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
+def loop_of(
+    mdp: OrdinalMDP, comparator: Comparator, steps: int, exploration: Exploration, budget: int | None = None
+) -> QLearningLoop:
+    return QLearningLoop(
+        mdp, comparator, steps=steps, exploration=exploration, learning_rate=None, rng=9, max_queries=budget,
+        indifference=0.0, audit=0.0, batch=1,
+    )  # fmt: skip
+
+
+def trace(loop: QLearningLoop, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
     """The successor at each (state, action, visit), seen by letting the loop go one step at a time."""
     seen = {}
     for step in range(1, steps + 1):
-        learner._model = learner._model._replace(steps=step)
-        before, state = learner._state.visits.copy(), int(learner._state.cursor[kernel.STATE])
-        drive(learner, tutor)
-        ((s, a),) = np.argwhere(learner._state.visits != before)
+        before, state = loop.state.visits.copy(), int(loop.state.cursor[kernel.STATE])
+        while queries := loop.run(step):
+            loop.tell([tutor(query) for query in queries], "raise")
+        ((s, a),) = np.argwhere(loop.state.visits != before)
         assert s == state
-        seen[int(s), int(a), int(before[s, a])] = int(learner._state.cursor[kernel.STATE])
+        seen[int(s), int(a), int(before[s, a])] = int(loop.state.cursor[kernel.STATE])
     return seen
 
 
 def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
     traces = [
-        trace(InteractiveQLearning(mdp, make(5), steps=300, epsilon=0.3, rng=9), tutor(values), 300)
-        for make in (COMPARATORS["polytope"], COMPARATORS["ensemble"], COMPARATORS["always ask"])
+        trace(loop_of(mdp, COMPARATORS[name](5), 300, Exploration(0.3)), tutor(values), 300)
+        for name in ("polytope", "ensemble", "always ask")
         for tutor in TUTORS.values()
     ]
     for first in traces:
@@ -189,12 +207,12 @@ def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
 
 def test_exploration_does_not_depend_on_the_comparator() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
-    visits = []
-    for make in COMPARATORS.values():
-        learner = InteractiveQLearning(mdp, make(5), steps=300, epsilon=1.0, rng=9)
-        drive(learner, TruthfulTutor(values))
-        visits.append(learner._state.visits.tolist())
-    assert all(v == visits[0] for v in visits)
+    ways = [
+        trace(loop_of(mdp, make(5), 300, Exploration(1.0), budget), TruthfulTutor(values), 300)
+        for make in COMPARATORS.values()
+        for budget in (None, 0)  # with none, guesses decide
+    ]
+    assert all(way == ways[0] for way in ways)
 
 
 def test_same_seed_same_run_and_another_seed_another() -> None:
@@ -238,9 +256,10 @@ def test_episodes_restart_from_the_initial_distribution() -> None:
     at_three = OrdinalMDP(
         mdp.successors, mdp.probabilities, mdp.levels, mdp.discount, mdp.labels, initial=np.arange(6) == 3
     )
-    learner = InteractiveQLearning(at_three, Dominance(4), steps=50, epsilon=1.0, episode_length=1)
-    drive(learner, TruthfulTutor([0, 1, 2, 3]))
-    assert learner._state.visits.sum() == learner._state.visits[3].sum() == 50
+    loop = loop_of(at_three, Dominance(4), 50, Exploration(1.0, episode_length=1))
+    while queries := loop.run(50):
+        loop.tell([TruthfulTutor([0, 1, 2, 3])(query) for query in queries], "raise")
+    assert loop.state.visits.sum() == loop.state.visits[3].sum() == 50
 
 
 def test_draws_never_hit_what_has_no_probability() -> None:
@@ -251,25 +270,17 @@ def test_draws_never_hit_what_has_no_probability() -> None:
     np.testing.assert_allclose(counts, [0, 250, 0, 500, 200, 0], atol=1)
 
 
-def test_one_action_needs_no_comparison() -> None:
+def test_small_problems() -> None:
     mdp, values = random_mdp(5, 1, 4, rng=0)
-    result = learn(mdp, AlwaysAsk(4), TruthfulTutor(values))
-    assert result.compared == result.asked == 0
-    assert result.status is Status.DONE
-
-
-def test_one_state() -> None:
-    mdp = OrdinalMDP(np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good"))
-    result = learn(mdp, PolytopeComparator(3), TruthfulTutor([0, 1, 2]), epsilon=0.5)
-    assert result.policy.tolist() == [1]
-
-
-def test_two_levels_need_no_tutor() -> None:
+    one_action = learn(mdp, AlwaysAsk(4), TruthfulTutor(values))
+    assert (one_action.compared, one_action.asked, one_action.status) == (0, 0, Status.DONE)
+    one_state = OrdinalMDP(np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good"))
+    assert learn(one_state, PolytopeComparator(3), TruthfulTutor([0, 1, 2]), epsilon=0.5).policy.tolist() == [1]
     # with e_1 = 0 and e_2 = 1 nothing is hidden: dominance decides all
     mdp, values = random_mdp(8, 3, 2, rng=0)
-    result = learn(mdp, PolytopeComparator(2), TruthfulTutor(values))
-    assert result.asked == 0
-    assert result.decided["equal"] + result.decided["dominance"] == result.compared > 0
+    two_levels = learn(mdp, PolytopeComparator(2), TruthfulTutor(values))
+    assert two_levels.asked == 0
+    assert two_levels.decided["equal"] + two_levels.decided["dominance"] == two_levels.compared > 0
 
 
 def test_no_steps() -> None:
@@ -279,14 +290,6 @@ def test_no_steps() -> None:
     result = learner.result()
     assert (result.status, result.rounds, result.compared) == (Status.DONE, 0, 0)
     assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
-
-
-def test_greedy_run_never_explores() -> None:
-    mdp, values = random_mdp(8, 3, 5, rng=0)
-    learner = InteractiveQLearning(mdp, PolytopeComparator(5), steps=300, epsilon=0.0, rng=1)
-    result = drive(learner, TruthfulTutor(values))
-    expected, _, _ = reference(mdp, PolytopeComparator(5), TruthfulTutor(values), steps=300, epsilon=0.0, rng=1)
-    assert result.q.tobytes() == expected.q.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -303,8 +306,6 @@ def test_greedy_run_never_explores() -> None:
         ({"learning_rate": [0.5]}, r"not \[0.5\]"),
         ({"learning_rate": lambda visits: 1.0 / visits[1:]}, r"\(9,\)"),
         ({"learning_rate": lambda visits: -1.0 - visits}, "-1.0"),
-        ({"episode_length": 0}, "0"),
-        ({"start": "good"}, "good"),
         ({"exploration": "bold"}, "constant, decaying, restarts, optimistic, uniform, not 'bold'"),
         ({"epsilon": lambda steps: steps - 4.0}, "-4.0"),
         ({"epsilon": lambda steps: 0.1 * steps[1:]}, r"\(9,\)"),
@@ -314,6 +315,10 @@ def test_greedy_run_never_explores() -> None:
         ({"max_queries": 2.5}, "2.5"),
         ({"audit": 1.5}, "1.5"),
         ({"batch": 0}, "0"),
+        ({"steps": "x"}, "'x'"),
+        ({"epsilon": "x"}, "'x'"),
+        ({"epsilon": [0.1]}, r"\[0.1\]"),
+        ({"exploration": ["constant"]}, r"\['constant'\]"),
     ],
 )
 def test_bad_settings_are_named(wrong: dict[str, Any], text: str) -> None:
@@ -321,12 +326,6 @@ def test_bad_settings_are_named(wrong: dict[str, Any], text: str) -> None:
     (name,) = wrong
     with pytest.raises(ValueError, match=rf"(?s){name}.*{text}"):
         InteractiveQLearning(mdp, PolytopeComparator(3), **{"steps": 10, **wrong})
-
-
-def test_levels_must_agree() -> None:
-    mdp, _ = random_mdp(4, 2, 3, rng=0)
-    with pytest.raises(ValueError, match=r"3 levels.*k = 5"):
-        InteractiveQLearning(mdp, PolytopeComparator(5))
 
 
 def test_an_interruption_while_judging_does_no_harm() -> None:
@@ -366,7 +365,7 @@ def test_watching_sees_each_open_comparison_once() -> None:
             assert not (decisions.verdicts == Verdict.UNKNOWN).any()
             np.add.at(count, decisions.tiers, 1)
 
-        learner = InteractiveQLearning(mdp, PolytopeComparator(5), steps=400, epsilon=0.3, **settings)
+        learner = learner_of(mdp, PolytopeComparator(5), **settings)
         learner.watch(watcher)
         result = drive(learner, TruthfulTutor(values))
         for tier in Tier:

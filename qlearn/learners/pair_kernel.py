@@ -1,0 +1,169 @@
+"""What every compiled loop does with one pair of vectors: its difference, the verdict on it, and a record of both.
+
+Many comparisons differ little from one that was settled before: the same two actions, whose vectors have moved since.
+So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0 for the gaps g of every plausible scale.
+Gaps are not negative, so whatever difference has tail sums t >= f, entry by entry, has t.g >= f.g >= 0 too, and the
+same verdict ("not left, but right", with -t >= f). To look at k - 1 numbers costs a tenth of a proof. Where a verdict
+goes by the weight of drawn scales, f is such that the same draws stay on the same side. A certificate holds while the
+answers stay the same; one that was proven of all scales that fit them holds for ever, for answers only add
+(``elicit.decision.rule.outlasts_answers``).
+"""
+
+from __future__ import annotations
+
+from types import MethodType
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from elicit._support.jit import compiled
+from elicit.asking.elicitation import Elicitation
+from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
+from elicit.decision.judge import holds
+from elicit.decision.rule import PROOFS, Rule
+from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX, EQUAL, UNSETTLED, by_dominance
+from elicit.model.comparator import AlwaysAsk, Decisions, Tier
+from elicit.model.scale import Floats
+from elicit.tutors.simulated_kernel import Respondent, nobody
+
+BY_TUTOR = int(Tier.TUTOR)
+KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
+
+
+class Certificates(NamedTuple):
+    """The last certificate of each pair of state and action, row s*A + a; ``verdicts`` is 0 where there is none."""
+
+    least: NDArray[np.floating[Any]]  # (n, p) f, of the tail sums times the verdict
+    verdicts: NDArray[np.int8]  # (n,)
+    tiers: NDArray[np.int8]  # (n,)
+
+
+def no_certificates(n: int, k: int, kind: DTypeLike = np.float64) -> Certificates:
+    """Room for n certificates, in numbers of that kind."""
+    return Certificates(np.empty((n, k - 1), dtype=kind), np.zeros(n, np.int8), np.zeros(n, np.int8))
+
+
+@runtime_checkable
+class AnswersInLoops(Protocol):
+    """A tutor who can be had as plain arrays too."""
+
+    @property
+    def respondent(self) -> Respondent:
+        """The arrays, to be asked for anew whenever they have left something UNSETTLED."""
+
+
+class Kept(NamedTuple):
+    """Comparisons for whoever watches; c = 0 where nobody does."""
+
+    d: Floats  # (c, k)
+    verdicts: NDArray[np.int8]  # (c,)
+    tiers: NDArray[np.int8]  # (c,)
+    used: NDArray[np.int64]  # (1,) how many there are
+
+
+def nothing_kept(k: int, room: int) -> Kept:
+    """Room for so many comparisons."""
+    return Kept(np.empty((room, k)), np.empty(room, np.int8), np.empty(room, np.int8), np.zeros(1, np.int64))
+
+
+def hand_over(kept: Kept, elicitation: Elicitation) -> None:
+    """Show the watcher what was kept, and forget it."""
+    n, kept.used[0] = int(kept.used[0]), 0
+    if n and elicitation.watch is not None:
+        elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
+
+
+def count(tiers: NDArray[np.int64], elicitation: Elicitation) -> None:
+    """Add a loop's comparisons (len(Tier),) to those counted, and what an oracle was asked among them."""
+    elicitation.counts += tiers
+    if elicitation.signs is not None:
+        elicitation.asked = int(elicitation.counts[Tier.TUTOR])
+
+
+def respondent_of(elicitation: Elicitation) -> Respondent:
+    """The tutor whose ``signs`` answer whatever AlwaysAsk leaves open, as plain arrays; nobody, where that is not
+    so."""
+    if isinstance(elicitation.signs, MethodType) and isinstance(elicitation.comparator, AlwaysAsk):
+        tutor = elicitation.signs.__self__
+        return tutor.respondent if isinstance(tutor, AnswersInLoops) else nobody()
+    return nobody()
+
+
+def may_use_order(elicitation: Elicitation) -> bool:
+    """Whether eq. (4) may decide: not for AlwaysAsk, which asks about dominated vectors too."""
+    return not isinstance(elicitation.comparator, AlwaysAsk)
+
+
+def open_gaps(rule: Rule) -> Floats:
+    """(p,) 0 where a gap of the scale is known to be 0, else 1; (0,) where none is."""
+    return rule.known.open if rule.kind in PROOFS and not rule.known.open.all() else np.empty(0)
+
+
+@compiled
+def difference(q: Any, a: int, b: int, d: Any, t: Any) -> int:
+    """Rows a - b of q (A, k) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
+    total = -0.0
+    for j in range(len(d) - 1, 0, -1):
+        d[j] = q[a, j] - q[b, j]
+        total += d[j]
+        t[j - 1] = total
+    d[0] = q[a, 0] - q[b, 0]
+    return by_dominance(t)
+
+
+@compiled
+def by_order(t: Any, verdict: int, opened: Any) -> tuple[int, int]:
+    """Verdict and tier of a pair on which eq. (4) has this verdict, where some gaps may be known to be 0: ``opened`` is
+    as ``open_gaps`` has it. Overwrites t."""
+    if len(opened) > 0:
+        for j in range(len(opened)):
+            t[j] *= opened[j]
+        left = by_dominance(t)
+        if left != verdict:
+            return left, BY_SCREEN
+    return verdict, BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
+
+
+@compiled
+def certified(t: Any, row: int, certificates: Certificates) -> bool:
+    """Whether a pair with tail sums t has the verdict of the row's certificate."""
+    verdict = certificates.verdicts[row]
+    return verdict != 0 and holds(t, verdict, certificates.least[row])
+
+
+@compiled
+def judge_anew(
+    d: Any, t: Any, row: int, work: Any, rule: Rule, asking: AskingRule, certificates: Certificates
+) -> tuple[int, int]:
+    """``judge_pair``, whose certificate, if it has one, becomes the row's; an audit is for Python to see to. ``work``
+    is (3, p) to write in."""
+    judged = judge_pair(d, t, work, work[2], rule, asking, NOTHING_LOOKED_UP)
+    verdict, tier = UNSETTLED if judged.audited else judged.verdict, judged.tier
+    certificates.verdicts[row] = 0
+    if judged.certified:
+        round_up(work[2], certificates.least[row])
+        certificates.verdicts[row] = verdict
+        certificates.tiers[row] = BY_SCREEN if tier == BY_SIMPLEX else tier  # to look it up takes no program
+    return verdict, tier
+
+
+@compiled
+def round_up(numbers: Any, into: Any) -> None:
+    """Copy them to where there may be room for half of their digits only: none may become less."""
+    for j in range(len(numbers)):
+        number = max(numbers[j], -1e38)
+        into[j] = number
+        if into[j] < number:
+            into[j] = number + abs(number) * 2.0**-22 + 2.0**-126
+
+
+@compiled
+def keep(d: Any, verdict: int, tier: int, kept: Kept) -> None:
+    """Keep a comparison, where there is room for any."""
+    if len(kept.tiers) > 0:
+        i = kept.used[0]
+        for j in range(len(d)):
+            kept.d[i, j] = d[j]
+        kept.verdicts[i], kept.tiers[i] = verdict, tier
+        kept.used[0] = i + 1

@@ -1,0 +1,31 @@
+"""MDPs for tests of all folders."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from elicit.model.scale import Floats
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.problems.random_mdp import draw_values
+
+
+def messy_mdp(
+    seed: int, n: int = 10, m: int = 3, k: int = 4, discount: float = 0.9, n_terminal: int = 2
+) -> tuple[OrdinalMDP, Floats]:
+    """A random MDP with terminal states, inadmissible actions and successors that appear twice; and hidden values."""
+    rng = np.random.default_rng(seed)
+    levels = rng.integers(k, size=(n, m))
+    terminal = np.arange(n) >= n - n_terminal
+    levels[terminal] = levels[terminal, :1]
+    admissible = rng.random((n, m)) < 0.75
+    admissible[np.arange(n), rng.integers(m, size=n)] = True
+    mdp = OrdinalMDP(
+        rng.integers(n, size=(n, m, 3)),
+        rng.dirichlet(np.ones(3), size=(n, m)),
+        levels,
+        discount,
+        tuple(f"level {i}" for i in range(k)),
+        terminal=terminal,
+        admissible=admissible,
+    )
+    return mdp, draw_values(k, seed)
