@@ -12,7 +12,7 @@ from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import Elicitation, Judgements, OnConflict, Pair, Watch
-from elicit.model.comparator import Comparator, Tier, decide, simultaneous_bounds
+from elicit.model.comparator import Comparator, Tier, decide, lapse_of, simultaneous_bounds
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Result, Status, check_problem, pair_of, place, result_of
@@ -120,7 +120,7 @@ class InteractivePolicyIteration:
         return result_of(
             self._elicitation,
             policy=over.policy.copy(),
-            q=over.q,
+            shares=over.q,
             status=self._end or Status.WAITING,
             tiers=tiers,
             rounds=self._rounds,
@@ -153,8 +153,7 @@ class InteractivePolicyIteration:
         """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
         asked = bags.questions(self._mdp.k)
         skip = np.flatnonzero(~self._elicitation.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
-        lapse = float(getattr(candidates.comparator, "lapse", 0.0))
-        row, _ = bags.best(candidates.draws, about, lapse, skip.tolist())
+        row, _ = bags.best(candidates.draws, about, lapse_of(candidates.comparator), skip.tolist())
         if row < 0:
             return ()
         sentence = bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)

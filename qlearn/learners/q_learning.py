@@ -222,7 +222,7 @@ class QLearningLoop:
         return result_of(
             self.elicitation,
             policy=policy,
-            q=self.state.q.copy(),
+            shares=self.state.q.copy(),
             status=status,
             tiers=self.elicitation.counts,
             rounds=int(self.state.cursor[kernel.STEP]),

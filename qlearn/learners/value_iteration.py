@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -280,7 +279,7 @@ class _Run:
         return result_of(
             self.elicitation,
             policy=policy,
-            q=cast(Floats, partial(_q, self.states.v, self.mdp)),  # computed when first read
+            shares=partial(_q, self.states.v, self.mdp),  # computed when first read
             status=status or Status.WAITING,
             tiers=self.elicitation.counts,
             rounds=self.sweeps,
