@@ -33,7 +33,7 @@ from elicit.tutors.simulated import Tutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, drive, policy_loss, random_mdp
 from qlearn.learners import state_sweep
 from qlearn.learners.learner import Status
-from qlearn.learners.pair_kernel import round_up
+from qlearn.learners.pair_judge import round_up
 from qlearn.reference import interactive_value_iteration
 from tests.mdp_cases import messy_mdp
 
