@@ -158,8 +158,9 @@ class QLearningLoop:
         put off, such pairs go by the best guess."""
         elicitation, state, model = self.elicitation, self.state, self.model._replace(steps=steps)
         elicitation.puts_off = puts_off
+        rule = rule_of(elicitation.comparator)
         while True:
-            judging, verdict = self._pairs.judging(rule_of(elicitation.comparator)), self._verdict
+            judging, verdict = self._pairs.judging(rule), self._verdict
             with np.errstate(all="ignore"):  # the hash wraps around
                 code = kernel.advance(state, model, verdict, judging)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
