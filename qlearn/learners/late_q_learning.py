@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
-from elicit.asking.elicitation import OnConflict
 from elicit.model.comparator import Comparator, simultaneous_bounds
-from elicit.model.query import Answer, Query
+from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.exploration import Epsilon, Exploration, exploration_of
 from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, pair_of, place
@@ -52,17 +51,9 @@ class LateQLearning(Elicits):
         strategy: Strategy = telling_violation,
         max_loss: float | None = None,
     ) -> None:
+        chosen = exploration_of(exploration, epsilon)
         self._loop = QLearningLoop(
-            mdp,
-            comparator,
-            steps=steps,
-            exploration=exploration_of(exploration, epsilon),
-            learning_rate=learning_rate,
-            rng=rng,
-            max_queries=max_queries,
-            indifference=indifference,
-            audit=audit,
-            batch=1,
+            mdp, comparator, steps, chosen, learning_rate, rng, max_queries, indifference, audit, batch=1
         )
         self._elicitation = self._loop.elicitation
         self._strategy, self._max_loss = check_strategy(strategy), check_max_loss(max_loss)
@@ -73,10 +64,7 @@ class LateQLearning(Elicits):
         self._refused = False  # whether a question was worth asking, but the budget was spent
         self._end: Status | None = None
 
-    def ask(self) -> tuple[Query, ...]:
-        """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
-        if self._elicitation.pending:
-            return self._elicitation.ask()
+    def _go_on(self) -> tuple[Query, ...]:
         while self._end is None:
             queries = self._loop.run(self._checkpoint, puts_off=True) or self._question()
             if queries:
@@ -90,10 +78,8 @@ class LateQLearning(Elicits):
                 self._checkpoint = min(self._loop.model.steps, 2 * self._checkpoint)
         return ()
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take the answer to the pending query. Raises StaleAnswer, or InconsistentAnswers unless
-        ``on_conflict="drop"`` (then the answer settles its own pair only, and is returned)."""
-        return self._loop.tell(answers, on_conflict)
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        self._loop.take(verdicts)
 
     def result(self) -> Result:
         """The greedy policy and the counts so far."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from elicit._support.validation import is_number
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.model.comparator import AlwaysAsk, Comparator, Tier, check_comparator_made
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor, TutorOfMany
 from elicit.tutors.answer_log import AnswerLog
@@ -181,23 +181,41 @@ class Learner(Protocol):
 
 
 class Elicits:
-    """What a learner leaves to its elicitation."""
+    """What all learners do alike, for they leave it to their elicitation."""
 
     _elicitation: Elicitation
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
+        return self._elicitation.ask() or self._go_on()
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
+        then such an answer settles its own pair only, and is returned."""
+        verdicts, dropped = self._elicitation.tell(answers, on_conflict)
+        self._take(verdicts)
+        return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Let ``signs`` answer from now on: counted, not logged."""
         self._elicitation.signs = signs
 
     def watch(self, watcher: Watch) -> None:
-        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on. Q-learning leaves out those that
-        equality or dominance settled; policy iteration shows the questions answered."""
+        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on: of Q-learning those that neither
+        equality nor dominance settled, of policy iteration the questions answered."""
         self._elicitation.watch = watcher
 
     @property
     def comparator(self) -> Comparator:
         """What is known of the scale."""
         return self._elicitation.comparator
+
+    def _go_on(self) -> tuple[Query, ...]:
+        """Go on to the next queries, or to the end."""
+        raise NotImplementedError
+
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        """Act on the verdicts, by query id."""
 
 
 def drive(

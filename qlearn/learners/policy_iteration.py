@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import Elicitation, Judgements, OnConflict, Pair, Watch
+from elicit.asking.elicitation import Elicitation, Judgements, Pair
 from elicit.model.comparator import Comparator, Tier, decide, lapse_of, simultaneous_bounds
-from elicit.model.query import Answer, Query, Verdict
+from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.learner import Result, Status, check_problem, pair_of, place, result_of
+from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, place, result_of
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -28,7 +28,7 @@ _MATTERS = 0.5
 with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
 
 
-class InteractivePolicyIteration:
+class InteractivePolicyIteration(Elicits):
     """Solves the MDP for the comparator's central scale, bounds what the policy can lose under every plausible scale
     (``loss_bound``), and stops once that is within ``tolerance``, a share of the value range at every state: for
     every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
@@ -84,10 +84,9 @@ class InteractivePolicyIteration:
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
 
-    def ask(self) -> tuple[Query, ...]:
-        """The pending queries, or () when finished."""
-        if self._elicitation.pending or self._end is not None:
-            return self._elicitation.ask()
+    def _go_on(self) -> tuple[Query, ...]:
+        if self._end is not None:
+            return ()
         over, found = self._round()
         if found.loss_bound <= self._enough:
             return self._audit(over)
@@ -105,11 +104,6 @@ class InteractivePolicyIteration:
         if self._bags is not None and (simple := self._simple(candidates, over.d[order[:_ABOUT]], self._bags)):
             return simple
         return self._open(over, order[self._elicitation.next_batch(over.d[order])])
-
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
-        ``on_conflict="drop"`` (then such an answer is left unused, and is returned)."""
-        return self._elicitation.tell(answers, on_conflict)[1]
 
     def result(self) -> Result:
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
@@ -129,15 +123,6 @@ class InteractivePolicyIteration:
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Has no effect: each question is asked and logged, also by a comparator that never learns."""
-
-    def watch(self, watcher: Watch) -> None:
-        """Call ``watcher(d, decisions)`` with every question answered."""
-        self._elicitation.watch = watcher
-
-    @property
-    def comparator(self) -> Comparator:
-        """What is known of the scale."""
-        return self._elicitation.comparator
 
     def _round(self) -> tuple[Advantages, Guarantee]:
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TypeAlias
 
@@ -11,25 +11,16 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.validation import is_number, is_whole
-from elicit.asking.elicitation import Elicitation, Judgements, OnConflict, Pair, Place
-from elicit.decision.rule import outlasts_answers, rule_of
+from elicit.asking.elicitation import Elicitation, Judgements, Pair, Place
+from elicit.decision.rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
-from elicit.model.query import Answer, Query, Verdict
+from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of
 from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, pair_of, result_of
 from qlearn.learners.loss_bound import loses_at_most, loss_bound
-from qlearn.learners.pair_kernel import (
-    KEPT_AT_ONCE,
-    count,
-    hand_over,
-    may_use_order,
-    no_certificates,
-    nothing_kept,
-    open_gaps,
-    respondent_of,
-)
+from qlearn.learners.pair_judge import PairJudge
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _FIRST = 2  # checkpoint, in visits for each pair of state and action
@@ -81,26 +72,15 @@ class InteractiveQLearning(Elicits):
         batch: int = 1,
         max_loss: float | None = None,
     ) -> None:
+        chosen = exploration_of(exploration, epsilon)
         self._loop = QLearningLoop(
-            mdp,
-            comparator,
-            steps=steps,
-            exploration=exploration_of(exploration, epsilon),
-            learning_rate=learning_rate,
-            rng=rng,
-            max_queries=max_queries,
-            indifference=indifference,
-            audit=audit,
-            batch=batch,
+            mdp, comparator, steps, chosen, learning_rate, rng, max_queries, indifference, audit, batch
         )
         self._elicitation = self._loop.elicitation
         self._max_loss, self._certified = check_max_loss(max_loss), False
         self._checkpoint = int(steps) if max_loss is None else first_checkpoint(mdp, steps)
 
-    def ask(self) -> tuple[Query, ...]:
-        """The pending query, or () when all steps are done. Runs the loop as far as it needs no tutor."""
-        if self._elicitation.pending:
-            return self._elicitation.ask()
+    def _go_on(self) -> tuple[Query, ...]:
         while not self._certified:
             if queries := self._loop.run(self._checkpoint):
                 return queries
@@ -110,10 +90,8 @@ class InteractiveQLearning(Elicits):
             self._checkpoint = min(self._loop.model.steps, 2 * self._checkpoint)
         return ()
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take the answer to the pending query. Raises StaleAnswer, or InconsistentAnswers unless
-        ``on_conflict="drop"`` (then the answer settles its own pair only, and is returned)."""
-        return self._loop.tell(answers, on_conflict)
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        self._loop.take(verdicts)
 
     def result(self) -> Result:
         """The greedy policy and the counts so far."""
@@ -131,7 +109,6 @@ class QLearningLoop:
         self,
         mdp: OrdinalMDP,
         comparator: Comparator,
-        *,
         steps: int,
         exploration: Exploration,
         learning_rate: LearningRate | None,
@@ -169,12 +146,10 @@ class QLearningLoop:
             epsilons=epsilons(exploration.epsilon, steps),
             steps=int(steps),
             episode_length=int(exploration.episode_length or 0),
-            dominance=may_use_order(self.elicitation),
             key=np.uint64(key),
         )
         self.state = _first_state(mdp, self.model, exploration.start)
-        self._certificates = no_certificates(mdp.n_states * mdp.n_actions, mdp.k)
-        self._nobody_looks, self._kept = (nothing_kept(mdp.k, room) for room in (0, KEPT_AT_ONCE))
+        self._pairs = PairJudge(self.elicitation, mdp.n_states * mdp.n_actions)
         self._verdict = int(Verdict.UNKNOWN)  # on the pair at the cursor
 
     def run(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
@@ -182,16 +157,14 @@ class QLearningLoop:
         put off, such pairs go by the best guess."""
         elicitation, state, model = self.elicitation, self.state, self.model._replace(steps=steps)
         elicitation.puts_off = puts_off
-        rule, asking = rule_of(elicitation.comparator), elicitation.rule()
-        opened, kept = open_gaps(rule), self._nobody_looks if elicitation.watch is None else self._kept
+        rule = rule_of(elicitation.comparator)
         while True:
-            oracle, verdict = respondent_of(elicitation), self._verdict
+            judging, verdict = self._pairs.judging(rule), self._verdict
             with np.errstate(all="ignore"):  # the hash wraps around
-                code = kernel.advance(state, model, verdict, opened, rule, asking, oracle, self._certificates, kept)
+                code = kernel.advance(state, model, verdict, judging)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
-            count(state.decided, elicitation)
+            self._pairs.enter(state.decided)
             state.decided[:] = 0
-            hand_over(kept, elicitation)
             if code == kernel.DONE:
                 return ()
             if code == kernel.FULL:
@@ -206,15 +179,12 @@ class QLearningLoop:
             self._verdict = int(verdicts[0])
             elicitation.commit(d, Decisions(verdicts, tiers))
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict) -> tuple[Answer, ...]:
-        """Take the answer to the pending query; it settles the pair at the cursor, if it is about that."""
-        verdicts, dropped = self.elicitation.tell(answers, on_conflict)
+    def take(self, verdicts: Mapping[str, Verdict]) -> None:
+        """The tutor has answered: her verdict is on the pair at the cursor, if the question was about that."""
         if self.state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
             for verdict in verdicts.values():
                 self._verdict = int(verdict)
-        if not outlasts_answers(rule_of(self.elicitation.comparator)):
-            self._certificates.verdicts[:] = 0
-        return dropped
+        self._pairs.take_answers()
 
     def result(self, status: Status) -> Result:
         """The greedy policy and the counts so far."""

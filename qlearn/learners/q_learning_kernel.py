@@ -13,20 +13,9 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import mix, unit
 from elicit._support.jit import compiled
-from elicit.asking.elicitation_kernel import AskingRule
-from elicit.decision.rule import Rule
 from elicit.lp.sign import BETTER, EQUAL, UNKNOWN, UNSETTLED
-from elicit.tutors.simulated_kernel import NOBODY, Respondent, respond
-from qlearn.learners.pair_kernel import (
-    BY_TUTOR,
-    Certificates,
-    Kept,
-    by_order,
-    certified,
-    difference,
-    judge_anew,
-    keep,
-)
+from elicit.tutors.simulated_kernel import NOBODY, respond
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, by_order, certified, difference, judge_anew, keep
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
@@ -49,7 +38,6 @@ class Model(NamedTuple):
     epsilons: NDArray[np.float64]  # chance of exploring by step; the last one stays
     steps: int
     episode_length: int  # 0: episodes end in terminal states only
-    dominance: bool  # whether eq. (4) may decide
     key: Any  # np.uint64
 
 
@@ -80,23 +68,14 @@ def draw(cumulative: Any, u: float) -> int:
 
 
 @compiled
-def advance(
-    state: State,
-    model: Model,
-    verdict: int,
-    opened: Any,
-    rule: Rule,
-    asking: AskingRule,
-    oracle: Respondent,
-    certificates: Certificates,
-    kept: Kept,
-) -> int:
-    """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet).
-    With an ``oracle`` it is asked whatever dominance leaves open. Kept is what neither equality nor dominance settled.
+def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
+    """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet). Kept is what
+    neither equality nor dominance settled.
 
-    Returns DONE; FULL where ``kept`` must be emptied first; or, with the cursor at a pair, ASK where only the tutor
-    can settle it and DEFER where perhaps the elicitation can.
+    Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair, ASK where only the
+    tutor can settle it and DEFER where perhaps the elicitation can.
     """
+    rule, asking, oracle, certificates, kept = judging[2:]
     best, cursor, decided = state.best, state.cursor, state.decided
     m, k = state.q.shape[1:]
     d, t, work = np.empty(k), np.empty(k - 1), np.empty((3, k - 1))
@@ -113,8 +92,8 @@ def advance(
             if challenger != incumbent:
                 if verdict == UNKNOWN:
                     verdict, row = difference(q, challenger, incumbent, d, t), s * m + challenger
-                    if verdict == EQUAL or (model.dominance and verdict != UNKNOWN):
-                        verdict, tier = by_order(t, verdict, opened)
+                    if verdict == EQUAL or (judging.dominance and verdict != UNKNOWN):
+                        verdict, tier = by_order(t, verdict, judging.open)
                     else:
                         if len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers):
                             return FULL

@@ -9,22 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.asking.elicitation import Elicitation
-from elicit.decision.rule import NOTHING, PROOFS, Rule, outlasts_answers, rule_of, silent
+from elicit.decision.rule import NOTHING, PROOFS, Rule, rule_of, silent
 from elicit.lp.sign import UNKNOWN, UNSETTLED
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from qlearn.learners.learner import place
-from qlearn.learners.pair_kernel import (
-    KEPT_AT_ONCE,
-    count,
-    hand_over,
-    may_use_order,
-    no_certificates,
-    nothing_kept,
-    open_gaps,
-    respondent_of,
-)
+from qlearn.learners.pair_judge import PairJudge
 from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -51,10 +42,9 @@ class StateSweep:
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
         self.judged: dict[int, tuple[int, bool]] = {}  # of waiting states: their pair's tier, and whether an audit
         self.lent = False  # whether somebody may still read V
-        self._certificates = no_certificates(n * m, mdp.k, np.float32)
+        self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
         self._judged_by = elicitation.comparator  # whom certificates and copies are of
         self._copies: list[Rule] = []
-        self._nobody_looks, self._kept = (nothing_kept(mdp.k, room) for room in (0, max(KEPT_AT_ONCE, m)))
         self.begin()
 
     _waiting: States  # whose pair at the cursor is undecided, in order
@@ -146,22 +136,17 @@ class StateSweep:
 
     def _sweep(self, states: States, rule: Rule) -> tuple[States, Outcome]:
         """The first states, as many as were reached, and what became of them."""
-        elicitation = self._elicitation
-        kept = self._nobody_looks if elicitation.watch is None else self._kept
-        work = Work(self.v, self._following, self.best, self.cursor, self._certificates)
-        dominance, opened, oracle = may_use_order(elicitation), open_gaps(rule), respondent_of(elicitation)
-        asking, out = elicitation.rule(), no_outcome(len(states))
+        work, out = Work(self.v, self._following, self.best, self.cursor), no_outcome(len(states))
         with np.errstate(all="ignore"):  # hashes wrap around
-            reached = sweep(states, work, self.model, dominance, opened, rule, asking, oracle, kept, out)
+            reached = sweep(states, work, self.model, self._pairs.judging(rule), out)
         return states[:reached], out
 
     def _enter(self, states: States, out: Outcome) -> None:
         """Act on what became of states."""
         n = len(states)
         self.best[states], self.cursor[states] = out.best[:n], out.cursor[:n]
-        count(out.tiers, self._elicitation)
         self.change = max(self.change, float(out.change[0]))
-        hand_over(self._kept, self._elicitation)
+        self._pairs.enter(out.tiers)
 
     def _judge(self, states: States) -> States:
         """Have the elicitation judge the pairs at the cursors of states, all at once; returns those that need the
@@ -188,13 +173,11 @@ class StateSweep:
     def _rules(self, n: int) -> Sequence[Rule]:
         """What the comparator knows, as arrays, for each of n blocks: what they find out on the way goes into copies.
         After an answer certificates may not hold, except what was proven."""
-        comparator = self._elicitation.comparator
-        rule = rule_of(comparator)
-        if comparator is not self._judged_by:
-            if not outlasts_answers(rule):
-                self._certificates.verdicts[:] = 0
+        if self._elicitation.comparator is not self._judged_by:
+            self._judged_by = self._elicitation.comparator
+            self._pairs.take_answers()
             self._copies.clear()
-            self._judged_by = comparator
+        rule = rule_of(self._judged_by)
         if self._elicitation.puts_off and rule.kind != NOTHING:
             rule = silent()  # the best guess lies among the plausible scales, and is cheaper to look up
         if n == 1 or rule.kind not in PROOFS:
@@ -205,14 +188,5 @@ class StateSweep:
 
 def _copy(rule: Rule) -> Rule:
     """The same proofs, in arrays of their own where walks write."""
-    known = rule.known
-    return rule._replace(
-        known=known._replace(
-            points=known.points.copy(),
-            inverses=known.inverses.copy(),
-            active=known.active.copy(),
-            kind=known.kind.copy(),
-            age=known.age.copy(),
-            counts=known.counts.copy(),
-        )
-    )
+    written = ("points", "inverses", "active", "kind", "age", "counts")
+    return rule._replace(known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written}))

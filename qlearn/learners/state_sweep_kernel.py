@@ -12,22 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import unlocked
-from elicit.asking.elicitation_kernel import AskingRule
-from elicit.decision.rule import Rule
 from elicit.lp.sign import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
-from elicit.tutors.simulated_kernel import NOBODY, Respondent, respond
-from qlearn.learners.pair_kernel import (
-    BY_TUTOR,
-    Certificates,
-    Kept,
-    by_order,
-    certified,
-    difference,
-    judge_anew,
-    keep,
-)
+from elicit.tutors.simulated_kernel import NOBODY, respond
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, by_order, certified, difference, judge_anew, keep
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
@@ -40,7 +29,6 @@ class Work(NamedTuple):
     following: Floats  # (S, k) V of this sweep, written where a state is done
     best: NDArray[np.int64]  # (S,) each state's best action so far; read only
     cursor: NDArray[np.int32]  # (S,) its next challenger; read only
-    certificates: Certificates  # (S*A,) rows
 
 
 class Outcome(NamedTuple):
@@ -65,26 +53,15 @@ def no_outcome(n: int) -> Outcome:
 
 
 @unlocked
-def sweep(
-    states: Any,
-    work: Work,
-    model: Model,
-    dominance: bool,
-    opened: Any,
-    rule: Rule,
-    asking: AskingRule,
-    oracle: Respondent,
-    kept: Kept,
-    out: Outcome,
-) -> int:
+def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome) -> int:
     """Back up each of the states (n,), and compare its actions with the best of those before them, from its cursor on.
-    Returns how many states were reached: it stops where ``kept`` might not hold the next state's comparisons.
+    Returns how many states were reached: it stops where there may be no room to keep the next state's comparisons.
 
-    ``opened`` is as ``open_gaps`` has it; ``dominance``: whether eq. (4) may decide. An ``oracle`` is asked whatever is
-    left, of each state about one challenger, so that all states take turns; then the state's code is ANSWERED. It
-    stops behind a state where she comes back UNSETTLED.
+    An oracle is asked about one challenger of each state, so that all states take turns; then the state's code is
+    ANSWERED. It stops behind a state where she comes back UNSETTLED.
     """
-    v, following, certificates = work.v, work.following, work.certificates
+    rule, asking, oracle, certificates, kept = judging[2:]
+    v, following, dominance, opened = work.v, work.following, judging.dominance, judging.open
     ends, terminal, cursor, incumbents = model.ends, model.terminal, work.cursor, work.best
     best_now, cursor_now, code_now, tiers = out.best, out.cursor, out.code, out.tiers
     arrays, discount = (model.successors, model.probabilities, ends, model.levels), model.discount

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
-from elicit.asking.elicitation import Elicitation, OnConflict
+from elicit.asking.elicitation import Elicitation
 from elicit.model.comparator import Comparator, Tier
-from elicit.model.query import Answer, Query, Verdict
+from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, pair_of, result_of
 from qlearn.learners.loss_bound import loses_at_most, loss_bound
@@ -59,26 +59,12 @@ class InteractiveValueIteration(Elicits):
         jobs: int = 1,
         max_loss: float | None = None,
     ) -> None:
-        self._run = _Run(
-            mdp,
-            comparator,
-            tolerance=tolerance,
-            max_sweeps=max_sweeps,
-            rng=rng,
-            max_queries=max_queries,
-            indifference=indifference,
-            audit=audit,
-            batch=batch,
-            jobs=jobs,
-            max_loss=max_loss,
-        )
+        settings = (tolerance, max_sweeps, rng, max_queries, indifference, audit, batch, jobs, max_loss)
+        self._run = _Run(mdp, comparator, *settings)
         self._elicitation = self._run.elicitation
 
-    def ask(self) -> tuple[Query, ...]:
-        """The pending queries, or () when finished. Sweeps as far as it needs no tutor."""
+    def _go_on(self) -> tuple[Query, ...]:
         run = self._run
-        if self._elicitation.pending:
-            return self._elicitation.ask()
         while run.answered:
             run.states.settle(*run.answered.popitem())
         while run.end is None:
@@ -88,10 +74,8 @@ class InteractiveValueIteration(Elicits):
             run.finish_sweep()
         return ()
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
-        ``on_conflict="drop"`` (then such an answer settles its own pair only, and is returned)."""
-        return self._run.tell(answers, on_conflict)
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        self._run.take(verdicts)
 
     def result(self) -> Result:
         """The policy and the counts so far."""
@@ -126,29 +110,15 @@ class LateValueIteration(Elicits):
         strategy: Strategy = telling_violation,
         max_loss: float | None = None,
     ) -> None:
-        self._run = _Run(
-            mdp,
-            comparator,
-            tolerance=tolerance,
-            max_sweeps=max_sweeps,
-            rng=rng,
-            max_queries=max_queries,
-            indifference=indifference,
-            audit=audit,
-            batch=batch,
-            jobs=jobs,
-            max_loss=max_loss,
-        )
+        settings = (tolerance, max_sweeps, rng, max_queries, indifference, audit, batch, jobs, max_loss)
+        self._run = _Run(mdp, comparator, *settings)
         self._elicitation = self._run.elicitation
         self._elicitation.puts_off = True
         self._strategy, self._patient = check_strategy(strategy), max_sweeps is None
         self._guessed = 0  # comparisons that went by the best guess, when this sweep began
 
-    def ask(self) -> tuple[Query, ...]:
-        """The pending queries, or () when finished. Sweeps as far as it needs no tutor."""
+    def _go_on(self) -> tuple[Query, ...]:
         run = self._run
-        if self._elicitation.pending:
-            return self._elicitation.ask()
         if run.answered:
             run.answered.clear()  # the comparator knows, or the elicitation does
             run.patience_from = run.sweeps if self._patient else 0
@@ -160,10 +130,8 @@ class LateValueIteration(Elicits):
             self._finish_sweep()
         return ()
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
-        ``on_conflict="drop"`` (then such an answer settles its own pair only, and is returned)."""
-        return self._run.tell(answers, on_conflict)
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        self._run.take(verdicts)
 
     def result(self) -> Result:
         """The policy and the counts so far."""
@@ -193,7 +161,6 @@ class _Run:
         self,
         mdp: OrdinalMDP,
         comparator: Comparator,
-        *,
         tolerance: float,
         max_sweeps: int | None,
         rng: Seed,
@@ -251,12 +218,10 @@ class _Run:
         self._asking = {query.id: int(heads[i]) for query, i in zip(queries, chosen, strict=True)}
         return queries
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict) -> tuple[Answer, ...]:
-        """Take answers to pending queries; returns those dropped."""
-        verdicts, dropped = self.elicitation.tell(answers, on_conflict)
+    def take(self, verdicts: Mapping[str, Verdict]) -> None:
+        """The tutor has answered."""
         for name, verdict in verdicts.items():
             self.answered[self._asking.pop(name)] = verdict
-        return dropped
 
     def finish_sweep(self) -> None:
         """A sweep is done: on to the next one, or to the end."""

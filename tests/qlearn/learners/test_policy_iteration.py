@@ -21,7 +21,7 @@ from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
-from qlearn.learners.loss_bound import advantages, drawn_set, loss_bound, loss_over_draws
+from qlearn.learners.loss_bound import advantages, drawn_set, guarantee, loss_bound, loss_over_draws
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.query_strategies import most_even_cut
@@ -272,6 +272,16 @@ def test_a_bound_can_be_had_for_any_policy():
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), strategy=most_even_cut, tolerance=1e-3)
     known = drive(learner, TruthfulTutor(values)).comparator
     assert loss_bound(mdp, worst, known).loss_bound <= found.loss_bound
+
+
+@pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=60)])
+def test_an_error_in_the_values_counts_in_every_step(comparator):
+    mdp, values = random_mdp(15, 3, 4, discount=0.9, rng=8)
+    over = advantages(mdp, value_iteration(mdp, values)[1])
+    assert over.doubt < 1e-12
+    exact, rough = (guarantee(mdp, over._replace(doubt=doubt), comparator).loss_bound for doubt in (over.doubt, 0.002))
+    assert 0 < exact < 0.9
+    assert rough - exact == pytest.approx(0.002 / (1 - 0.9), abs=1e-9)
 
 
 @pytest.mark.slow

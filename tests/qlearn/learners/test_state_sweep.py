@@ -33,7 +33,7 @@ from elicit.tutors.simulated import Tutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, drive, policy_loss, random_mdp
 from qlearn.learners import state_sweep
 from qlearn.learners.learner import Status
-from qlearn.learners.pair_kernel import round_up
+from qlearn.learners.pair_judge import round_up
 from qlearn.reference import interactive_value_iteration
 from tests.mdp_cases import messy_mdp
 
@@ -179,11 +179,11 @@ def test_an_oracle_answers_the_same_in_the_loop_and_outside(make: Callable[[Floa
 
 
 class Swayed:
-    """Sure of one scale, as a sample is, but that it cannot tell the first pair; after an answer sure of another."""
+    """Three scales, whose votes must agree; after an answer all three are others."""
 
     k = 3
 
-    def __init__(self, sides: tuple[float, ...] = (0.9, 0.9, 0.2)) -> None:
+    def __init__(self, sides: tuple[float, ...] = (0.95, 0.9, 0.5)) -> None:
         self._gaps = np.array([sides, 1.0 - np.array(sides)])
 
     @property
@@ -204,12 +204,11 @@ class Swayed:
         return np.where(equal, 0, np.where(low > 0, 1, np.where(high < 0, -1, Verdict.UNKNOWN))).astype(np.int8)
 
     def update(self, answers: Answers) -> Swayed:
-        return Swayed((0.2, 0.2, 0.2))
+        return Swayed((0.1, 0.1, 0.1))
 
 
 @pytest.mark.parametrize("learner", [InteractiveValueIteration, InteractiveQLearning])
 def test_what_an_earlier_verdict_certified_is_forgotten_with_the_answers_it_rested_on(learner: Any) -> None:
-    # "better than chance" and "sure of fair" stay within an earlier certificate's reach while the model turns about
     changed = 0
     for seed in range(6):
         mdp, values = random_mdp(10, 3, 3, discount=0.9, rng=seed)

@@ -21,14 +21,14 @@ from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
 from elicit.decision.judge import holds
-from elicit.decision.rule import PROOFS, Rule
+from elicit.decision.rule import PROOFS, Rule, outlasts_answers, rule_of
 from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX, EQUAL, UNSETTLED, by_dominance
 from elicit.model.comparator import AlwaysAsk, Decisions, Tier
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import Respondent, nobody
 
 BY_TUTOR = int(Tier.TUTOR)
-KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
+_KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 
 
 class Certificates(NamedTuple):
@@ -37,20 +37,6 @@ class Certificates(NamedTuple):
     least: NDArray[np.floating[Any]]  # (n, p) f, of the tail sums times the verdict
     verdicts: NDArray[np.int8]  # (n,)
     tiers: NDArray[np.int8]  # (n,)
-
-
-def no_certificates(n: int, k: int, kind: DTypeLike = np.float64) -> Certificates:
-    """Room for n certificates, in numbers of that kind."""
-    return Certificates(np.empty((n, k - 1), dtype=kind), np.zeros(n, np.int8), np.zeros(n, np.int8))
-
-
-@runtime_checkable
-class AnswersInLoops(Protocol):
-    """A tutor who can be had as plain arrays too."""
-
-    @property
-    def respondent(self) -> Respondent:
-        """The arrays, to be asked for anew whenever they have left something UNSETTLED."""
 
 
 class Kept(NamedTuple):
@@ -62,42 +48,71 @@ class Kept(NamedTuple):
     used: NDArray[np.int64]  # (1,) how many there are
 
 
-def nothing_kept(k: int, room: int) -> Kept:
-    """Room for so many comparisons."""
-    return Kept(np.empty((room, k)), np.empty(room, np.int8), np.empty(room, np.int8), np.zeros(1, np.int64))
+class Judging(NamedTuple):
+    """All that a loop goes by when it judges a pair."""
+
+    dominance: bool  # whether eq. (4) may decide: not for AlwaysAsk, which asks about dominated vectors too
+    open: Floats  # (p,) 0 where a gap of the scale is known to be 0, else 1; (0,) where none is
+    rule: Rule
+    asking: AskingRule
+    oracle: Respondent  # whom AlwaysAsk asks, where she is to be had as arrays
+    certificates: Certificates
+    kept: Kept
 
 
-def hand_over(kept: Kept, elicitation: Elicitation) -> None:
-    """Show the watcher what was kept, and forget it."""
-    n, kept.used[0] = int(kept.used[0]), 0
-    if n and elicitation.watch is not None:
-        elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
+@runtime_checkable
+class AnswersInLoops(Protocol):
+    """A tutor who can be had as plain arrays too."""
+
+    @property
+    def respondent(self) -> Respondent:
+        """The arrays, to be asked for anew whenever they have left something UNSETTLED."""
 
 
-def count(tiers: NDArray[np.int64], elicitation: Elicitation) -> None:
-    """Add a loop's comparisons (len(Tier),) to those counted, and what an oracle was asked among them."""
-    elicitation.counts += tiers
-    if elicitation.signs is not None:
-        elicitation.asked = int(elicitation.counts[Tier.TUTOR])
+class PairJudge:
+    """An elicitation as a compiled loop sees it, the loop's certificates, and what it keeps for a watcher."""
 
+    def __init__(self, elicitation: Elicitation, pairs: int, digits: DTypeLike = np.float64, room: int = 0) -> None:
+        k, room = elicitation.comparator.k, max(room, _KEPT_AT_ONCE)
+        least = np.empty((pairs, k - 1), dtype=digits)
+        self.certificates = Certificates(least, np.zeros(pairs, np.int8), np.zeros(pairs, np.int8))
+        self._elicitation = elicitation
+        self._unwatched, self._watched = (
+            Kept(np.empty((c, k)), np.empty(c, np.int8), np.empty(c, np.int8), np.zeros(1, np.int64)) for c in (0, room)
+        )
 
-def respondent_of(elicitation: Elicitation) -> Respondent:
-    """The tutor whose ``signs`` answer whatever AlwaysAsk leaves open, as plain arrays; nobody, where that is not
-    so."""
-    if isinstance(elicitation.signs, MethodType) and isinstance(elicitation.comparator, AlwaysAsk):
-        tutor = elicitation.signs.__self__
-        return tutor.respondent if isinstance(tutor, AnswersInLoops) else nobody()
-    return nobody()
+    def judging(self, rule: Rule) -> Judging:
+        """How pairs are judged now, the comparator going by this rule."""
+        elicitation, oracle = self._elicitation, nobody()
+        asks_all = isinstance(elicitation.comparator, AlwaysAsk)
+        if asks_all and isinstance(elicitation.signs, MethodType):
+            tutor = elicitation.signs.__self__
+            oracle = tutor.respondent if isinstance(tutor, AnswersInLoops) else oracle
+        closed = rule.kind in PROOFS and not rule.known.open.all()
+        return Judging(
+            dominance=not asks_all,
+            open=rule.known.open if closed else np.empty(0),
+            rule=rule,
+            asking=elicitation.rule(),
+            oracle=oracle,
+            certificates=self.certificates,
+            kept=self._unwatched if elicitation.watch is None else self._watched,
+        )
 
+    def enter(self, tiers: NDArray[np.int64]) -> None:
+        """Count a loop's comparisons (len(Tier),), and show the watcher what was kept."""
+        elicitation, kept = self._elicitation, self._watched
+        elicitation.counts += tiers
+        if elicitation.signs is not None:
+            elicitation.asked = int(elicitation.counts[Tier.TUTOR])
+        n, kept.used[0] = int(kept.used[0]), 0
+        if n and elicitation.watch is not None:
+            elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
 
-def may_use_order(elicitation: Elicitation) -> bool:
-    """Whether eq. (4) may decide: not for AlwaysAsk, which asks about dominated vectors too."""
-    return not isinstance(elicitation.comparator, AlwaysAsk)
-
-
-def open_gaps(rule: Rule) -> Floats:
-    """(p,) 0 where a gap of the scale is known to be 0, else 1; (0,) where none is."""
-    return rule.known.open if rule.kind in PROOFS and not rule.known.open.all() else np.empty(0)
+    def take_answers(self) -> None:
+        """The comparator has learned something: forget the certificates, unless they were proven."""
+        if not outlasts_answers(rule_of(self._elicitation.comparator)):
+            self.certificates.verdicts[:] = 0
 
 
 @compiled
@@ -115,7 +130,7 @@ def difference(q: Any, a: int, b: int, d: Any, t: Any) -> int:
 @compiled
 def by_order(t: Any, verdict: int, opened: Any) -> tuple[int, int]:
     """Verdict and tier of a pair on which eq. (4) has this verdict, where some gaps may be known to be 0: ``opened`` is
-    as ``open_gaps`` has it. Overwrites t."""
+    ``Judging.open``. Overwrites t."""
     if len(opened) > 0:
         for j in range(len(opened)):
             t[j] *= opened[j]
