@@ -3,16 +3,18 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from elicit.model.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide, simultaneous_bounds
+from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
     from elicit.asking.choose import choose
+    from elicit.comparators.baselines import AlwaysAsk, Dominance
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
     from elicit.comparators.polytope.comparator import PolytopeComparator
     from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+    from elicit.decision.decide import decide
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.inequalities import Inequality, inequalities, inequality
@@ -20,6 +22,10 @@ if TYPE_CHECKING:
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
 
 _LATER = {  # imported when first used, so that `import elicit` stays light
+    "AlwaysAsk": "elicit.comparators.baselines",
+    "Dominance": "elicit.comparators.baselines",
+    "decide": "elicit.decision.decide",
+    "choose": "elicit.asking.choose",
     "AnswerLog": "elicit.tutors.answer_log",
     "Bags": "elicit.asking.bags",
     "BradleyTerryComparator": "elicit.comparators.bradley_terry.bootstrap_comparator",
@@ -32,7 +38,6 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "ReplayTutor": "elicit.tutors.simulated",
     "TruthfulTutor": "elicit.tutors.simulated",
     "Tutor": "elicit.tutors.simulated",
-    "choose": "elicit.asking.choose",
     "compare_held_out": "elicit.diagnostics.held_out",
     "held_out": "elicit.diagnostics.held_out",
     "inequalities": "elicit.lp.inequalities",

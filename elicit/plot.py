@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.lp.programs import TIE_BAND
+from elicit.lp.region import TIE_BAND
 from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats, normalise, tail_sums
 

@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.hashing import fold, uniform
-from elicit.model.comparator import AlwaysAsk, Comparator
+from elicit.comparators.baselines import AlwaysAsk
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.tutors.simulated import Tutor

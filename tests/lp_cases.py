@@ -1,9 +1,9 @@
-"""Random and adversarial polytopes, and an exact second opinion on them that shares no code with elicit.
+"""Random and adversarial polytopes, and an exact second opinion on them that shares no code with elicit's methods.
 
 A ``Case`` is a set of answers that some hidden scale satisfies exactly, with differences to ask about. ``Region``
 states its polytope in rationals, from the tail sums of the float differences. ``Oracle`` gives least t.g over it:
-HiGHS proposes a basis, which is verified in rationals (primal and dual feasibility); where that fails, a primal
-simplex method on the dual program, in exact integers, decides.
+elicit's simplex method in floats proposes a basis, which is verified in rationals (primal and dual feasibility);
+where that fails, a primal simplex method on the dual program, in exact integers, decides.
 """
 
 from __future__ import annotations
@@ -14,9 +14,16 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-import highspy
 import numpy as np
 from numpy.typing import NDArray
+
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.lp import region as floats
+from elicit.lp.dual_simplex import minimise, minimise_exactly
+from elicit.lp.sign import to_unit
+from elicit.lp.vertex_store import start
+from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, USED, Known
+from elicit.model.query import Answers
 
 Floats = NDArray[np.float64]
 Rationals = list[Fraction]
@@ -102,7 +109,7 @@ class Oracle:
         self.verified = self.from_scratch = 0
         self._rows = np.array([[float(x) for x in row] for row in region.rows]).reshape(-1, region.p)
         self._rhs = np.array([float(x) for x in region.rhs])
-        self._model = self._highs()
+        self._floats = floats.Region(float(region.margin), self._rows, self._rhs, np.arange(len(self._rhs)))
 
     def least(self, t: Rationals) -> Fraction:
         """The exact optimum of min t.g. Raises ValueError where the region is empty."""
@@ -124,44 +131,10 @@ class Oracle:
         """Least and greatest t.g."""
         return self.least(t), -self.least([-x for x in t])
 
-    def highs(self, t: Rationals) -> float:
-        """HiGHS's own value of the optimum."""
-        self._basis(t)
-        return float(self._model.getInfo().objective_function_value)
-
-    def _highs(self) -> highspy.Highs:
-        region, inf = self.region, highspy.kHighsInf
-        p, m = region.p, len(region.rows)
-        h = highspy.Highs()
-        h.setOptionValue("output_flag", False)
-        h.setOptionValue("presolve", "off")
-        h.setOptionValue("threads", 1)
-        h.setOptionValue("primal_feasibility_tolerance", 1e-10)
-        h.setOptionValue("dual_feasibility_tolerance", 1e-10)
-        lp = highspy.HighsLp()
-        lp.num_col_, lp.num_row_ = p, m + 1
-        lp.col_cost_ = np.zeros(p)
-        lp.col_lower_, lp.col_upper_ = np.full(p, float(region.margin)), np.full(p, inf)
-        lp.row_lower_ = np.concatenate([[1.0], self._rhs])
-        lp.row_upper_ = np.concatenate([[1.0], np.full(m, inf)])
-        matrix = np.concatenate([np.ones((1, p)), self._rows])
-        lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-        lp.a_matrix_.start_ = np.arange(m + 2) * p
-        lp.a_matrix_.index_ = np.tile(np.arange(p), m + 1)
-        lp.a_matrix_.value_ = matrix.ravel()
-        h.passModel(lp)
-        return h
-
     def _basis(self, t: Rationals) -> tuple[list[int], list[int]]:
-        """(gaps that are basic, rows that are active) as HiGHS ends."""
-        p = self.region.p
-        self._model.changeColsCost(p, np.arange(p, dtype=np.int32), np.array([float(x) for x in t]))
-        self._model.run()
-        basis = self._model.getBasis()
-        basic = highspy.HighsBasisStatus.kBasic
-        columns = [j for j, s in enumerate(basis.col_status) if s == basic]
-        rows = [i - 1 for i, s in enumerate(basis.row_status) if s != basic and i > 0]
-        return columns, rows
+        """(gaps that are basic, rows that are active) as elicit's simplex method ends."""
+        p, basis = self.region.p, minimise(np.array([float(x) for x in t]), self._floats).basis
+        return [j for j in range(p) if j not in basis], [c - p for c in basis if c >= p]
 
     def _verify(self, t: Rationals, basis: tuple[list[int], list[int]]) -> Fraction | None:
         """The value at the basis if it is a feasible and optimal one in rationals, else None."""
@@ -293,6 +266,10 @@ class Case:
 
     def region(self) -> Region:
         return region_of(self.k, self.margin, self.prior, self.d, list(self.y))
+
+    def known(self) -> PolytopeComparator:
+        """A comparator that was told the answers at once."""
+        return PolytopeComparator(self.k, self.margin, self.prior).update(Answers(self.d, self.y))
 
 
 Rng = np.random.Generator
@@ -591,3 +568,79 @@ def cases(
         k = 2 + int((most_levels - 1) * rng.random() ** 2)
         n = int((most_answers + 1) * rng.random() ** 3)
         yield KINDS[i % len(KINDS)](rng, k, n, asks)
+
+
+# ---- regions of floats, as elicit has them -----------------------------------------------------------------------
+
+
+def region(rows: Any, margin: float = 0.0, rhs: Any = None) -> floats.Region:
+    rows = np.array(rows, dtype=np.float64)
+    limits = np.zeros(len(rows)) if rhs is None else np.array(rhs, dtype=np.float64)
+    return floats.Region(margin, rows, limits, np.arange(len(rows)))
+
+
+def exactly(r: floats.Region) -> Region:
+    """The same region in rationals."""
+    out = Region(r.p, r.exact_margin, [], [])
+    for row, limit in zip(r.rows, r.rhs, strict=True):
+        out.add(exact(row), Fraction(float(limit)))
+    return out
+
+
+def normalised(g: Any) -> Rationals:
+    """The point of total 1 on the ray through floats g."""
+    numbers = exact(g)
+    total = sum(numbers, Fraction(0))
+    return [x / total for x in numbers]
+
+
+def known_sets(seed: int, count: int, most: int = 9) -> Iterator[tuple[str, floats.Region, Known]]:
+    """Regions of each kind in turn, with at least two gaps, and what is known of them at first."""
+    for case in cases(seed, count, asks=1, most_levels=most, most_answers=3 * most):
+        if case.k > 2:
+            r = case.known().region
+            yield case.kind, r, start(r)
+
+
+def objectives(rng: Rng, r: floats.Region, count: int) -> list[Floats]:
+    """Of order 1: random ones, rows and sums of rows, and such that the least value is 0, or nearly."""
+    out = []
+    for _ in range(count):
+        s = rng.normal(size=r.p) * 10.0 ** rng.integers(-3, 1)
+        how = rng.integers(4)
+        if how == 1:
+            s = rng.integers(0, 3, size=len(r.rows)) @ r.rows + rng.choice([0.0, 1e-16, -1e-13]) * s
+        if how > 1:
+            s = s - float(minimise_exactly(s, r).value) + rng.choice([0.0, 1e-16, -1e-15, 1e-13, 1e-12, -1e-12, 1e-10])
+        if s.any():
+            to_unit(s)
+            out.append(s)
+    return out
+
+
+def rows_kept(c: PolytopeComparator) -> int:
+    """How many rows are left of a comparator's once those are dropped that follow from others."""
+    return len(c._set.region.rows)
+
+
+def check_proofs(c: PolytopeComparator) -> None:
+    """What a comparator has come to know is true, in rationals: rows that hold on K_t, points in it, one of them
+    strictly inside. Only here and in ``rows_kept`` do tests look at how it is kept."""
+    kept, known = c._set.region, c._set._known
+
+    def least_slack(g: Rationals) -> Fraction:
+        near = np.array([float(x) for x in g])
+        rows = np.flatnonzero(kept.rows @ near - kept.rhs < 1e-9)  # the others hold beyond doubt
+        slacks = [dot(exact(kept.rows[i]), g) - Fraction(float(kept.rhs[i])) for i in rows]
+        return min([*slacks, min(g) - kept.exact_margin])
+
+    for row, limit in zip(c.region.rows, c.region.rhs, strict=True):  # those left out follow from those kept
+        if not ((kept.rows == row).all(axis=1) & (kept.rhs == limit)).any():
+            assert minimise_exactly(row, kept).value >= Fraction(float(limit))
+    assert all(minimise_exactly(row, kept).value >= 0 for row in known.rows)
+    if c._set.inside is not None:
+        assert least_slack(normalised(known.inside)) > 0
+    used = known.counts[USED]
+    for point, kind in zip(known.points[:, :used].T, known.kind[:used], strict=True):
+        if kind != DOUBTFUL_CORNER:  # points of exact optima are right to their last bits
+            assert least_slack(normalised(point)) >= -(kept.p + 8) * Fraction(EPS) * (kind == CERTAIN_POINT)

@@ -16,7 +16,7 @@ from scipy.optimize import linprog
 
 from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit._support.hashing import key_of
-from elicit.lp.programs import TIE_BAND
+from elicit.lp.region import TIE_BAND
 from elicit.model.comparator import Decisions, Verdicts
 from elicit.model.scale import Floats, dominance, tail_sums
 from qlearn import random_mdp

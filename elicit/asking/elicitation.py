@@ -28,9 +28,10 @@ from elicit.asking.elicitation_kernel import (
     Judgement,
     judge_rows,
 )
+from elicit.decision.decide import decide
 from elicit.decision.rule import rule_of
 from elicit.lp.sign import UNSETTLED
-from elicit.model.comparator import Comparator, Decisions, Tier, decide
+from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import pair_code, unit
 from elicit._support.jit import compiled
-from elicit.decision.judge import FLOORED, judge, within
+from elicit.decision.judge import judge, within
 from elicit.decision.rule import Rule
 from elicit.lp.sign import BETTER, BY_DOMINANCE, EQUAL, UNKNOWN, UNSETTLED, WORSE
 from elicit.model.comparator import BY_ANSWERS, Tier
@@ -68,11 +68,9 @@ def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: 
         sums[j] = t[j]
     verdict, tier, certified = facts.verdict, facts.tier, False
     if verdict == UNSETTLED:
-        verdict, tier = judge(d, t, 0.0, certificate, rule)
+        verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
         if verdict == UNSETTLED:
             return missing(COMPARATOR)
-        if tier >= FLOORED:
-            tier, certified = tier - FLOORED, True
     elif verdict != UNKNOWN and tier <= BY_DOMINANCE:
         return judgement(verdict, tier, False)
     if facts.said != UNKNOWN and among(asking.key, sums, work[1], asking.binding):

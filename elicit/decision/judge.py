@@ -1,7 +1,8 @@
-"""One judgement at a time from a comparator's rule, in code that numba can compile.
+"""The one judge: what a comparator's rule says of a difference, in compiled code.
 
-What only Python can tell (an optimum that is 0, or nearly; a comparator without a rule) comes back UNSETTLED, and
-``Comparator.compare`` decides. Both always agree.
+``judge_all`` serves ``compare``, an elicitation and whole arrays; ``judge`` serves the loops that compare by the
+million, one pair at a time. What a rule leaves open (an optimum that is 0, or nearly; a comparator without a rule)
+comes back UNSETTLED, and the comparator itself settles it (``decision.decide``).
 """
 
 from __future__ import annotations
@@ -11,83 +12,197 @@ from typing import Any
 
 import numpy as np
 
-from elicit._support.jit import compiled, loosely
-from elicit.comparators.bradley_terry.smc import shared_sign
-from elicit.decision.rule import BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
+from elicit._support.jit import compiled
+from elicit.decision.rule import ASKING, BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
+from elicit.decision.votes import by_box, by_count, by_weight, spare_score
 from elicit.lp.sign import (
-    BETTER,
+    BY_DOMINANCE,
+    BY_EQUAL,
     BY_SCREEN,
     BY_SIMPLEX,
     EQUAL,
+    NOWHERE,
     UNKNOWN,
     UNSETTLED,
-    WORSE,
     by_dominance,
     glance,
-    screen,
+    lifting_row,
     search,
     side_of,
+    signs_at_points,
+    tail_sums_into,
     to_unit,
 )
-from elicit.lp.vertices import BEST, EPS, ROW, SMALL, Known, doubt_at
+from elicit.lp.vertices import EPS, SMALL, USED, Known, doubt_at
 from elicit.model.comparator import Tier
 
 BY_MODEL = int(Tier.MODEL)
-FLOORED = 32  # added to a tier
+NEAR = 1e-12  # of the largest tail sum: what is no farther from 0 at a point inside may be 0
+LARGE = 2.0**900  # votes on differences beyond it, or below its inverse, are cast on multiples of them
 
 
 @compiled
-def judge_known(t: Any, shift: float, floor: Any, known: Known) -> tuple[int, int]:
-    """By the proofs of ``settle``, cheapest first. Since the gaps total 1, t.g + shift is (t + shift).g."""
-    p, inside, opened = len(t), known.inside, known.open
-    some_closed = False
-    size = 0.0
+def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
+    """Verdicts (n,) and tiers (n,) of differences d (n, k), dominance included, written into the last two arguments.
+    Returns how many are left UNSETTLED."""
+    # the arrays one by one: to hand over the whole rule for every row would cost more than most rows do
+    k, kind, known = d.shape[1], rule.kind, rule.known
+    inside, rows, lifted, masks, counts = known.inside, known.rows, known.lifted, known.masks, known.counts
+    corners = known.margin, known.cuts, known.limits, known.points, known.inverses, known.active, known.kind
+    scales, weights, level = rule.scales, rule.weights, rule.level
+    row, t, y, rest, nothing = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1), np.empty(0)
+    at, votes, left = np.empty(len(known.kind)), np.empty(len(weights)), 0
+    for i in range(len(d)):
+        tail_sums_into(d, i, t)
+        verdict = by_dominance(t)
+        tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
+        if verdict == UNKNOWN or (verdict != EQUAL and not rule.dominance):
+            if kind == PROVEN:
+                size = to_unit(t)
+                doubt = doubt_at(k - 1, size)
+                side = side_of(t, inside, doubt)
+                if side != 0 and lifting_row(t, side, rows, lifted, masks, counts) != NOWHERE:
+                    verdict, tier = side, BY_SCREEN
+                else:
+                    verdict, corner = glance(t, doubt, side, counts[USED], corners, at, y, rest)
+                    tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
+                    if verdict == UNSETTLED:
+                        verdict, tier = search(t, known)
+            elif kind == WEIGHTED:
+                verdict, tier = by_weight(t, 0.0, scales, weights, level, votes), BY_MODEL
+            else:
+                if kind in (BOX, ENSEMBLE):
+                    in_range(d, i, row, t)
+                verdict, tier, _ = judge(row, t, 0.0, nothing, rule)
+            left += verdict == UNSETTLED
+        verdicts[i], tiers[i] = verdict, tier
+    return left
+
+
+@compiled
+def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[int, int, bool]:
+    """Verdict (or UNSETTLED) and tier of a difference d (k,) with tail sums t (p,), on which dominance is silent; and
+    whether there is a certificate. Overwrites t.
+
+    ``shift`` judges the sign of d.e + shift in place of that of d.e. ``certificate`` is (p,) to write in, or (0,) where
+    none is wanted: whatever lies above one has the same verdict (``certifies``), while the answers stay as they are;
+    of a rule that is PROVEN, for ever.
+    """
+    kind = rule.kind
+    if kind in (PROVEN, OUTER):
+        verdict, tier, certified = by_proofs(t, shift, certificate, rule.known)
+        if kind == OUTER and verdict == UNKNOWN and not (shift == 0.0 and both_signs(t, rule.scales)):
+            verdict = UNSETTLED
+        return verdict, tier, certified
+    if kind == WEIGHTED:
+        return by_votes(t, shift, certificate, rule.scales, rule.weights, rule.level)
+    if kind == ENSEMBLE:
+        return by_count(t, shift, rule.scales, int(rule.level)), BY_MODEL, False
+    if kind == BOX:
+        return by_box(d, shift, rule.scales), BY_MODEL, False
+    if kind == ASKING and shift == 0.0:
+        return UNKNOWN, BY_MODEL, False
+    if kind in (SILENT, ASKING):
+        for j in range(len(t)):
+            t[j] += shift
+        return by_dominance(t), BY_MODEL, False
+    return UNSETTLED, BY_MODEL, False
+
+
+@compiled
+def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
+    """EQUAL where |d.e| is proven not to exceed the indifference, else UNKNOWN; UNSETTLED as ``judge`` has it.
+    Overwrites t with nothing of use."""
+    copy, nothing = t.copy(), np.empty(0)
+    for side in (1, -1):
+        least = 0.0
+        for j in range(len(t)):
+            t[j] = copy[j]
+            least = min(least, side * t[j])
+        if least >= -indifference:  # for every ordered scale
+            continue
+        verdict = judge(d, t, side * indifference, nothing, rule)[0]
+        if verdict == UNSETTLED:
+            return UNSETTLED
+        if verdict != side and verdict != EQUAL:
+            return UNKNOWN
+    return EQUAL
+
+
+@compiled
+def certifies(certificate: Any, side: int, t: Any) -> bool:
+    """Whether t (p,), with the sign of ``side``, lies above the certificate of an earlier verdict of that sign, which
+    then is that of t too."""
+    sign, above = (1.0 if side > 0 else -1.0), True
+    for j in range(len(t)):
+        above = above and sign * t[j] >= certificate[j]
+    return above
+
+
+@compiled
+def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int, int, bool]:
+    """By the proofs of ``lp.sign``, cheapest first; where a certificate is wanted, first those that give wide ones.
+    Since the gaps total 1, t.g + shift is (t + shift).g."""
+    p, size = len(t), 0.0
     for j in range(p):
-        some_closed = some_closed or opened[j] == 0.0
-        t[j] = (t[j] + shift) * opened[j]
+        t[j] += shift
         size = max(size, abs(t[j]))
-    if some_closed or shift != 0.0:
+    if shift != 0.0:
         verdict = by_dominance(t)
         if verdict != UNKNOWN:
-            return verdict, BY_SCREEN
+            return verdict, BY_SCREEN, False
     scaled = to_unit(t)
-    wanted = len(floor) > 0 and not some_closed and shift == 0.0
-    doubt = doubt_at(p, scaled)
-    if not wanted:
-        verdict = screen(t, scaled, inside, known.rows, known.lifted, known.masks, known.counts)
-        if verdict != UNSETTLED:
-            return verdict, BY_SCREEN
+    doubt, wanted, row = doubt_at(p, scaled), len(certificate) > 0 and shift == 0.0, NOWHERE
+    side = side_of(t, known.inside, doubt)
+    if not wanted and side != 0:
+        row = lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts)
+    if row != NOWHERE:
+        return side, BY_SCREEN, False
     corners = known.margin, known.cuts, known.limits, known.points, known.inverses, known.active, known.kind
-    work = np.empty(len(known.kind)), np.empty(p), np.empty(p)
-    verdict, tier = glance(t, doubt, side_of(t, inside, doubt), known.counts, corners, work)
-    if not wanted:
-        return search(t, known) if verdict == UNSETTLED else (verdict, tier)
-    if tier == BY_SIMPLEX and verdict != UNSETTLED:
-        if lower_by_corner(t, verdict, known.counts[BEST], known.active, known.limits, work, floor):
-            rescale(floor, size / scaled)
-            tier += FLOORED
-        return verdict, tier
-    if verdict != UNSETTLED:
-        return verdict, tier
-    verdict = screen(t, scaled, inside, known.rows, known.lifted, known.masks, known.counts)
+    at, y, rest, certified = np.empty(len(known.kind)), np.empty(p), np.empty(p), False
+    verdict, corner = glance(t, doubt, side, known.counts[USED], corners, at, y, rest)
+    tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
+    if wanted and corner != NOWHERE:
+        certified = below_by_corner(t, verdict, y, rest, corner, known, certificate)
+    elif wanted and verdict == UNSETTLED and side != 0:
+        row = lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts)
+        if row != NOWHERE:
+            verdict, certified = side, below_by_row(t, side, row, known.rows, known.lifted, certificate)
     if verdict == UNSETTLED:
-        return search(t, known)
-    if lower_by_row(t, verdict, known.counts[ROW], known.rows, known.lifted, floor):
-        rescale(floor, size / scaled)
-        return verdict, FLOORED + BY_SCREEN
-    return verdict, BY_SCREEN
+        verdict, tier = search(t, known)
+    if certified:
+        rescale(certificate, size / scaled)
+    return verdict, tier, certified
 
 
 @compiled
-def rescale(floor: Any, factor: float) -> None:
-    """Times a power of two."""
-    for j in range(len(floor)):
-        floor[j] *= factor
+def both_signs(t: Any, gaps: Any) -> bool:
+    """Whether t.g is certainly positive at one of the points gaps (p, m), and certainly negative at another."""
+    size = 0.0
+    for j in range(len(t)):
+        size = max(size, abs(t[j]))
+    m = gaps.shape[1]
+    above, below = signs_at_points(t, NEAR * size, 0, gaps, np.zeros(m, np.int8), np.empty(m))
+    return above and below
 
 
 @compiled
-def lower_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, floor: Any) -> bool:
-    """A floor from the row that settled t: of the multiples of it that lie below side * t, the middle one."""
+def by_votes(t: Any, shift: float, certificate: Any, gaps: Any, weights: Any, level: float) -> tuple[int, int, bool]:
+    """By the weight of either sign among scales of gaps (p, m) and weights (m,)."""
+    at = np.empty(len(weights))
+    verdict = by_weight(t, shift, gaps, weights, level, at)
+    if verdict != UNKNOWN and len(certificate) > 0 and shift == 0.0:
+        spare = spare_score(at, verdict, weights, level)
+        if spare > 0.0:
+            for j in range(len(t)):
+                certificate[j] = verdict * t[j] - spare
+            return verdict, BY_MODEL, True
+    return verdict, BY_MODEL, False
+
+
+@compiled
+def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificate: Any) -> bool:
+    """A certificate from the row that settled t: of the multiples of it that lie below side * t, the middle one."""
     least, most = 0.0, math.inf
     for j in range(len(t)):
         entry, w = side * t[j], rows[row, j]
@@ -101,152 +216,50 @@ def lower_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, floor: Any
     if not (least > SMALL and least < most):
         return False
     for j in range(len(t)):
-        floor[j] = factor * lifted[row, j]
-        if not side * t[j] >= floor[j]:
+        certificate[j] = factor * lifted[row, j]
+        if not side * t[j] >= certificate[j]:
             return False
     return True
 
 
 @compiled
-def lower_by_corner(t: Any, side: int, q: int, active: Any, limits: Any, work: Any, floor: Any) -> bool:
-    """A floor from the multipliers y of corner q: side * t may sink until half of what y leaves of it is gone."""
-    _, y, rest = work
+def below_by_corner(t: Any, side: int, y: Any, rest: Any, corner: int, known: Known, certificate: Any) -> bool:
+    """A certificate from the multipliers y (p,) of a corner, which leave ``rest`` (p,) of side * t: that may sink until
+    half of its least entry is gone."""
     p = len(t)
     size, gained, weight, least = 0.0, 0.0, 0.0, rest[0]
     for j in range(p):
         size = max(size, abs(t[j]))
         least = min(least, rest[j])
     for i in range(p - 1):
-        if active[q, i] >= p and y[i + 1] > 0.0:
+        active = known.active[corner, i]
+        if active >= p and y[i + 1] > 0.0:
             weight += y[i + 1]
-            gained += y[i + 1] * limits[active[q, i] - p]
+            gained += y[i + 1] * known.limits[active - p]
     if not (gained >= 0.0 and least > 16.0 * (2 * p + 8) * EPS * (4.0 * size + 6.0 * weight)):
         return False
     for j in range(p):
-        floor[j] = side * t[j] - rest[j] + 0.5 * least
+        certificate[j] = side * t[j] - rest[j] + 0.5 * least
     return True
 
 
 @compiled
-def judge_weighted(t: Any, shift: float, floor: Any, gaps: Any, weights: Any, level: float) -> tuple[int, int]:
-    """By the weight of either sign."""
-    at = np.empty(len(weights))
-    side = shared_sign(t, shift, gaps, weights, level, at)
-    if side == 0:
-        return UNKNOWN, BY_MODEL
-    if len(floor) > 0 and shift == 0.0:
-        radius = reach(at, side, weights, level)
-        if radius > 0.0:
-            for j in range(len(t)):
-                floor[j] = side * t[j] - radius
-            return side, FLOORED + BY_MODEL
-    return side, BY_MODEL
-
-
-@loosely
-def reach(at: Any, side: int, weights: Any, level: float) -> float:
-    """A distance by which all scores may sink, the weight of those that keep their sign still reaching the level."""
-    mean = 0.0
-    for q in range(len(at)):
-        mean += weights[q] * at[q]
-    for share in (0.5, 0.2, 0.05):
-        limit, weight = share * abs(mean), 0.0
-        for q in range(len(at)):
-            weight += weights[q] if side * at[q] > limit else 0.0
-        if weight >= level:
-            return limit - 1e-12  # what scores are computed to
-    return 0.0
+def rescale(numbers: Any, factor: float) -> None:
+    """Times a power of two."""
+    for j in range(len(numbers)):
+        numbers[j] *= factor
 
 
 @compiled
-def holds(t: Any, side: int, floor: Any) -> bool:
-    """Whether side * t lies above the floor of an earlier verdict, which then is that of t too."""
-    above = True
-    for j in range(len(t)):
-        above = above and side * t[j] >= floor[j]
-    return above
-
-
-@compiled
-def judge_ensemble(t: Any, shift: float, gaps: Any, left_out: int) -> int:
-    """By the number of scales of either sign."""
-    p, last = gaps.shape[0], gaps.shape[1] - 1
-    point = t[0] * gaps[0, last]
-    for j in range(1, p):
-        point += t[j] * gaps[j, last]
-    point += shift
-    if point == 0.0:
-        return UNKNOWN
-    sign = 1.0 if point > 0.0 else -1.0
-    against = 0
-    for q in range(last):
-        at = t[0] * gaps[0, q]
-        for j in range(1, p):
-            at += t[j] * gaps[j, q]
-        if not sign * (at + shift) > 0.0:
-            against += 1
-            if against > left_out:
-                return UNKNOWN
-    return BETTER if sign > 0.0 else WORSE
-
-
-@compiled
-def judge_box(d: Any, shift: float, ends: Any) -> int:
-    """By the least and the greatest d.e over the box."""
-    least, greatest = 0.0, 0.0
-    for j in range(len(ends)):
-        low, high = d[j + 1] * ends[j, 0], d[j + 1] * ends[j, 1]
-        least += min(low, high)
-        greatest += max(low, high)
-    if least + shift > 0.0:
-        return BETTER
-    return WORSE if greatest + shift < 0.0 else UNKNOWN
-
-
-@compiled
-def judge(d: Any, t: Any, shift: float, floor: Any, rule: Rule) -> tuple[int, int]:
-    """Verdict (or UNSETTLED) and tier of a difference d (k,) with tail sums t (p,), on which dominance is silent.
-
-    ``shift`` judges the sign of d.e + shift in place of that of d.e. Overwrites t. ``floor`` is (p,) to write in, or
-    (0,): where the tier comes back with FLOORED added to it, every t' with verdict * t' >= floor (which ``holds``
-    says) has the same verdict, while the answers stay as they are; what is PROVEN, for ever.
-    """
-    kind = rule.kind
-    if kind == PROVEN:
-        return judge_known(t, shift, floor, rule.known)
-    if kind == OUTER:
-        verdict, tier = judge_known(t, shift, floor, rule.known)
-        return (UNSETTLED if verdict == UNKNOWN else verdict), tier
-    if kind == WEIGHTED:
-        return judge_weighted(t, shift, floor, rule.scales, rule.weights, rule.level)
-    if kind == ENSEMBLE:
-        return judge_ensemble(t, shift, rule.scales, int(rule.level)), BY_MODEL
-    if kind == BOX:
-        return judge_box(d, shift, rule.scales), BY_MODEL
-    if kind == SILENT and shift == 0.0:
-        return UNKNOWN, BY_MODEL
-    if kind == SILENT:
-        for j in range(len(t)):
-            t[j] += shift
-        return by_dominance(t), BY_MODEL
-    return UNSETTLED, BY_MODEL
-
-
-@compiled
-def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
-    """EQUAL where |d.e| is proven not to exceed the indifference, else UNKNOWN; UNSETTLED as ``judge`` has it.
-    Overwrites t with nothing of use."""
-    copy, nowhere = t.copy(), np.empty(0)
-    for side in (1, -1):
-        least = 0.0
-        for j in range(len(t)):
-            t[j] = copy[j]
-            least = min(least, side * t[j])
-        if least >= -indifference:  # for every ordered scale
-            continue
-        verdict = judge(d, t, side * indifference, nowhere, rule)[0]
-        if verdict == UNSETTLED:
-            return UNSETTLED
-        if verdict != side and verdict != EQUAL:
-            return UNKNOWN
-    return EQUAL
+def in_range(d: Any, i: int, row: Any, t: Any) -> None:
+    """Row i of d (n, k) into row (k,), and its tail sums into t (p,): times a power of two if it is very large or very
+    small, so that no product with it overflows or vanishes."""
+    size = 0.0
+    for j in range(1, len(row)):
+        size = max(size, abs(d[i, j]))
+    power = -math.frexp(size)[1] if size > LARGE or size < 1.0 / LARGE else 0
+    for j in range(len(row)):
+        row[j] = math.ldexp(d[i, j], power) if power != 0 else d[i, j]
+    if power != 0:
+        row[0] = 0.0  # level 1 never enters
+        tail_sums_into(row.reshape(1, len(row)), 0, t)

@@ -1,22 +1,22 @@
-"""What a comparator knows, as plain arrays: the rule by which compiled loops judge (``elicit.decision.judge``).
+"""What a comparator knows, as plain arrays: the rule by which ``decision.judge`` judges.
 
 A loop that compares by the million cannot call Python for each comparison. It takes a comparator's ``rule`` anew after
-every update. One type for all rules, so that a loop is compiled once, for whatever comparator.
+every update. One type for all rules, so that code that judges is compiled once, for whatever comparator.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit.lp.vertices import Known
-from elicit.model.comparator import Comparator, Dominance
+from elicit.model.comparator import Comparator, Decisions
 from elicit.model.scale import Floats
 
-NOTHING, SILENT, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(7)
+NOTHING, ASKING, SILENT, PROVEN, OUTER, WEIGHTED, ENSEMBLE, BOX = range(8)
 PROOFS = (PROVEN, OUTER)  # whose arrays compiled code writes to
 
 
@@ -24,15 +24,42 @@ class Rule(NamedTuple):
     """How to judge: by ``kind``, with the arrays that it needs; the others are empty."""
 
     kind: int
+    dominance: bool  # whether eq. (4) decides before anything else
     known: Known
     scales: Floats  # (p, m)
     weights: Floats  # (m,)
     level: float
 
 
+class Ruled(Protocol):
+    """A comparator that judges by a rule."""
+
+    @property
+    def rule(self) -> Rule:
+        """What it knows, as plain arrays."""
+
+
+@runtime_checkable
+class Settling(Protocol):
+    """A comparator that can tell what its rule leaves open."""
+
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves UNSETTLED."""
+
+
 def nothing() -> Rule:
-    """No arrays: only the comparator itself can tell."""
+    """No arrays: beyond dominance, only the comparator itself can tell."""
     return _NOTHING
+
+
+def unaided() -> Rule:
+    """No arrays, and dominance says nothing either: only the comparator itself can tell."""
+    return _NOTHING._replace(dominance=False)
+
+
+def asking() -> Rule:
+    """Everything is UNKNOWN but what is EQUAL."""
+    return _NOTHING._replace(kind=ASKING, dominance=False)
 
 
 def silent() -> Rule:
@@ -45,9 +72,10 @@ def proven(known: Known) -> Rule:
     return _NOTHING._replace(kind=PROVEN, known=known)
 
 
-def outer(known: Known) -> Rule:
-    """By proofs about a set around that of the plausible scales: what they leave open, only the comparator can tell."""
-    return _NOTHING._replace(kind=OUTER, known=known)
+def outer(known: Known, inside: Floats) -> Rule:
+    """By proofs about a set around that of the plausible scales, and by points inside (p, m): what they leave open,
+    only the comparator can tell."""
+    return _NOTHING._replace(kind=OUTER, known=known, scales=np.ascontiguousarray(inside))
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
@@ -66,22 +94,16 @@ def box(low: Floats, high: Floats) -> Rule:
 
 
 def rule_of(comparator: Comparator) -> Rule:
-    """The comparator's ``rule``; ``nothing()`` where it has none, or a class derived from it compares otherwise."""
-    kind = type(comparator)
-    if kind is Dominance:
-        return silent()
-    if not _rules(kind):
-        return nothing()
-    rule: Rule = comparator.rule  # type: ignore[attr-defined]
-    return rule
+    """The comparator's rule; ``nothing()`` where it does not compare by one."""
+    return cast(Ruled, comparator).rule if compares_by_rule(type(comparator)) else nothing()
 
 
 @cache
-def _rules(kind: type) -> bool:
-    """Whether the class that says how to compare also says by which rule."""
-    says = {name: [name in vars(parent) for parent in kind.__mro__] for name in ("rule", "compare", "decide")}
-    first = {name: found.index(True) for name, found in says.items() if True in found}
-    return "rule" in first and first["rule"] <= min(first.get("compare", 0), first.get("decide", first["rule"]))
+def compares_by_rule(kind: type) -> bool:
+    """Whether a class of comparators has a ``rule``, and no class derived from that one compares otherwise."""
+    places = [*enumerate(kind.__mro__)][::-1]
+    first = {name: i for name in ("rule", "compare") for i, parent in places if name in vars(parent)}
+    return "rule" in first and first["rule"] <= first.get("compare", 0)
 
 
 def outlasts_answers(rule: Rule) -> bool:
@@ -94,10 +116,10 @@ def _no_proofs() -> Known:
     none, table, count = np.empty(0), np.empty((0, 0)), np.empty(0, np.int64)
     masks: NDArray[np.uint64] = np.empty(0, np.uint64)
     return Known(
-        margin=0.0, cuts=table, limits=none, open=none, rows=table, lifted=table, masks=masks, inside=none, room=none,
+        margin=0.0, cuts=table, limits=none, rows=table, lifted=table, masks=masks, inside=none, room=none,
         points=table, inverses=np.empty((0, 0, 0)), active=np.empty((0, 0), np.int64), kind=np.empty(0, np.int8),
-        age=count, counts=np.zeros(4, np.int64),
+        age=count, counts=np.zeros(3, np.int64),
     )  # fmt: skip
 
 
-_NOTHING = Rule(NOTHING, _no_proofs(), np.empty((0, 0)), np.empty(0), 0.0)
+_NOTHING = Rule(NOTHING, True, _no_proofs(), np.empty((0, 0)), np.empty(0), 0.0)

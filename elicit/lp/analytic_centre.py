@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import null_space
+from scipy.linalg import lstsq, null_space
 from scipy.optimize import linprog
 
-from elicit.lp.dual_simplex import Numbers, Region, minimise_exactly
+from elicit.lp.dual_simplex import Numbers, minimise_exactly
+from elicit.lp.region import Region
 from elicit.model.scale import Floats
 
 _FLAT = 1e-12  # a slack that no point of the region exceeds counts as none
@@ -41,8 +42,7 @@ class _Hull(NamedTuple):
 def analytic_centre(region: Region) -> Floats:
     """The analytic centre g (p,) of the region, or of its relative interior where it is flat.
 
-    A pure function of the region's set of constraints: it starts from the point with the greatest least
-    slack and runs damped Newton steps on the self-concordant barrier (Nesterov and Nemirovskii 1994).
+    A pure function of the region's set of constraints: ``climb`` from the point with the greatest least slack.
     """
     shape = _canonical(region)
     hull = _opposites(shape)
@@ -57,8 +57,7 @@ def analytic_centre(region: Region) -> Floats:
 
 
 def _canonical(region: Region) -> _Shape:
-    rows = np.concatenate([np.eye(region.p), region.rows])
-    limits = np.concatenate([np.full(region.p, region.margin), region.rhs])
+    rows, limits = region.constraints
     size = np.abs(rows).max(axis=1)
     used = np.flatnonzero(size > 0)
     _, first = np.unique(np.column_stack([limits, rows])[used], axis=0, return_index=True)
@@ -128,24 +127,32 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
 
 
 def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
-    """Maximise the sum of log slacks of the rows that are not flat, along the affine hull."""
-    p = shape.rows.shape[1]
-    along = null_space(np.concatenate([np.ones((1, p)), hull.equal]), rcond=1e-12)
+    """The analytic centre along the affine hull, from a point g of it that has room in all rows that are not flat."""
+    along = null_space(np.concatenate([np.ones((1, len(g))), hull.equal]), rcond=1e-12)
     if along.shape[1] == 0:
         return g
-    rows, limits = shape.rows[~hull.flat], shape.limits[~hull.flat]
+    g = climb(g, shape.rows[~hull.flat], shape.limits[~hull.flat], along)
+    return np.asarray(g / g.sum(), dtype=np.float64)
+
+
+def climb(x: Floats, rows: Floats, limits: Floats, along: Floats, driver: str = "gelsd") -> Floats:
+    """The point of x + span(along), x (n,) and along (n, q), where the product of the slacks of rows x >= limits is
+    greatest, from an x of positive slacks: damped Newton steps on the self-concordant barrier (Nesterov and
+    Nemirovskii 1994). ``driver``: LAPACK's for least squares; "gelsy" is faster and less exact."""
+    if not along.size:
+        return x
     moves = rows @ along
-    moving = np.abs(moves).max(axis=1) > 1e-13 * shape.size[~hull.flat]
+    moving = np.abs(moves).max(axis=1) > 1e-13 * np.abs(rows).max(axis=1)
     rows, limits, moves = rows[moving], limits[moving], moves[moving]
     last = np.inf
     for _ in range(200):
-        slack = rows @ g - limits
+        slack = rows @ x - limits
         # least squares on the scaled rows: the Newton step without squaring the condition number
         scaled = moves / slack[:, None]
-        step = np.linalg.lstsq(scaled, np.ones(len(slack)))[0]
+        step = lstsq(scaled, np.ones(len(slack)), lapack_driver=driver, check_finite=False)[0]
         decrement = float(np.linalg.norm(scaled @ step))
         if decrement < 1e-10 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding lets it
             break
         last = decrement
-        g = g + along @ step / (1.0 + decrement if decrement > 0.25 else 1.0)
-    return np.asarray(g / g.sum(), dtype=np.float64)
+        x = x + along @ step / (1.0 + decrement if decrement > 0.25 else 1.0)
+    return x

@@ -19,42 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.lp.region import Region, rounding
 from elicit.model.scale import Floats
 
 Numbers = NDArray[Any]  # float64, or object holding ints or Fractions
 _TOLERANCE = 1e-12
 _NUDGE = 1e-12  # how far floats follow the tie-break
-
-
-@dataclass(frozen=True, eq=False)
-class Region:
-    """K = {g >= margin, sum g = 1, rows g >= rhs}; ``owner`` (m,) names each row's origin: the number of
-    the answer it comes from, or -1 - i for prior inequality i."""
-
-    margin: float
-    rows: Floats
-    rhs: Floats
-    owner: NDArray[np.int64]
-
-    @property
-    def p(self) -> int:
-        """Number of gaps, k - 1."""
-        return int(self.rows.shape[1])
-
-    @property
-    def exact_margin(self) -> Fraction:
-        """The margin as a rational: the float's own value, but 1/p itself where the float is nearest to it
-        (which is the only way to ask for equal gaps)."""
-        return Fraction(1, self.p) if self.margin == 1.0 / self.p else Fraction(self.margin)
-
-    def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
-        """The same region with only some of its rows, and perhaps another margin."""
-        return Region(self.margin if margin is None else margin, self.rows[keep], self.rhs[keep], self.owner[keep])
-
-    def plus(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> Region:
-        """The same region cut by further rows."""
-        join = np.concatenate
-        return Region(self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner]))
 
 
 class End(Enum):
@@ -79,16 +49,10 @@ class Vertex:
     support: tuple[int, ...] = ()
 
 
-def rounding(p: int, magnitude: Any) -> Any:
-    """A bound on the error of a float sum of p products whose absolute values total ``magnitude``
-    (Higham 2002, section 3.1, with room to spare), and of numbers that underflow."""
-    return (p + 8) * 2.0**-52 * magnitude + 2.0**-1000
-
-
 def minimise(t: Floats, region: Region) -> Vertex:
     """Least t.g over the region, in floats: nearly right at best, and sometimes wrong."""
     p, m = region.p, len(region.rows)
-    constraints, limits = _constraints(region)
+    constraints, limits = region.constraints
     scale = np.maximum(np.abs(constraints).max(axis=1), 2.0**-1000)
     with np.errstate(all="ignore"):
         goal = t + _NUDGE * np.abs(t).max() * _tie_break(p) if t.any() else _tie_break(p)
@@ -156,7 +120,7 @@ class _Corner:
         self.active, self.inverse = _order_vertex(best, region.p, 1)
         self.denominator = 1
         self._margin, self._unit = region.exact_margin.as_integer_ratio()
-        self._constraints, self._limits = _constraints(region)
+        self._constraints, self._limits = region.constraints
         self._rows: dict[int, tuple[Numbers, int, int]] = {}
 
     @staticmethod
@@ -215,12 +179,6 @@ class _Corner:
             if row @ g < limit * self.denominator:
                 return int(c)
         return None
-
-
-def _constraints(region: Region) -> tuple[Floats, Floats]:
-    """All constraints (p + m, p) and their limits (p + m,), the order's first."""
-    limits = np.concatenate([np.full(region.p, region.margin), region.rhs])
-    return np.concatenate([np.eye(region.p), region.rows]), limits
 
 
 def _tie_break(p: int) -> Floats:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from elicit._support.hashing import name_code
-from elicit.lp.dual_simplex import Region
+from elicit.lp.region import Region
 from elicit.model.scale import Floats
 
 CHAINS, STEPS = 256, 60
@@ -37,8 +37,7 @@ def draws_within(region: Region, inside: Floats, chains: int = CHAINS, steps: in
     if p == 1:
         return Draws(g, weights, never)
     rng = np.random.Generator(np.random.Philox(_KEY))
-    rows = np.concatenate([np.eye(p), region.rows])
-    limits = np.concatenate([np.full(p, region.margin), region.rhs])
+    rows, limits = region.constraints
     shape = _ellipsoid(rows, limits, inside)
     slack = rows @ g - limits[:, None]
     for _ in range(steps):

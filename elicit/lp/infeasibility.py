@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from elicit.lp.dual_simplex import End, Region, Vertex, minimise_exactly
+from elicit.lp.dual_simplex import End, Vertex, minimise_exactly
+from elicit.lp.region import Region
 from elicit.model.query import Answers, InconsistentAnswers
 
 

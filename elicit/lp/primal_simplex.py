@@ -113,7 +113,7 @@ def bound_of(rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, l
     """A lower bound on s.g over K_t for any multipliers y (1 + p-1,) of corner q's active constraints, negative ones
     set to zero: the closed form over K_0 of s - rows'y, plus y.limits, less every rounding. Rows are at most 1,
     their limits at most 2. Of the order's constraints the closed form knows the best multipliers itself.
-    ``rest`` holds s, and is overwritten."""
+    ``rest`` (p,) holds s, and on return what the multipliers leave of it, s - rows'y."""
     p = len(rest)
     size, gained, weight = 0.0, 0.0, 0.0
     for j in range(p):
@@ -125,14 +125,21 @@ def bound_of(rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, l
             gained += y[i + 1] * limits[row]
             for j in range(p):
                 rest[j] -= y[i + 1] * cuts[j, row]
-    total, least = 0.0, rest[0]
-    for j in range(p):
-        total += rest[j]
-        least = min(least, rest[j])
-    bound: float = margin * total + (1.0 - p * margin) * least + gained
+    bound: float = least_in_order(rest, margin) + gained
     if not math.isfinite(bound):
         return -math.inf
     return bound - (2 * p + 8) * EPS * (4.0 * size + 6.0 * weight) - TINY
+
+
+@compiled
+def least_in_order(t: Any, margin: float) -> float:
+    """Least t.g over K_0 = {g >= margin, sum g = 1}, in closed form (``scale.order_bounds`` of one row)."""
+    total, least = 0.0, t[0]
+    for j in range(len(t)):
+        total += t[j]
+        least = min(least, t[j])
+    bound: float = margin * total + (1.0 - len(t) * margin) * least
+    return bound
 
 
 @compiled

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from elicit._support.jit import compiled
-from elicit.lp.dual_simplex import rounding
 from elicit.lp.primal_simplex import bound_of, walk
+from elicit.lp.region import rounding
 from elicit.lp.sign import to_unit
 from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known, multipliers
 from elicit.model.scale import Floats, order_bounds, tail_sums

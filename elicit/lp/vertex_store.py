@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from elicit._support.jit import compiled
 from elicit.lp.analytic_centre import analytic_centre
-from elicit.lp.dual_simplex import Region, minimise
+from elicit.lp.dual_simplex import minimise
 from elicit.lp.primal_simplex import keep, next_slot, redundant, surely_inside
-from elicit.lp.programs import strictly_inside
+from elicit.lp.region import Region, strictly_inside
 from elicit.lp.vertices import (
     CERTAIN_POINT,
     DOUBTFUL_CORNER,
@@ -246,7 +246,6 @@ def _of_region(region: Region) -> Known:
         margin=region.margin,
         cuts=np.ascontiguousarray(region.rows.T),
         limits=region.rhs,
-        open=np.ones(p),
         rows=none,
         lifted=none,
         masks=np.empty(0, dtype=np.uint64),
@@ -257,7 +256,7 @@ def _of_region(region: Region) -> Known:
         active=np.empty((0, p - 1), dtype=np.int64),
         kind=np.empty(0, dtype=np.int8),
         age=np.empty(0, dtype=np.int64),
-        counts=np.zeros(4, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
     )
 
 

@@ -14,8 +14,7 @@ from elicit.model.scale import Floats
 CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
 """What a known corner is good for: its point alone, its point and its basis, its basis alone. A later cut may have
 taken the corner itself, by a hair, and left the point beside it: a basis is where to start, no proof of its own."""
-USED, SLOT, ROW, BEST = 0, 1, 2, 3  # counters: corners in use, the next to be replaced, the row and the corner that
-# settled last
+USED, SLOT, ROW = 0, 1, 2  # counters: corners in use, the next to be replaced, the row that settled last
 
 EPS = 2.0**-52
 TINY = 2.0**-1000
@@ -32,7 +31,6 @@ class Known(NamedTuple):
     margin: float
     cuts: Floats  # (p, m) the rows, transposed
     limits: Floats  # (m,)
-    open: Floats  # (p,) 0 where a gap is 0 in all of K_t, else 1
     rows: Floats  # (r, p) rows w with w.g >= 0 on K_t
     lifted: Floats  # (r, p) a little larger: t >= lambda * lifted, in floats, implies t >= lambda * w
     masks: NDArray[np.uint64]  # (r,) bit j: entry j is not negative (of the first 64); all bits: the row is no use
@@ -43,7 +41,7 @@ class Known(NamedTuple):
     active: NDArray[np.int64]  # (q, p - 1) j < p: g_j >= margin; p + i: row i
     kind: NDArray[np.int8]  # (q,)
     age: NDArray[np.int64]  # (q,) pivots since the inverse was computed afresh
-    counts: NDArray[np.int64]  # (4,)
+    counts: NDArray[np.int64]  # (3,)
 
 
 @compiled

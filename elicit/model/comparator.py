@@ -1,9 +1,8 @@
-"""The Comparator protocol and what a comparator may have beyond it, the one table from signs to verdicts, and the two
-comparators that learn nothing."""
+"""The Comparator protocol and what a comparator may have beyond it, who settled a comparison, and the one table from
+signs to verdicts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_whole
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
 
 Verdicts = NDArray[np.int8]
 
@@ -41,9 +40,8 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    A comparator may also be one that ``KnowsTiers``, ``BoundsAllAtOnce`` or ``Foretells``, and have ``draws``, weighted
-    plausible scales, by which learners choose questions. Where it has a ``level`` too, the draws are what its bounds
-    rest on, and a guarantee holds under so much of their weight.
+    What learners use beyond it, where a comparator has it, is declared below and in ``elicit.decision.rule``:
+    ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``Ruled``, ``Settling``.
     """
 
     @property
@@ -72,14 +70,6 @@ class Decisions(NamedTuple):
 
 
 @runtime_checkable
-class KnowsTiers(Protocol):
-    """A comparator that knows what decided each comparison."""
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """Verdicts on differences d (n, k), those of ``compare``, and their tiers."""
-
-
-@runtime_checkable
 class BoundsAllAtOnce(Protocol):
     """A comparator on which the guarantee for a policy can rest: it has a set of scales that holds the true one."""
 
@@ -95,16 +85,6 @@ class Foretells(Protocol):
     def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
         """The probability (n,) that the tutor says left is better, of differences d (n, k); of several arrays (the
         ends of an interval, say) the last is the best guess."""
-
-
-def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
-    """``comparator.compare(d)`` with the tiers; of a comparator that does not know them, what is not equal or dominated
-    counts as MODEL."""
-    if isinstance(comparator, KnowsTiers):
-        return comparator.decide(d)
-    verdicts = np.asarray(comparator.compare(d), dtype=np.int8)
-    plain = dominance(tail_sums(as_vectors(d, comparator.k)))
-    return Decisions(verdicts, dominance_tiers(plain, Tier.MODEL))
 
 
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
@@ -185,54 +165,3 @@ def check_answers(answers: Answers, k: int) -> Answers:
     if answers.k != k:
         raise ValueError(f"these answers are about {answers.k} levels, but this comparator has k = {k}")
     return answers
-
-
-@dataclass(frozen=True)
-class _Unlearning:
-    """Only the order of the levels is known, and no answer changes that."""
-
-    k: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "k", check_levels(self.k))
-
-    @property
-    def values(self) -> Floats:
-        """(k,) the centre of K_0: equal gaps."""
-        return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
-
-    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Least and greatest d.e (n,) over every ordered scale."""
-        return order_bounds(tail_sums(as_vectors(d, self.k)), 0.0)
-
-    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e over every ordered scale, and their confidence, 1."""
-        return self.bounds(d)[1], 1.0
-
-
-class Dominance(_Unlearning):
-    """Eq. (4) alone: decides what holds for every scale, and needs no answers."""
-
-    def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) by first-order stochastic dominance."""
-        return dominance(tail_sums(as_vectors(d, self.k)))
-
-    def update(self, answers: Answers) -> Dominance:
-        """Itself: answers teach it nothing."""
-        check_answers(answers, self.k)
-        return self
-
-
-class AlwaysAsk(_Unlearning):
-    """UNKNOWN for every difference but 0. With a truthful tutor it is the oracle baseline."""
-
-    def compare(self, d: ArrayLike) -> Verdicts:
-        """EQUAL where the tail sums are all zero, else UNKNOWN (n,)."""
-        t = tail_sums(as_vectors(d, self.k))
-        out: Verdicts = np.where((t == 0).all(axis=1), Verdict.EQUAL, Verdict.UNKNOWN).astype(np.int8)
-        return out
-
-    def update(self, answers: Answers) -> AlwaysAsk:
-        """Itself: answers teach it nothing."""
-        check_answers(answers, self.k)
-        return self

@@ -99,5 +99,5 @@ def order_bounds(t: Floats, margin: float) -> tuple[Floats, Floats]:
     """Least and greatest d.e (n,) over K_0 = {g >= margin, sum g = 1}, in closed form."""
     p = t.shape[-1]
     base = margin * t.sum(axis=-1)
-    free = 1.0 - p * margin
+    free = 1 - p * margin
     return base + free * t.min(axis=-1), base + free * t.max(axis=-1)

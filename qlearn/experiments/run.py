@@ -14,11 +14,12 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
+from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Comparator
+from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.experiments import compile_ahead

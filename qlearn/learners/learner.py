@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from elicit._support.validation import is_number
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
-from elicit.model.comparator import AlwaysAsk, Comparator, Tier, check_comparator_made
+from elicit.comparators.baselines import AlwaysAsk
+from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor, TutorOfMany

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
-from elicit.comparators.bradley_terry.smc import LEVEL_ROUNDING
+from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator, TrustsDraws, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums

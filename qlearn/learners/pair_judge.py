@@ -20,10 +20,11 @@ from numpy.typing import DTypeLike, NDArray
 from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
-from elicit.decision.judge import holds
-from elicit.decision.rule import PROOFS, Rule, outlasts_answers, rule_of
-from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX, EQUAL, UNSETTLED, by_dominance
-from elicit.model.comparator import AlwaysAsk, Decisions, Tier
+from elicit.comparators.baselines import AlwaysAsk
+from elicit.decision.judge import certifies
+from elicit.decision.rule import Rule, outlasts_answers, rule_of
+from elicit.lp.sign import BY_SCREEN, BY_SIMPLEX, UNSETTLED, by_dominance
+from elicit.model.comparator import Decisions, Tier
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import Respondent, nobody
 
@@ -51,8 +52,6 @@ class Kept(NamedTuple):
 class Judging(NamedTuple):
     """All that a loop goes by when it judges a pair."""
 
-    dominance: bool  # whether eq. (4) may decide: not for AlwaysAsk, which asks about dominated vectors too
-    open: Floats  # (p,) 0 where a gap of the scale is known to be 0, else 1; (0,) where none is
     rule: Rule
     asking: AskingRule
     oracle: Respondent  # whom AlwaysAsk asks, where she is to be had as arrays
@@ -88,10 +87,7 @@ class PairJudge:
         if asks_all and isinstance(elicitation.signs, MethodType):
             tutor = elicitation.signs.__self__
             oracle = tutor.respondent if isinstance(tutor, AnswersInLoops) else oracle
-        closed = rule.kind in PROOFS and not rule.known.open.all()
         return Judging(
-            dominance=not asks_all,
-            open=rule.known.open if closed else np.empty(0),
             rule=rule,
             asking=elicitation.rule(),
             oracle=oracle,
@@ -128,23 +124,10 @@ def difference(q: Any, a: int, b: int, d: Any, t: Any) -> int:
 
 
 @compiled
-def by_order(t: Any, verdict: int, opened: Any) -> tuple[int, int]:
-    """Verdict and tier of a pair on which eq. (4) has this verdict, where some gaps may be known to be 0: ``opened`` is
-    ``Judging.open``. Overwrites t."""
-    if len(opened) > 0:
-        for j in range(len(opened)):
-            t[j] *= opened[j]
-        left = by_dominance(t)
-        if left != verdict:
-            return left, BY_SCREEN
-    return verdict, BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
-
-
-@compiled
 def certified(t: Any, row: int, certificates: Certificates) -> bool:
     """Whether a pair with tail sums t has the verdict of the row's certificate."""
     verdict = certificates.verdicts[row]
-    return verdict != 0 and holds(t, verdict, certificates.least[row])
+    return verdict != 0 and certifies(certificates.least[row], verdict, t)
 
 
 @compiled

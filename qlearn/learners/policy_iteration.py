@@ -12,7 +12,8 @@ from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import Elicitation, Judgements, Pair
-from elicit.model.comparator import Comparator, Tier, decide, lapse_of, simultaneous_bounds
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Tier, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, place, result_of

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import mix, unit
 from elicit._support.jit import compiled
-from elicit.lp.sign import BETTER, EQUAL, UNKNOWN, UNSETTLED
+from elicit.lp.sign import BETTER, BY_DOMINANCE, BY_EQUAL, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.pair_judge import BY_TUTOR, Judging, by_order, certified, difference, judge_anew, keep
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, difference, judge_anew, keep
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
@@ -75,7 +75,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair, ASK where only the
     tutor can settle it and DEFER where perhaps the elicitation can.
     """
-    rule, asking, oracle, certificates, kept = judging[2:]
+    rule, asking, oracle, certificates, kept = judging
     best, cursor, decided = state.best, state.cursor, state.decided
     m, k = state.q.shape[1:]
     d, t, work = np.empty(k), np.empty(k - 1), np.empty((3, k - 1))
@@ -92,8 +92,8 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
             if challenger != incumbent:
                 if verdict == UNKNOWN:
                     verdict, row = difference(q, challenger, incumbent, d, t), s * m + challenger
-                    if verdict == EQUAL or (judging.dominance and verdict != UNKNOWN):
-                        verdict, tier = by_order(t, verdict, judging.open)
+                    if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
+                        tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                     else:
                         if len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers):
                             return FULL

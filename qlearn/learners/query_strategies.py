@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.asking.bags import entropy, says_left
-from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws, draws_within
+from elicit.lp.region import Region
 from elicit.model.comparator import Comparator, HasDraws, lapse_of, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 

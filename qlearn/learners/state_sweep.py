@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.asking.elicitation import Elicitation
-from elicit.decision.rule import NOTHING, PROOFS, Rule, rule_of, silent
+from elicit.decision.rule import ASKING, NOTHING, PROOFS, Rule, rule_of, silent
 from elicit.lp.sign import UNKNOWN, UNSETTLED
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
@@ -178,7 +178,7 @@ class StateSweep:
             self._pairs.take_answers()
             self._copies.clear()
         rule = rule_of(self._judged_by)
-        if self._elicitation.puts_off and rule.kind != NOTHING:
+        if self._elicitation.puts_off and rule.kind not in (NOTHING, ASKING):
             rule = silent()  # the best guess lies among the plausible scales, and is cheaper to look up
         if n == 1 or rule.kind not in PROOFS:
             return [rule] * n

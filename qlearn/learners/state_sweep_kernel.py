@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import unlocked
-from elicit.lp.sign import BETTER, EQUAL, UNKNOWN, UNSETTLED
+from elicit.lp.sign import BETTER, BY_DOMINANCE, BY_EQUAL, EQUAL, UNKNOWN, UNSETTLED
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.pair_judge import BY_TUTOR, Judging, by_order, certified, difference, judge_anew, keep
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, difference, judge_anew, keep
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
@@ -60,8 +60,8 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
     An oracle is asked about one challenger of each state, so that all states take turns; then the state's code is
     ANSWERED. It stops behind a state where she comes back UNSETTLED.
     """
-    rule, asking, oracle, certificates, kept = judging[2:]
-    v, following, dominance, opened = work.v, work.following, judging.dominance, judging.open
+    rule, asking, oracle, certificates, kept = judging
+    v, following = work.v, work.following
     ends, terminal, cursor, incumbents = model.ends, model.terminal, work.cursor, work.best
     best_now, cursor_now, code_now, tiers = out.best, out.cursor, out.code, out.tiers
     arrays, discount = (model.successors, model.probabilities, ends, model.levels), model.discount
@@ -85,8 +85,8 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                 if a == best or ends[row] == ends[row + 1]:
                     continue
                 verdict = difference(q, a, best, d, t)
-                if verdict == EQUAL or (dominance and verdict != UNKNOWN):
-                    verdict, tier = by_order(t, verdict, opened)
+                if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
+                    tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                 elif turns:
                     verdict, tier = respond(t, scratch[0], oracle), BY_TUTOR
                 elif plain and certified(t, row, certificates):

@@ -11,9 +11,9 @@ import pytest
 
 import qlearn.reference
 from elicit._support.hashing import key_of
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Dominance
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import TruthfulTutor

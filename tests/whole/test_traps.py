@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from elicit._support.hashing import key_of
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Comparator, Dominance
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.tutors.answer_log import AnswerLog

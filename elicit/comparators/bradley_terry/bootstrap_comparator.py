@@ -24,15 +24,15 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
+from elicit.decision.decide import decide_by
 from elicit.decision.rule import Rule, box, ensemble, silent
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
-from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_vectors, dominance, dot, order_bounds, tail_sums, values_of
+from elicit.model.comparator import Verdicts, check_answers, check_levels
+from elicit.model.query import Answers
+from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
 
 Region = Literal["box", "ensemble"]
 _LARGE = 2.0**900  # differences beyond this or below its inverse are scaled, lest sums overflow or vanish
-_WORSE, _BETTER, _UNKNOWN = (np.int8(v) for v in (Verdict.WORSE, Verdict.BETTER, Verdict.UNKNOWN))
 _FEW = 32  # rows up to which one cumulated product is faster than a loop over the gaps
 
 
@@ -133,24 +133,11 @@ class BradleyTerryComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k): dominance first, then BETTER or WORSE where the whole region agrees."""
-        return self.decide(d).verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """``compare`` and the tier that decided each row: EQUAL, DOMINANCE or MODEL."""
-        rows = as_vectors(d, self.k)
-        verdicts = dominance(tail_sums(rows))
-        tiers = dominance_tiers(verdicts, Tier.MODEL)
-        undecided = (verdicts == _UNKNOWN).nonzero()[0]
-        region = self._model.region
-        if region is not None and undecided.size:
-            lo, hi = region.extremes(_in_range(rows[undecided])[0])
-            verdicts[undecided[lo > 0]] = _BETTER
-            verdicts[undecided[hi < 0]] = _WORSE
-        return Decisions(verdicts, tiers)
+        return decide_by(self.rule, as_vectors(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
-        """The region as plain arrays, for ``elicit.decision.judge``."""
+        """The region as plain arrays."""
         region = self._model.region
         if region is None:
             return silent()

@@ -142,17 +142,12 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
         below[i] += 1.0
     for i in range(size, BLOCK):
         above[i], below[i] = 1.0, 1.0
-    for i in range(32):
-        above[i] *= above[i + 32]
-        below[i] *= below[i + 32]
-    for i in range(16):
-        above[i] *= above[i + 16]
-        below[i] *= below[i + 16]
-    for i in range(8):
-        above[i] *= above[i + 8]
-        below[i] *= below[i + 8]
+    for half in (BLOCK // 2, BLOCK // 4, BLOCK // 8):
+        for i in range(half):
+            above[i] *= above[i + half]
+            below[i] *= below[i + half]
     few, many, total = 1.0, 1.0, 0.0
-    for i in range(8):
+    for i in range(BLOCK // 8):
         few *= below[i]  # at most 2^BLOCK
         many *= above[i]  # each at least exp(-8 FARTHEST)
         if many < 1e-90:

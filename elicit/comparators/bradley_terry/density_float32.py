@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from elicit._support.jit import compiled, loosely
-from elicit.comparators.bradley_terry.density import BLOCK
+from elicit.comparators.bradley_terry.density import BLOCK, logits
 
 ROUNDING = 2.0**-24  # of a number in single precision
 TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
@@ -32,6 +32,7 @@ class Rough(NamedTuple):
     tied: Any  # (n,)
     sums: Any  # (p,) of the sizes in each column
     ties: Any  # (n / BLOCK,) how many there are in each
+    theta: Any  # (p,), single precision, to write in
     even: float  # what the zeros' terms multiply a likelihood by, upside down
 
 
@@ -48,7 +49,7 @@ def roughened(rows: Any, tied: Any, n: int) -> Rough:
     for i in range(n):
         ties[i] = tied[i]
         counts[i // BLOCK] += tied[i]
-    return Rough(out, ties, sums, counts, 2.0 ** (whole - n))
+    return Rough(out, ties, sums, counts, np.empty(p, np.float32), 2.0 ** (whole - n))
 
 
 @compiled
@@ -68,9 +69,11 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, least: float, small
     ``LEAST_LAPSE``; -inf as soon as it is below ``least``. Writes in small (2, BLOCK), in single precision, and in
     work (BLOCK,)."""
     whole, gone, share = len(rough.tied), 0.0, 1.0
+    for j in range(len(theta)):
+        rough.theta[j] = theta[j]
     limit = math.exp(least) if least > -700.0 else 0.0
     for start in range(0, whole, BLOCK):
-        rough_logits(theta, rough.rows, start, small[0])
+        logits(rough.theta, rough.rows, start, BLOCK, small[0])
         rough_terms(small, lapse)
         if rough.ties[start // BLOCK] > 0:
             rough_ties(small, rough.tied[start : start + BLOCK], lapse)
@@ -84,25 +87,6 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, least: float, small
         if share < limit:
             return -math.inf
     return gone + math.log(share)
-
-
-@loosely
-def rough_logits(theta: Any, rows: Any, start: int, out: Any) -> None:
-    """row.theta into out (BLOCK,) for a block of rows (p, n) from ``start``."""
-    p, stop = len(theta), start + BLOCK
-    for i in range(BLOCK):
-        out[i] = _NONE
-    for j in range(0, p - 3, 4):  # four at a time: the sums stay in registers
-        a, b = np.float32(theta[j]), np.float32(theta[j + 1])
-        c, d = np.float32(theta[j + 2]), np.float32(theta[j + 3])
-        ra, rb = rows[j, start:stop], rows[j + 1, start:stop]
-        rc, rd = rows[j + 2, start:stop], rows[j + 3, start:stop]
-        for i in range(BLOCK):
-            out[i] += ra[i] * a + rb[i] * b + rc[i] * c + rd[i] * d
-    for j in range(p - p % 4, p):
-        a, ra = np.float32(theta[j]), rows[j, start:stop]
-        for i in range(BLOCK):
-            out[i] += ra[i] * a
 
 
 @loosely

@@ -22,16 +22,17 @@ from elicit._support.hashing import Seed, fold, key_of
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import Prior
 from elicit.comparators.bradley_terry.mcmc import move
-from elicit.comparators.bradley_terry.smc import LEVEL_ROUNDING, SWEEPS, effective_size, learn, thetas, weigh
+from elicit.comparators.bradley_terry.smc import SWEEPS, effective_size, learn, thetas
+from elicit.decision.decide import decide_by
 from elicit.decision.rule import Rule, weighted
-from elicit.lp.dual_simplex import Region
+from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
 from elicit.lp.inequalities import PriorLike, as_prior
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.programs import prior_rows
-from elicit.model.comparator import Decisions, Tier, Verdicts, check_answers, check_levels, dominance_tiers
+from elicit.lp.region import Region, prior_rows
+from elicit.model.comparator import Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, dominance, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, values_of
 
 WORN = 0.02  # below this share of an effective sample the particles are reported
 _FAR = 1e12  # tail sums are no larger for the likelihood
@@ -153,19 +154,11 @@ class PosteriorComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k): dominance first, then the sign that has probability ``level``."""
-        rows = as_vectors(d, self.k)
-        verdicts: Verdicts = np.empty(len(rows), dtype=np.int8)
-        weigh(rows, *self._gaps_and_weights, self.level, verdicts)
-        return verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """``compare`` and the tier that decided each row: EQUAL, DOMINANCE or MODEL."""
-        rows = as_vectors(d, self.k)
-        return Decisions(self.compare(rows), dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+        return decide_by(self.rule, as_vectors(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
-        """The particles as plain arrays, for ``elicit.decision.judge``."""
+        """The particles as plain arrays."""
         return weighted(*self._gaps_and_weights, self.level)
 
     def probability(self, d: ArrayLike) -> Floats:

@@ -3,8 +3,7 @@
 A particle is x (p,) with theta = exp(x) = c g: the logs of the gaps times the precision. In these coordinates the
 plausible set has no border to reject moves at. Iterated batch importance sampling (Chopin 2002), tempered where one
 answer is a surprise (Del Moral, Doucet and Jasra 2006).
-
-Compiled where numba is installed. Random numbers are a hash of (key, counters).
+Random numbers are a hash of (key, counters).
 """
 
 from __future__ import annotations
@@ -15,15 +14,13 @@ from typing import Any
 import numpy as np
 
 from elicit._support.hashing_kernel import mix
-from elicit._support.jit import compiled, loosely
-from elicit.comparators.bradley_terry.density import BLOCK, Prior, likelihoods, scaled
+from elicit._support.jit import compiled
+from elicit.comparators.bradley_terry.density import Prior, likelihoods, scaled
 from elicit.comparators.bradley_terry.mcmc import move, unit
-from elicit.lp.sign import BETTER, UNKNOWN, WORSE, by_dominance, tail_sums_into
 
 ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
 # answer is taken in by parts
 SWEEPS = 16  # at a move
-LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
 ROUNDING = 1e-14  # levels' values that vary by less do not vary
 
 
@@ -156,66 +153,3 @@ def tempered(logs: Any, found: Any, most: float) -> float:
         else:
             high = power
     return low if low > 0.0 else high
-
-
-@compiled
-def weigh(d: Any, gaps: Any, weights: Any, level: float, verdicts: Any) -> None:
-    """Verdicts (n,) on differences d (n, k): dominance, else by ``shared_sign``."""
-    p, m = gaps.shape
-    t, at = np.empty(p), np.empty(m)
-    for i in range(len(d)):
-        tail_sums_into(d, i, t)
-        verdicts[i] = by_dominance(t)
-        if verdicts[i] == UNKNOWN:
-            side = shared_sign(t, 0.0, gaps, weights, level, at)
-            verdicts[i] = UNKNOWN if side == 0 else BETTER if side > 0 else WORSE
-
-
-@compiled
-def shared_sign(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
-    """The sign of t.g + shift that particles of gaps (p, m) and total weight ``level`` share, with the scores in at
-    (m,); 0 where none has so much."""
-    m, up, down, left = len(at), 0.0, 0.0, 1.0
-    for start in range(0, m, BLOCK):
-        end = min(m, start + BLOCK)
-        scores_into(t, shift, gaps, start, at[start:end])
-        above, below, both = signed_weights(at[start:end], weights[start:end])
-        up, down, left = up + above, down + below, left - both
-        if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
-            return 0
-    return 1 if up >= level - LEVEL_ROUNDING else -1 if down >= level - LEVEL_ROUNDING else 0
-
-
-@compiled
-def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
-    """t.g + shift into out (n,), for as many particles of gaps (p, m) from ``start``."""
-    p, n, stop = len(t), len(out), start + len(out)
-    first = gaps[0, start:stop]
-    for q in range(n):
-        out[q] = t[0] * first[q]
-    for j in range(1, p - 3, 4):  # four at a time, each sum in order
-        a, b, c, d = t[j], t[j + 1], t[j + 2], t[j + 3]
-        ga, gb = gaps[j, start:stop], gaps[j + 1, start:stop]
-        gc, gd = gaps[j + 2, start:stop], gaps[j + 3, start:stop]
-        for q in range(n):
-            out[q] = out[q] + a * ga[q] + b * gb[q] + c * gc[q] + d * gd[q]
-    for j in range(p - (p - 1) % 4, p):
-        by, gap = t[j], gaps[j, start:stop]
-        for q in range(n):
-            out[q] += by * gap[q]
-    if shift != 0.0:
-        for q in range(n):
-            out[q] += shift
-
-
-@loosely
-def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
-    """The weight (of weights (n,)) of positive scores (n,), of negative ones, and all of it. The order of a sum matters
-    less than ``LEVEL_ROUNDING``."""
-    up, down, both = 0.0, 0.0, 0.0
-    for q in range(len(at)):
-        w = weights[q]
-        both += w
-        up += w if at[q] > 0.0 else 0.0
-        down += w if at[q] < 0.0 else 0.0
-    return up, down, both

@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
+from elicit.decision.decide import decide_by
 from elicit.lp.analytic_centre import analytic_centre
-from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.inequalities import Prior, PriorLike, as_prior
 from elicit.lp.infeasibility import Contradiction
-from elicit.lp.programs import answer_rows, prior_rows
+from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import Decisions, Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, values_of
@@ -87,16 +87,16 @@ class PolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k): the sign of the exact optimum over K_t."""
-        return self.decide(d).verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """Verdicts (n,) and the tier of each, from EQUAL to EXACT."""
-        return self._set.decide(as_vectors(d, self.k))
+        return decide_by(self.rule, as_vectors(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
-        """What is known of K_t as plain arrays, for ``elicit.decision.judge``."""
+        """What is known of K_t as plain arrays."""
         return self._set.rule
+
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
+        return self._set.settle(d)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over K_t, tight to 1e-9 |d|_1."""
@@ -116,7 +116,7 @@ class PolytopeComparator:
         """Why the tutor need not be asked about d (k,): a smallest set of answers and prior inequalities, and the
         order of the levels, with multipliers that prove the verdict; or, where it is UNKNOWN, two scales that
         disagree. ``str()`` of it is a sentence; ``labels`` (k,) names the levels."""
-        from elicit.comparators.polytope.explain import explain
+        from elicit.comparators.polytope.minimal_proof import explain
 
         return explain(d, self, labels)
 

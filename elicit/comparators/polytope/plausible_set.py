@@ -1,25 +1,26 @@
 """K_t as a set of gap vectors: the sign of t.g over it, exactly, and rigorous bounds.
 
-Most signs are settled in compiled code (``settle``). What that leaves goes to the simplex method in rationals,
-whose optimum, multipliers and basis are kept as proofs. ``bounds`` are Clarabel's, made rigorous.
+Most signs are settled in compiled code (``decision.judge``). What that leaves goes to Clarabel, then to the simplex
+method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds`` are Clarabel's, made rigorous.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.decision.rule import Rule, proven
-from elicit.lp.dual_simplex import Region, Vertex, minimise_exactly, rounding
+from elicit.decision.decide import decide_by
+from elicit.decision.rule import Rule, proven, unaided
+from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.programs import Programs, certified_bound, pull_inside
-from elicit.lp.sign import UNSETTLED, settle, settle_all, to_unit
+from elicit.lp.programs import Programs
+from elicit.lp.region import Region, certified_bound, pull_inside, rounding
+from elicit.lp.sign import settle, signs_at_points, to_unit
 from elicit.lp.support_function import greatest
 from elicit.lp.vertex_store import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
-from elicit.lp.vertices import DOUBTFUL_CORNER, USED
+from elicit.lp.vertices import USED
 from elicit.model.comparator import Decisions, Tier, verdicts_from
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
@@ -38,13 +39,14 @@ class PlausibleSet:
     """The set {g >= margin, sum g = 1, rows g >= rhs} with everything proven about it so far. The set never
     changes; what is known of it grows, which changes time only. Raises Empty."""
 
+    _rule: Rule | None = None
+
     def __init__(self, region: Region) -> None:
         if len(region.rows):
             _check_some(region)
         self.region = region
         self._known = start(region)
         self._pruned_to = len(region.rows)
-        self._gaps_known = False
 
     def cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """The part of it that satisfies further rows, without those that follow from others. Raises Empty."""
@@ -66,21 +68,22 @@ class PlausibleSet:
 
     def decide(self, d: Floats) -> Decisions:
         """Verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
-        self._close_gaps()
-        d = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
-        verdicts, tiers = np.empty(len(d), dtype=np.int8), np.empty(len(d), dtype=np.int8)
-        with np.errstate(all="ignore"):
-            left = settle_all(d, self._known, verdicts, tiers)
-        if left:
-            for i in (verdicts == UNSETTLED).nonzero()[0]:
-                verdicts[i], tiers[i] = self._solve(d[i])
-        return Decisions(verdicts, tiers)
+        return decide_by(self.rule, d, self.settle)
 
     @property
     def rule(self) -> Rule:
-        """The proofs as plain arrays, for ``elicit.decision.judge``."""
-        self._close_gaps()
-        return proven(self._known)
+        """The proofs as plain arrays. With a margin of 0 rows can close gaps, which then make no difference, not even
+        to dominance: of a set too flat to have a point inside there are no proofs then."""
+        if self.region.margin == 0 and len(self.region.rows) > 0 and self.inside is None:
+            return unaided()
+        if self._rule is None or self._rule.known is not self._known:
+            self._rule = proven(self._known)
+        return self._rule
+
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts (n,) and tiers (n,) of differences d (n, k) that compiled proofs leave open."""
+        solved = [self._solve(row) for row in d]
+        return Decisions(np.array([v for v, _ in solved], np.int8), np.array([tier for _, tier in solved], np.int8))
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
@@ -113,7 +116,7 @@ class PlausibleSet:
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """The part of it that satisfies one more row (1, p)."""
         new = object.__new__(PlausibleSet)
-        region, new._pruned_to, new._gaps_known = self.region.plus(row, rhs, owner), self._pruned_to, False
+        region, new._pruned_to = self.region.plus(row, rhs, owner), self._pruned_to
         with np.errstate(all="ignore"):
             known = cut(self._known, region, 1)
             if not has_point(known):
@@ -132,27 +135,17 @@ class PlausibleSet:
                 return True
         return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
 
-    def _close_gaps(self) -> None:
-        """With a margin of 0 the rows can close gaps, which then make no difference."""
-        if self._gaps_known or self.region.margin > 0 or not len(self.region.rows) or self.inside is not None:
-            return
-        p, known = self.region.p, self._known
-        for j in range(p):
-            widest = minimise_exactly(-np.eye(p)[j], self.region)
-            add_point(known, widest.g.astype(np.float64))
-            known.open[j] = float(widest.value < 0)
-        self._gaps_known = True
-
     def _solve(self, d: Floats) -> tuple[Verdict, Tier]:
         """Section 3.1's two programs, the second only where needed: a known point on one side of zero already
         settles the sign of one optimum."""
-        t = tail_sums(d) * self._known.open
-        to_unit(t)
+        t = np.ascontiguousarray(tail_sums(d))
+        size = to_unit(t)
         tier, least, greatest = Tier.LP, -1, 1
-        side = self._sides(t)
-        if not side.below:
+        doubt, known = rounding(self.region.p, 4.0 * size), self._known
+        above, below = signs_at_points(t, doubt, 0, known.points, known.kind, np.empty(known.counts[USED]))
+        if not below:
             least, tier = self._sign_of_least(t, tier)
-        if least <= 0 and not side.above:
+        if least <= 0 and not above:
             sign, tier = self._sign_of_least(-t, tier)
             greatest = -sign
         return Verdict(int(verdicts_from(np.array([least]), np.array([greatest]))[0])), tier
@@ -174,20 +167,6 @@ class PlausibleSet:
         if exact.value >= 0:
             self._known = add_row(self._known, len(self.region.rows), t)
         return int(exact.value > 0) - int(exact.value < 0), Tier.EXACT
-
-    def _sides(self, t: Floats) -> Sides:
-        """On which sides of zero known points prove t.g to lie."""
-        used = self._known.counts[USED]
-        points = self._known.points[:, :used][:, self._known.kind[:used] != DOUBTFUL_CORNER]
-        at, doubt = t @ points, rounding(self.region.p, 4.0 * float(np.abs(t).max(initial=0.0)))
-        return Sides(bool((at > doubt).any()), bool((at < -doubt).any()))
-
-
-class Sides(NamedTuple):
-    """Whether a known point has t.g certainly > 0, and one certainly < 0."""
-
-    above: bool
-    below: bool
 
 
 def _check_some(region: Region) -> None:

@@ -19,16 +19,19 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import lstsq, null_space
+from scipy.linalg import block_diag, null_space
 
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.plausible_set import PlausibleSet
 from elicit.comparators.polytope.violation import Hinges, best_fit, solve
-from elicit.decision.rule import Rule, outer
-from elicit.lp.dual_simplex import End, minimise, minimise_exactly, rounding
+from elicit.decision.decide import decide_by
+from elicit.decision.rule import PROVEN, Rule, outer
+from elicit.lp.analytic_centre import climb
+from elicit.lp.dual_simplex import End, minimise, minimise_exactly
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.inequalities import PriorLike
+from elicit.lp.region import rounding
 from elicit.model.comparator import Decisions, Verdicts, check_answers
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, as_vectors, tail_sums, values_of
@@ -91,16 +94,16 @@ class RelaxedPolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k): what every plausible scale says of them."""
-        return self.decide(d).verdicts
-
-    def decide(self, d: ArrayLike) -> Decisions:
-        """Verdicts (n,) and the tier of each, from EQUAL to EXACT."""
-        return self._set.decide(as_vectors(d, self.k))
+        return decide_by(self.rule, as_vectors(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
-        """What is known of the plausible scales as plain arrays, for ``elicit.decision.judge``."""
+        """What is known of the plausible scales as plain arrays."""
         return self._set.rule
+
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
+        return self._set.settle(d)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
@@ -191,8 +194,8 @@ class _Sublevel:
             still = [self.hinges.total(g) <= self.budget + _NEAR for g in old.points]
             self.points = np.concatenate([self.points, old.points[still]])
 
-    def decide(self, d: Floats) -> Decisions:
-        """Verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
+    def settle(self, d: Floats) -> Decisions:
+        """Verdicts (n,) and tiers (n,) of differences d (n, k) that the rule leaves open."""
         verdicts, tiers = self.around.decide(d)
         unknown = np.flatnonzero(verdicts == Verdict.UNKNOWN)
         for first in range(0, len(unknown), _BLOCK):
@@ -209,8 +212,9 @@ class _Sublevel:
 
     @property
     def rule(self) -> Rule:
-        """The proofs about the set around."""
-        return outer(self.around.rule.known)
+        """The proofs about the set around, and the points inside."""
+        rule = self.around.rule
+        return outer(rule.known, self.points.T) if rule.kind == PROVEN else rule
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
@@ -312,26 +316,20 @@ def _unit_tails(d: Floats) -> Floats:
 
 def _centre(level: _Sublevel) -> Floats:
     """The g (p,) of the analytic centre of {(g, s): g within the order and the prior, s >= 0, s >= what g lacks of
-    each answer, sum s <= budget}, by damped Newton steps on the barrier as in ``analytic_centre``."""
-    hinges, region, g, p, m = level.hinges, level.order.region, level.inside, len(level.inside), len(level.hinges.rows)
-    rows, limits = np.concatenate([np.eye(p), region.rows]), np.concatenate([np.full(p, region.margin), region.rhs])
+    each answer, sum s <= budget}."""
+    hinges, (rows, limits) = level.hinges, level.order.region.constraints
+    m, p = hinges.rows.shape
     flat = rows @ level.middle - limits <= 1e-12 * np.abs(rows).max(axis=1)  # the middle has all the room there is
-    rows, limits, held = rows[~flat], limits[~flat], np.concatenate([np.ones((1, p)), rows[flat]])
-    along = null_space(held, rcond=1e-12)
-    q = along.shape[1]
-    moves = np.zeros((len(rows) + 2 * m + 1, q + m))  # of all slacks, by a step in g along the flat and one in s
-    moves[: len(rows) + m, :q] = np.concatenate([rows, hinges.weights[:, None] * hinges.rows]) @ along
-    moves[len(rows) :, q:] = np.concatenate([np.eye(m), np.eye(m), np.full((1, m), -1.0)])
-    s = np.maximum(hinges.lacking(g), 0.0)
-    s, last = s + (level.budget - s.sum()) / (m + 1), np.inf
-    for _ in range(200 if q else 0):
-        slack = np.concatenate([rows @ g - limits, s - hinges.lacking(g), s, [level.budget - s.sum()]])
-        scaled = moves / slack[:, None]
-        step = lstsq(scaled, np.ones(len(slack)), lapack_driver="gelsy", check_finite=False)[0]
-        decrement = float(np.linalg.norm(scaled @ step))
-        if decrement < 1e-9 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding lets it
-            break
-        last = decrement
-        step = step / (1.0 + decrement if decrement > 0.25 else 1.0)
-        g, s = g + along @ step[:q], s + step[q:]
+    along = null_space(np.concatenate([np.ones((1, p)), rows[flat]]), rcond=1e-12)
+    s = np.maximum(hinges.lacking(level.inside), 0.0)
+    s += (level.budget - s.sum()) / (m + 1)
+    none, each = np.zeros((m, p)), np.eye(m)
+    every = np.block([
+        [rows[~flat], np.zeros((np.count_nonzero(~flat), m))],
+        [hinges.weights[:, None] * hinges.rows, each],
+        [none, each],
+        [np.zeros((1, p)), np.full((1, m), -1.0)],
+    ])  # fmt: skip
+    least = np.concatenate([limits[~flat], hinges.weights * hinges.rhs, np.zeros(m), [-level.budget]])
+    g = climb(np.append(level.inside, s), every, least, block_diag(along, each), "gelsy")[:p]
     return np.asarray(g / g.sum())

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from elicit.comparators.polytope.plausible_set import PlausibleSet
-from elicit.lp.dual_simplex import End, Region, minimise_exactly, rounding
-from elicit.lp.programs import answer_rows, pull_inside
+from elicit.lp.dual_simplex import End, minimise_exactly
+from elicit.lp.region import Region, answer_rows, pull_inside, rounding
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, tail_sums
 

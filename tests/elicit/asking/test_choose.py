@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.asking.choose import ChoiceStatus, choose
-from elicit.model.comparator import AlwaysAsk, Dominance, Tier, verdicts_from
+from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit.model.comparator import Tier, verdicts_from
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import as_vectors, dominance, dot, gaps, tail_sums, values_of
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor

@@ -10,14 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.hashing import fold, uniform, unordered_pairs
 from elicit._support.hashing_kernel import mix, pair_code, unit
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.decision.judge import FLOORED, holds, judge, within
-from elicit.decision.rule import NOTHING, PROVEN, rule_of
+from elicit.decision.decide import decide, decide_by
+from elicit.decision.judge import certifies, judge, within
+from elicit.decision.rule import NOTHING, PROVEN, nothing, rule_of
 from elicit.lp.sign import UNSETTLED
-from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, decide
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -59,7 +61,7 @@ def test_judges_as_the_comparator_does(name: str, n: int) -> None:
     verdicts = comparator.compare(d)
     settled = 0
     for row, t, verdict in zip(d, tail_sums(d), verdicts, strict=True):
-        found, _ = judge(row, t.copy(), 0.0, NOWHERE, rule_of(comparator))
+        found, _, _ = judge(row, t.copy(), 0.0, NOWHERE, rule_of(comparator))
         settled += found != UNSETTLED
         assert found in (verdict, UNSETTLED)
     assert settled > 0.99 * len(d)
@@ -68,27 +70,27 @@ def test_judges_as_the_comparator_does(name: str, n: int) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in MAKERS if name != "dominance"])
-def test_a_floor_holds_for_whatever_lies_above_it(name: str) -> None:
+def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
     comparator, rng = told(name, 40, seed=3), np.random.default_rng(8)
-    floors, beyond = 0, []
+    found, beyond = 0, []
     for row, t in zip(d := differences(rng, 300), tail_sums(d), strict=True):
-        for _ in range(2):  # of a corner that a walk finds, the second judgement makes the floor
-            floor = np.empty(K - 1)
-            verdict, tier = judge(row, t.copy(), 0.0, floor, rule_of(comparator))
-        if tier < FLOORED:
+        for _ in range(2):  # of a corner that a walk finds, the second judgement makes the certificate
+            low = np.empty(K - 1)
+            verdict, _, certified = judge(row, t.copy(), 0.0, low, rule_of(comparator))
+        if not certified:
             continue
-        floors += 1
+        found += 1
         assert abs(verdict) == 1
-        assert holds(t, verdict, floor)
-        assert not holds(np.where(np.arange(K - 1) == 2, verdict * floor - verdict * 1e-9, t), verdict, floor)
-        for low in (floor, floor + rng.exponential(0.02, K - 1), np.maximum(floor, verdict * t - 1e-3)):
-            moved = np.concatenate([[0.0], verdict * low - np.append(verdict * low[1:], 0.0)])
-            if holds(tail_sums(moved[None, :])[0], verdict, floor):  # rounding may leave it below
+        assert certifies(low, verdict, t)
+        assert not certifies(low, verdict, np.where(np.arange(K - 1) == 2, verdict * low - verdict * 1e-9, t))
+        for other in (low, low + rng.exponential(0.02, K - 1), np.maximum(low, verdict * t - 1e-3)):
+            moved = np.concatenate([[0.0], verdict * other - np.append(verdict * other[1:], 0.0)])
+            if certifies(low, verdict, tail_sums(moved[None, :])[0]):  # rounding may leave it below
                 beyond.append((verdict, moved))
     if name in ("ensemble", "box"):
-        assert not floors
+        assert not found
         return
-    assert floors > 50
+    assert found > 50
     assert len(beyond) > 100
     again = comparator.compare(np.array([d for _, d in beyond]))
     assert (again == [verdict for verdict, _ in beyond]).all()
@@ -130,12 +132,51 @@ def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> No
     assert rule_of(RelaxedPolytopeComparator(K)).kind == PROVEN
 
 
-@pytest.mark.parametrize("make", [AlwaysAsk])
-def test_without_a_rule_only_the_comparator_can_tell(make: type) -> None:
-    rule = rule_of(make(K))
-    d = differences(np.random.default_rng(1), 5)
-    assert {judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(d, tail_sums(d), strict=True)} == {UNSETTLED}
-    assert decide(make(K), d).verdicts.tolist() == [Verdict.UNKNOWN] * len(d)
+def test_always_asking_leaves_even_dominance_unknown() -> None:
+    d = np.concatenate([np.eye(K)[3:4] - np.eye(K)[:1], np.zeros((1, K)), differences(np.random.default_rng(1), 5)])
+    verdicts, tiers = decide(AlwaysAsk(K), d)
+    assert verdicts.tolist() == [Verdict.UNKNOWN, Verdict.EQUAL] + [Verdict.UNKNOWN] * (len(d) - 2)
+    assert tiers[1] == Tier.EQUAL
+
+
+def test_without_a_rule_the_comparator_alone_tells() -> None:
+    class Plain:
+        """The five members of the protocol, and no more."""
+
+        k, values = K, np.linspace(0, 1, K)
+
+        def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+            return Dominance(K).bounds(d)
+
+        def compare(self, d: ArrayLike) -> NDArray[np.int8]:
+            return Dominance(K).compare(d)
+
+        def update(self, answers: Answers) -> Plain:
+            return self
+
+    d = np.concatenate([np.eye(K)[3:4] - np.eye(K)[:1], np.zeros((1, K)), differences(np.random.default_rng(1), 5)])
+    rule = rule_of(Plain())
+    assert {judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(d[2:], tail_sums(d[2:]), strict=True)} == {
+        UNSETTLED
+    }
+    verdicts, tiers = decide(Plain(), d)
+    assert verdicts.tolist() == Dominance(K).compare(d).tolist()
+    assert tiers.tolist() == [Tier.DOMINANCE, Tier.EQUAL] + [Tier.MODEL] * (len(d) - 2)
+
+
+@pytest.mark.parametrize("name", ["ensemble", "box", "posterior", "polytope"])
+def test_verdicts_do_not_depend_on_the_scale_of_a_difference(name: str) -> None:
+    comparator = told(name, 40, seed=5)
+    d = differences(np.random.default_rng(6), 200)
+    want = comparator.compare(d)
+    assert set(want.tolist()) >= ({-1, 1, 2} if name != "box" else {2})
+    for power in (-1000, -950, -40, 3, 990):
+        assert (comparator.compare(np.ldexp(d, power)) == want).all()
+
+
+def test_a_rule_that_leaves_differences_open_needs_a_comparator_that_settles_them() -> None:
+    with pytest.raises(TypeError, match=r"settle\(d\)"):
+        decide_by(nothing(), differences(np.random.default_rng(1), 3))
 
 
 def test_hashes_one_by_one_are_those_of_arrays() -> None:
@@ -178,13 +219,14 @@ def test_a_respondent_says_what_its_tutor_says(make: Callable[[Floats], Truthful
 
 def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     class Blind(PolytopeComparator):
-        def decide(self, d: ArrayLike) -> Decisions:
-            return decide(Dominance(self.k), d)
+        def compare(self, d: ArrayLike) -> NDArray[np.int8]:
+            return np.where(super().compare(d) == Verdict.UNKNOWN, Verdict.UNKNOWN, Dominance(self.k).compare(d))
 
     class Named(PolytopeComparator):
         pass
 
-    assert rule_of(Blind(K)).kind == rule_of(AlwaysAsk(K)).kind == NOTHING
+    assert rule_of(Blind(K)).kind == NOTHING
+    assert (decide(Blind(K), np.eye(K)[:2]).verdicts == Blind(K).compare(np.eye(K)[:2])).all()
     assert rule_of(Named(K)).kind == rule_of(PolytopeComparator(K)).kind == PROVEN
 
     class Moody(TruthfulTutor):

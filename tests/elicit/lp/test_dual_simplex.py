@@ -12,33 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.lp.dual_simplex import End, Region, Vertex, minimise, minimise_exactly, rounding
-from elicit.model.query import Answers
+from elicit.lp.dual_simplex import End, Vertex, minimise, minimise_exactly
+from elicit.lp.region import Region, rounding
 from elicit.model.scale import tail_sums
-from tests.lp_cases import Case, cases, dot, exact, is_empty, least_from_scratch, tails
-from tests.lp_cases import Region as ExactRegion
-
-
-def region(rows: Any, margin: float = 0.0, rhs: Any = None) -> Region:
-    rows = np.array(rows, dtype=np.float64)
-    limits = np.zeros(len(rows)) if rhs is None else np.array(rhs, dtype=np.float64)
-    return Region(margin, rows, limits, np.arange(len(rows)))
-
-
-def same(r: Region) -> ExactRegion:
-    """The same region for the independent method."""
-    out = ExactRegion(r.p, r.exact_margin, [], [])
-    for row, limit in zip(r.rows, r.rhs, strict=True):
-        out.add(exact(row), Fraction(float(limit)))
-    return out
+from tests.lp_cases import cases, dot, exact, exactly, is_empty, least_from_scratch, region, tails
 
 
 def check_optimal(t: Any, r: Region, found: Vertex) -> None:
     """Feasible, and the multipliers prove that nothing is lower (weak duality), all in rationals."""
     assert found.end is End.OPTIMAL
     t, g, y = exact(t), list(found.g), list(found.y)
-    assert same(r).contains(g)
+    assert exactly(r).contains(g)
     assert found.value == dot(t, g)
     assert min(y, default=Fraction(0)) >= 0
     columns = [exact(column) for column in r.rows.T]
@@ -48,19 +32,14 @@ def check_optimal(t: Any, r: Region, found: Vertex) -> None:
     assert bound + dot(y, exact(r.rhs)) == found.value
 
 
-def the_region(case: Case) -> Region:
-    comparator = PolytopeComparator(case.k, margin=case.margin, prior=case.prior).update(Answers(case.d, case.y))
-    return comparator._set.region
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_the_exact_optimum_is_proven_and_agrees_with_another_method(seed: int) -> None:
     for case in cases([11, seed], 28, asks=1, most_levels=12, most_answers=60):
-        r = the_region(case)
+        r = case.known().region
         for t in tail_sums(case.ask):
             found = minimise_exactly(t, r)
             check_optimal(t, r, found)
-            assert found.value == least_from_scratch(exact(t), same(r))
+            assert found.value == least_from_scratch(exact(t), exactly(r))
 
 
 def test_floats_are_nearly_right_on_ordinary_regions() -> None:
@@ -101,10 +80,10 @@ def test_an_empty_region_comes_with_a_proof(seed: int) -> None:
         p, n = int(rng.integers(2, 8)), int(rng.integers(2, 20))
         r = region(rng.normal(size=(n, p)), margin=float(rng.choice([0, 0.01])), rhs=rng.normal(size=n) * 0.1)
         found = minimise_exactly(rng.normal(size=p), r)
-        assert (found.end is End.EMPTY) == is_empty(same(r))
+        assert (found.end is End.EMPTY) == is_empty(exactly(r))
         if found.end is End.EMPTY:
             empty += 1
-            assert is_empty(same(r.take(np.array(found.support))))
+            assert is_empty(exactly(r.take(np.array(found.support))))
             assert len(found.support) <= p + 1
     assert empty > 10
 
@@ -136,7 +115,7 @@ def test_the_smallest_index_rule_ends_too(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(simplex._Corner, "violated", lambda self, by_index: violated(self, True))
     monkeypatch.setattr(simplex._Corner, "at", lambda region, basis: None)
     for case in cases(12, 28, asks=1, most_levels=8, most_answers=30):
-        r = the_region(case)
+        r = case.known().region
         for t in tail_sums(case.ask):
             check_optimal(t, r, minimise_exactly(t, r))
 

@@ -7,16 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from elicit.model.comparator import (
-    AlwaysAsk,
-    Comparator,
-    Decisions,
-    Dominance,
-    Tier,
-    check_levels,
-    decide,
-    verdicts_from,
-)
+from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Decisions, Tier, check_levels, verdicts_from
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import as_vectors, dominance, dot, tail_sums
 from elicit.testing import check_comparator, sample_differences

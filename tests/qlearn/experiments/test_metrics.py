@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from elicit.asking.elicitation import Audit
-from elicit.model.comparator import AlwaysAsk, Decisions, Tier
+from elicit.comparators.baselines import AlwaysAsk
+from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Answers, Query, Verdict
 from elicit.model.scale import Floats, normalise, tail_sums
 from qlearn.experiments.metrics import Watch, audits, counts, estimated_values, paper_loss, reference_differences

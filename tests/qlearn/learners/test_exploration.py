@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.model.comparator import AlwaysAsk
+from elicit.comparators.baselines import AlwaysAsk
 from elicit.tutors.simulated import TruthfulTutor
 from qlearn.learners.exploration import EXPLORATIONS, Decay, Exploration, epsilons
 from qlearn.learners.learner import Result, drive

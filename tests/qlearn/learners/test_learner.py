@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Comparator, Dominance, Tier
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.tutors.answer_log import AnswerLog

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from elicit.asking.bags import Bags
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Dominance
 from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.model.scale import values_of
 from elicit.tutors.answer_log import AnswerLog

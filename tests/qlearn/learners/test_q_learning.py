@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from elicit._support.hashing import key_of
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, Tier
+from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor, Tutor

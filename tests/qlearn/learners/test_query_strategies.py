@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from elicit.asking.bags import entropy
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Dominance
 from elicit.model.query import Answer, Answers
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import strategies

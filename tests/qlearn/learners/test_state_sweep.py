@@ -25,8 +25,10 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
+from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit.decision.decide import decide
 from elicit.decision.rule import weighted
-from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, Tier, decide
+from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, dot, gaps, tail_sums
 from elicit.tutors.simulated import Tutor

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import AlwaysAsk, Comparator, Decisions, Dominance, Tier
+from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor, Tutor

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from elicit._support.hashing import key_of
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged, refit_point
-from elicit.comparators.bradley_terry.likelihood import sigmoid
-from elicit.model.comparator import Comparator, Tier, decide
+from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dominance, order_bounds, tail_sums
 
@@ -257,6 +259,65 @@ def test_verdicts_bounds_and_probabilities_agree(region: str) -> None:
     assert ((v == Verdict.WORSE) == (high < 0.5)).all()
     assert {*v.tolist()} >= {Verdict.BETTER, Verdict.WORSE, Verdict.UNKNOWN}
     assert set(decide(a, fresh).tiers.tolist()) == {Tier.MODEL}
+
+
+def outer_quantiles(scores: Floats, level: float) -> tuple[Floats, Floats]:
+    """The percentile interval (n,), (n,) of scores (m, n), rounded outwards: at either end no more than the
+    share (1 - level) / 2 lies beyond it, and with the end itself there would be more."""
+    most = (1 - level) / 2 * len(scores) + 1e-9
+    low = np.array([min(x for x in column if (column <= x).sum() > most) for column in scores.T])
+    high = np.array([max(x for x in column if (column >= x).sum() > most) for column in scores.T])
+    return low, high
+
+
+@pytest.mark.parametrize(("m", "level"), [(100, 0.95), (200, 0.95), (40, 0.95), (50, 0.6), (39, 0.95), (100, 0.9)])
+@pytest.mark.parametrize("rescale", [False, True])
+def test_intervals_are_percentiles_of_fits_to_resamples(m: int, level: float, rescale: bool) -> None:
+    """Fit by fit and by the definition of a percentile interval, widened to hold the point estimate."""
+    answers, fresh, precision, _ = told(3, 4, 60)
+    t, p = tail_sums(answers.d), 3
+    made = partial(BradleyTerryComparator, 4, precision=precision, n_boot=m, level=level, seed=5, rescale=rescale)
+    fitted = partial(fit, t, answers.y, precision=precision, strength=0.3 * p**2)
+    point = fitted(centre=np.full((1, p), 1 / p)).gamma
+    key = key_of(5)
+    boot = fitted(centre=prior_centres(key, m, p, (0.1, 2.0)), weights=bootstrap_weights(key, m, 60)).gamma
+    point, boot = point / point.sum(), boot / (boot.sum(axis=1, keepdims=True) if rescale else point.sum())
+    steps = np.eye(4)[1:3] - np.eye(4)[0]  # d.e is the value of a level
+    for region, d in (("box", steps), ("ensemble", fresh[:40])):
+        low, high = outer_quantiles(boot @ tail_sums(d).T, level)
+        middle = (point @ tail_sums(d).T)[0]
+        least, greatest = order_bounds(tail_sums(d), 0.0)
+        wanted = np.clip(np.minimum(low, middle), least, greatest), np.clip(np.maximum(high, middle), least, greatest)
+        found = made(region=region, refit_growth=0.0).update(answers).bounds(d)
+        assert np.abs(np.subtract(found, wanted)).max() < 1e-6
+
+
+@pytest.mark.parametrize("least", [1, 5, 12])
+def test_it_speaks_up_from_the_least_number_of_answers_on(least: int) -> None:
+    answers, fresh, precision, _ = told(1, 5, 12)
+    for n in (least - 1, least):
+        a = BradleyTerryComparator(5, precision=precision, min_answers=least, refit_growth=0.0).update(answers[:n])
+        assert (a.draws is not None) == (n >= least)
+        assert (a.bounds(fresh)[0] > order_bounds(tail_sums(fresh), 0.0)[0]).any() == (n >= least)
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_bounds_for_all_rows_at_once_leave_out_whole_fits(region: str) -> None:
+    answers, fresh, precision, _ = told(1, 4, 40)
+    blank = BradleyTerryComparator(4, precision=precision, region=region)
+    by_order = order_bounds(tail_sums(fresh), 0.0)[1]
+    assert (blank.simultaneous_bounds(fresh)[0] == by_order).all()
+    assert (blank.simultaneous_bounds(fresh)[1], blank.draws) == (1.0, None)
+    a = blank.update(answers)
+    high, confidence = a.simultaneous_bounds(fresh[:9])
+    if region == "box":  # its levels are not bounded together
+        assert (high == by_order[:9]).all()
+        assert (confidence, a.draws) == (1.0, None)
+        return
+    assert a.draws is not None
+    assert confidence == 0.95
+    # m fits and the point estimate, less a twentieth
+    assert (tail_sums(fresh[:9]) @ a.draws.gaps <= high[:, None] + 1e-12).all(axis=0).sum() == 101 - 5
 
 
 # What it must not depend on

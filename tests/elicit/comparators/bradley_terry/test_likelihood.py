@@ -205,6 +205,8 @@ def test_resamples_and_centres_are_functions_of_the_key() -> None:
     assert (weights == bootstrap_weights(7, 30, 12)).all()
     assert (weights.sum(axis=1) == 12).all()
     assert not (weights == bootstrap_weights(8, 30, 12)).all()
+    drawn = bootstrap_weights(9, 4000, 12).mean(axis=0)  # of each answer once on average, to within five sigma
+    assert np.abs(drawn - 1.0).max() < 5 * np.sqrt((1 - 1 / 12) / 4000)
     for shape in [(1.0, 1.0), (0.1, 2.0), (1e-4, 1e-4)]:
         centres = prior_centres(7, 30, 5, shape)
         assert (centres == prior_centres(7, 30, 5, shape)).all()

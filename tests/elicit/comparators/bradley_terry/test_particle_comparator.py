@@ -16,7 +16,8 @@ from scipy.stats import chisquare
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, Tier, decide
+from elicit.decision.decide import decide
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
 from elicit.testing import check_comparator, sample_differences
@@ -244,6 +245,26 @@ def test_bounds_are_quantiles() -> None:
         near = 1e-9 * np.abs(t).sum()
         assert weights[scores < lo - near].sum() <= 0.05 + 1e-9 <= weights[scores <= lo + near].sum() + 2e-9
         assert weights[scores < hi - near].sum() < 0.95 <= weights[scores <= hi + near].sum() + 1e-9
+
+
+def test_bounds_for_all_rows_at_once_leave_out_the_fewest_particles() -> None:
+    """Those with the greatest d.e of any row; as many as the level lets go."""
+    c = PosteriorComparator(6, seed=1).update(told(6, 12))
+    d = differences(np.random.default_rng(0), 6, 30)
+    high, confidence = c.simultaneous_bounds(d)
+    gaps, weights, _ = c.draws
+    at = tail_sums(d) @ gaps
+    order = np.argsort(at.max(axis=0))
+    enough = next(n for n in range(1, 1001) if weights[order[:n]].sum() >= c.level - 1e-9)
+    assert (high == at[:, order[:enough]].max(axis=1)).all()
+    assert weights @ (at <= high[:, None]).all(axis=0) >= c.level - 1e-9
+    assert confidence == c.level == 0.95
+    # one by one the quantiles are lower: together they hold less often
+    alone = c.bounds(d)[1]
+    assert weights @ (at <= alone[:, None]).all(axis=0) < 0.95
+    assert (high >= alone - 1e-12).mean() > 0.8
+    # for one difference the two are the same quantile
+    np.testing.assert_allclose([c.simultaneous_bounds(row)[0][0] for row in d], alone, atol=1e-12)
 
 
 def test_retracted_answers_leave_no_trace() -> None:

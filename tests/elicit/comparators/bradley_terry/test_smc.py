@@ -23,6 +23,7 @@ from elicit.comparators.bradley_terry import density_float32 as R
 from elicit.comparators.bradley_terry import mcmc as M
 from elicit.comparators.bradley_terry import smc as P
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.decision.votes import weigh
 from elicit.model.query import Verdict
 from elicit.model.scale import dominance, tail_sums
 
@@ -230,7 +231,7 @@ def test_weighing_is_the_share_of_weight_on_either_side(level: float) -> None:
     gaps, weights = rng.dirichlet(np.ones(4), 150).T.copy(), rng.dirichlet(np.full(150, 0.7))
     d = np.concatenate([pairs(rng, 5, 400), np.zeros((1, 5)), np.eye(5)[1:2] - np.eye(5)[:1]])
     verdicts = np.empty(len(d), dtype=np.int8)
-    P.weigh(d, gaps, weights, level, verdicts)
+    weigh(d, gaps, weights, level, verdicts)
     scores = tail_sums(d) @ gaps
     up, down = (scores > 0) @ weights, (scores < 0) @ weights
     sure = (np.abs(up - level) > 1e-9) & (np.abs(down - level) > 1e-9)

@@ -68,19 +68,8 @@ def test_verdicts_and_bounds_are_exact_in_many_more_cases(part: int) -> None:
         check(case, (i // len(KINDS) + i) % 3)
 
 
-def test_highs_agrees_with_the_exact_optimum() -> None:
-    for case in cases(5, 120, asks=2):
-        oracle = Oracle(case.region())
-        for d in case.ask:
-            t = exact(tails(d)[0])
-            size = max(map(abs, t))
-            if size:
-                unit = [x / size for x in t]
-                assert oracle.highs(unit) == pytest.approx(float(oracle.least(unit)), abs=1e-7), case.kind
-
-
 def test_the_second_opinion_agrees_with_itself() -> None:
-    """A verified HiGHS basis and the exact simplex method give the same rational number."""
+    """A verified basis and the exact simplex method give the same rational number."""
     verified = 0
     for case in cases(6, 60, asks=2, most_levels=10, most_answers=40):
         oracle = Oracle(case.region())

@@ -9,14 +9,14 @@ from itertools import pairwise
 from typing import Any
 
 import cvxpy as cp
-import highspy
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import LEAST_SLACK, RelaxedPolytopeComparator, _Sublevel
 from elicit.comparators.polytope.violation import Hinges, best_fit
-from elicit.lp.programs import TIE_BAND, answer_rows
+from elicit.lp.region import TIE_BAND, answer_rows
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import tail_sums
@@ -34,48 +34,37 @@ class Fit:
     """Least total violation, and least d.e where the total violation is at most some number."""
 
     def __init__(self, k: int, margin: float, prior: tuple[Floats, Floats] | None, answers: Answers) -> None:
-        n = len(answers)
-        self.k, self.n = k, n
-        rows = [np.append(step, np.zeros(n)) for step in np.eye(k)[1:] - np.eye(k)[:-1]]
-        limits = [margin] * (k - 1)
+        self.k, self.n, self.most = k, len(answers), np.inf
+        none, rows, limits = np.zeros(self.n), [], []
         for i, (d, y) in enumerate(zip(answers.d, answers.y, strict=True)):
             for sign in (1, -1) if y == 0 else (y,):
-                rows.append(np.append(sign * d, np.eye(n)[i]))
+                rows.append(np.append(sign * d, np.eye(self.n)[i]))
                 limits.append(-TIE_BAND * np.abs(d).sum() if y == 0 else 0.0)
-        for a, b in zip(*prior, strict=True) if prior is not None else ():
-            rows.append(np.append(a, np.zeros(n)))
+        steps = np.eye(k)[1:] - np.eye(k)[:-1]
+        for a, b in [*((step, margin) for step in steps), *(zip(*prior, strict=True) if prior is not None else ())]:
+            rows.append(np.append(a, none))
             limits.append(b)
-        rows.append(np.append(np.zeros(k), -np.ones(n)))
-        limits.append(-1e300)
-        h, lp = highspy.Highs(), highspy.HighsLp()
-        h.setOptionValue("output_flag", False)
-        h.setOptionValue("threads", 1)
-        h.setOptionValue("primal_feasibility_tolerance", 1e-10)
-        h.setOptionValue("dual_feasibility_tolerance", 1e-10)
-        matrix, inf = np.array(rows), highspy.kHighsInf
-        lp.num_col_, lp.num_row_ = k + n, len(rows)
-        lp.col_cost_ = np.zeros(k + n)
-        lp.col_lower_ = np.concatenate([[0.0], np.full(k - 2, -inf), [1.0], np.zeros(n)])
-        lp.col_upper_ = np.concatenate([[0.0], np.full(k - 2, inf), [1.0], np.full(n, inf)])
-        lp.row_lower_, lp.row_upper_ = np.array(limits), np.full(len(rows), inf)
-        lp.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-        lp.a_matrix_.start_ = np.arange(len(rows) + 1) * (k + n)
-        lp.a_matrix_.index_ = np.tile(np.arange(k + n), len(rows))
-        lp.a_matrix_.value_ = matrix.ravel()
-        h.passModel(lp)
-        self.h, self.last = h, len(rows) - 1
+        self.rows, self.limits = -np.array(rows), -np.array(limits)
 
     def _least(self, cost: Floats) -> float:
-        self.h.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
-        self.h.run()
-        assert self.h.getModelStatus() == highspy.HighsModelStatus.kOptimal
-        return float(self.h.getInfo().objective_function_value)
+        total = np.append(np.zeros(self.k), np.ones(self.n))
+        within = np.isfinite(self.most)
+        found = linprog(
+            cost,
+            np.vstack([self.rows, total[None]]) if within else self.rows,
+            np.append(self.limits, self.most) if within else self.limits,
+            bounds=[(0, 0), *[(None, None)] * (self.k - 2), (1, 1), *[(0, None)] * self.n],
+            method="highs",
+            options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+        )
+        assert found.status == 0
+        return float(found.fun)
 
     def violation(self) -> float:
         return self._least(np.append(np.zeros(self.k), np.ones(self.n)))
 
     def within(self, total: float) -> None:
-        self.h.changeRowBounds(self.last, -total, highspy.kHighsInf)
+        self.most = total
 
     def range(self, d: Floats) -> tuple[float, float]:
         none = np.zeros(self.n)
@@ -383,6 +372,23 @@ def test_a_prior_that_leaves_a_flat_set(prior: list[str]) -> None:
         check_against(fit, c, shares(np.random.default_rng(0), 5, 6), 1.0)
         assert (c.prior.a @ c.values - c.prior.b >= -1e-12).all()
         assert fit.range(c.values)[0] > 0
+
+
+def test_bounds_for_all_rows_at_once_state_a_confidence_only_while_the_answers_agree() -> None:
+    _, answers = noisy(2, 5, 10, 0.0)
+    d = shares(np.random.default_rng(2), 5, 20, 1.0)
+    relaxed = RelaxedPolytopeComparator(5, slack=0.01).update(answers)
+    high, confidence = relaxed.simultaneous_bounds(d)
+    assert confidence == 1
+    assert (high >= PolytopeComparator(5).update(answers).bounds(d)[1] - 1e-9).all()
+    assert (high >= relaxed.bounds(d)[1] - 1e-8).all()
+    assert high.max() == pytest.approx(relaxed.bounds(d)[1].max(), abs=1e-7)
+    torn = relaxed.update(Answers(answers.d[:3], -answers.y[:3]))
+    high, confidence = torn.simultaneous_bounds(d)
+    assert np.isnan(confidence) == (torn.violation > 0)
+    assert (high >= torn.bounds(d)[1] - 1e-8).all()
+    scores = tail_sums(d) @ torn.draws.gaps
+    assert (scores <= high[:, None] + 1e-7).all()
 
 
 # ---- a frozen comparator ----------------------------------------------------------------------------------------

@@ -16,44 +16,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
-from elicit.lp.dual_simplex import Numbers, Region, minimise_exactly, rounding
-from elicit.lp.inequalities import Prior, as_prior
-from elicit.lp.programs import Programs, answer_rows, certified_bound, pull_inside, strictly_inside
-from elicit.model.comparator import Verdicts
+from elicit.lp.dual_simplex import Numbers, minimise_exactly
+from elicit.lp.programs import Programs
+from elicit.lp.region import Region, certified_bound, pull_inside, rounding, strictly_inside
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_vectors, tail_sums
+from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
+
+if TYPE_CHECKING:
+    from elicit.comparators.polytope.comparator import PolytopeComparator
 
 _MOST_SINGLES = 3  # single answers to try in rationals before a set of them
-_SIDES = ((1, 1), (-1, -1), (1, 0), (-1, 0))  # the sides of a difference that an answer y speaks of: (sign, y)
 
 
-class Polytope(Protocol):
-    """What ``explain`` needs to know of a PolytopeComparator."""
-
-    k: int
-    margin: float
-    answers: Answers
-    prior: Any
-
-    @property
-    def region(self) -> Region:
-        """K_t with every constraint."""
-
-    @property
-    def values(self) -> Floats:
-        """(k,) a scale in the relative interior of K_t."""
-
-    def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) on differences d (n, k)."""
-
-
-def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = None) -> Explanation:
+def explain(d: ArrayLike, comparator: PolytopeComparator, labels: Sequence[str] | None = None) -> Explanation:
     """Which answers, steps of the order and prior inequalities force the verdict on a difference d (k,).
 
     labels: k names of levels, worst first, for the sentence ("level 1", ... by default). Raises ValueError for
@@ -85,24 +66,7 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
     return replace(made, proofs=proofs, scales=(_scale(minimise_exactly(-int(verdict) * t + 0.0, region).g),))
 
 
-def verify(explanation: Explanation, comparator: Polytope) -> bool:
-    """Whether the explanation proves its verdict, in rationals, from the comparator's answers, prior and margin
-    alone: the identities hold, every multiplier is positive, and the scales fit all that is known."""
-    t = _tails(explanation.d)
-    verdict, proofs = explanation.verdict, explanation.proofs
-    want = {Verdict.EQUAL: [1, -1] if any(t) else [], Verdict.UNKNOWN: []}.get(verdict, [int(verdict)])
-    if [proof.sign for proof in proofs] != want or not all(_proves(proof, t, comparator) for proof in proofs):
-        return False
-    if not all(_fits(e, comparator) for e in explanation.scales):
-        return False
-    values = [_dot(t, np.diff(e)) for e in explanation.scales]
-    signs = [int(value > 0) - int(value < 0) for value in values]
-    if verdict is Verdict.UNKNOWN:
-        return signs == [1, -1]
-    return signs == ([] if verdict is Verdict.EQUAL or proofs[0].bound > 0 else [int(verdict)])
-
-
-def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
+def _needed(goals: list[Floats], region: Region, comparator: PolytopeComparator) -> list[int]:
     """Owners of an irreducible set of rows that keeps t.g >= 0 for each goal t, beside the order.
 
     It is sought among few rows first: none, the prior's, one answer's, then those of an optimal vertex. Later
@@ -145,100 +109,60 @@ def _single(goals: list[Floats], region: Region) -> list[int]:
 def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
     """Whether t.g >= 0 on the whole region, beyond doubt: Clarabel's multipliers as a bound with every rounding,
     or its point pulled inside; the exact optimum where neither can tell. ``inside``: see ``Programs.least``."""
-    p, margin = region.p, region.exact_margin
     if not len(region.rows):
-        exact = [Fraction(float(x)) for x in t]
-        return margin * sum(exact) + (1 - p * margin) * min(exact) >= 0
+        return bool(_least_by_order(_exact(t), region) >= 0)
     found = Programs(region).solve(t) if np.abs(t).max() < 1 else None
     if found is not None:
         if certified_bound(t, found.y, region) >= 0:
             return True
         point = None if inside is None else pull_inside(found.g, inside, region)
-        if point is not None and float(t @ point) < -rounding(p, float(np.abs(t) @ point)):
+        if point is not None and float(t @ point) < -rounding(region.p, float(np.abs(t) @ point)):
             return False
     return bool(minimise_exactly(t, region).value >= 0)
 
 
-def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) -> Proof:
+def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: PolytopeComparator) -> Proof:
     """Multipliers in the units of the given differences, from an optimal vertex over ``part``; ``t`` is d's tail
     sums over a power of two."""
-    known, told = _prior(comparator), comparator.answers
+    known, told = comparator.prior, comparator.answers
     goal = sign * t + 0.0
     found = minimise_exactly(goal, part.take(np.ones(len(part.rows), dtype=bool), margin=0.0))
     if found.value < 0:
         found = minimise_exactly(goal, part)
-    rest = [sign * x for x in _tails(d)]
+    rest = sign * _tails(d)
     size = rest[_largest(goal)] / Fraction(float(goal[_largest(goal)]))
     limit, answers, prior = Fraction(0), [], []
     for i in np.flatnonzero(found.y):
         owner, j = int(part.owner[i]), _largest(part.rows[i])
-        tails = _tails(told.d[owner] if owner >= 0 else known.a[-1 - owner])
+        tails = _tails(told.d[owner] if known is None or owner >= 0 else known.a[-1 - owner])
         unit = tails[j] / Fraction(float(part.rows[i, j]))  # what the row was divided by
         side, weight = (1 if unit > 0 else -1), found.y[i] * size / abs(unit)
-        rest = [r - weight * side * x for r, x in zip(rest, tails, strict=True)]
+        rest = rest - weight * side * tails
         limit += weight * abs(unit) * Fraction(float(part.rhs[i]))
-        if owner >= 0:
+        if known is None or owner >= 0:
             answers.append(UsedAnswer(owner, told.ids[owner], side, weight))
         else:
             prior.append(UsedPrior(-1 - owner, known.names[-1 - owner], weight))
     left = min(rest)
     order = tuple(UsedStep(j, r - left) for j, r in enumerate(rest) if r > left)
-    bound = limit + left + part.exact_margin * sum(z for _, z in order)
+    bound = limit + _least_by_order(rest, part)
     if bound < 0:
         raise ArithmeticError(f"the verdict on d = {d} does not follow from what is known: please report this")
     return Proof(sign, tuple(sorted(answers)), order, tuple(sorted(prior)), left, bound, limit + left)
 
 
-def _proves(proof: Proof, t: list[Fraction], comparator: Polytope) -> bool:
-    """Whether the identity holds and gives the bound, and the bound the conclusion."""
-    (a, b, _), answers, least = _prior(comparator), comparator.answers, comparator.region.exact_margin
-    for used in proof.answers:
-        if used.row not in range(len(answers)) or (used.sign, answers.y[used.row]) not in _SIDES:
-            return False
-    if any(step.gap not in range(len(t)) for step in proof.order) or any(
-        x.row not in range(len(b)) for x in proof.prior
-    ):
-        return False
-    parts = [(used.multiplier, *_told(answers, used.row, used.sign)) for used in proof.answers]
-    parts += [(used.multiplier, _tails(a[used.row]), Fraction(float(b[used.row]))) for used in proof.prior]
-    parts += [(used.multiplier, [Fraction(j == used.gap) for j in range(len(t))], least) for used in proof.order]
-    total, bound = [proof.remainder] * len(t), proof.remainder
-    for weight, tails, low in parts:
-        total, bound = [x + weight * y for x, y in zip(total, tails, strict=True)], bound + weight * low
-    loose = bound - least * sum(used.multiplier for used in proof.order)
-    if (bound, loose) != (proof.bound, proof.bound_without_margin) or bound < 0 or any(part[0] <= 0 for part in parts):
-        return False
-    return total == [proof.sign * x for x in t]
-
-
-def _fits(e: Numbers, comparator: Polytope) -> bool:
-    """Whether a scale e (k,) of Fractions satisfies all that is known."""
-    g, (a, b, _), answers = np.diff(e), _prior(comparator), comparator.answers
-    known = [(_tails(row), Fraction(float(limit))) for row, limit in zip(a, b, strict=True)]
-    known += [_told(answers, i, s) for i, y in enumerate(answers.y) for s in ((1, -1) if y == 0 else (int(y),))]
-    ordered = e[0] == 0 and e[-1] == 1 and min(g) >= comparator.region.exact_margin
-    return ordered and all(_dot(tails, g) >= low for tails, low in known)
-
-
-def _told(answers: Answers, row: int, side: int) -> tuple[list[Fraction], Fraction]:
-    """What an answer says of the gaps, tails . g >= low: exact tail sums of the difference, turned to this side,
-    and low = 0, or a little less for "equal"."""
-    tails = _tails(answers.d[row])
-    rows, rhs, _ = answer_rows(answers[row : row + 1], 0)
-    j = _largest(np.array(tails, dtype=object))
-    low = Fraction(float(rhs[0])) * abs(tails[j] / Fraction(float(rows[0, j]))) if len(rhs) else Fraction(0)
-    return [side * x for x in tails], low
-
-
-def _prior(comparator: Polytope) -> Prior:
-    return as_prior(comparator.prior, comparator.k) or Prior(np.empty((0, comparator.k)), np.empty(0), ())
-
-
-def _tails(d: Floats) -> list[Fraction]:
+def _tails(d: Floats) -> Numbers:
     """The float tail sums of d (k,), in units of d, as exact numbers: what all comparisons are about."""
     with np.errstate(over="ignore", invalid="ignore"):
         fits = bool(np.isfinite(np.cumsum(d[:0:-1])).all())  # else ``tail_sums`` divides by 2^64
-    return [Fraction(float(x)) * (1 if fits else 2**64) for x in tail_sums(d)]
+    return _exact(tail_sums(d)) * (1 if fits else 2**64)
+
+
+def _least_by_order(t: Numbers, region: Region) -> Fraction:
+    """Least t.g over K_0, in rationals."""
+    margin: Any = region.exact_margin
+    least: Any = order_bounds(t, margin)[0]
+    return Fraction(least)
 
 
 def _order_one(t: Floats) -> Floats:
@@ -256,10 +180,10 @@ def _told_equal(d: Floats, answers: Answers) -> int | None:
 
 def _moderate(g: Numbers, other: Numbers, t: Floats) -> Numbers:
     """A scale on the way from vertex g to another one, still on g's side of zero: less extreme, easier to picture."""
-    exact = [Fraction(float(x)) for x in t]
+    exact = _exact(t)
     for share in (Fraction(1, 4), Fraction(1, 16)):
         mixed: Numbers = (1 - share) * g + share * other
-        if _dot(exact, mixed) * _dot(exact, g) > 0:
+        if (exact @ mixed) * (exact @ g) > 0:
             return _scale(mixed)
     return _scale(g)
 
@@ -268,8 +192,8 @@ def _scale(g: Numbers) -> Numbers:
     return np.array([Fraction(0), *np.cumsum(g)], dtype=object)
 
 
-def _dot(a: Sequence[Fraction], b: Numbers) -> Fraction:
-    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+def _exact(numbers: Floats) -> Numbers:
+    return np.array([Fraction(float(x)) for x in numbers], dtype=object)
 
 
 def _largest(row: Numbers) -> int:

@@ -1,0 +1,75 @@
+"""The two comparators that learn nothing from answers: Dominance, which asks least, and AlwaysAsk, which asks most."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from elicit.decision.decide import decide_by
+from elicit.decision.rule import Rule, asking, silent
+from elicit.model.comparator import Verdicts, check_answers, check_levels
+from elicit.model.query import Answers
+from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, values_of
+
+
+@dataclass(frozen=True)
+class _Unlearning(ABC):
+    """Only the order of the levels is known, and no answer changes that."""
+
+    k: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "k", check_levels(self.k))
+
+    @property
+    def values(self) -> Floats:
+        """(k,) the centre of K_0: equal gaps."""
+        return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
+
+    @property
+    @abstractmethod
+    def rule(self) -> Rule:
+        """What it knows, as plain arrays."""
+
+    def compare(self, d: ArrayLike) -> Verdicts:
+        """Verdicts (n,) on differences d (n, k)."""
+        return decide_by(self.rule, as_vectors(d, self.k)).verdicts
+
+    def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
+        """Least and greatest d.e (n,) over every ordered scale."""
+        return order_bounds(tail_sums(as_vectors(d, self.k)), 0.0)
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e over every ordered scale, and their confidence, 1."""
+        return self.bounds(d)[1], 1.0
+
+
+class Dominance(_Unlearning):
+    """Eq. (4) alone: decides what holds for every scale, and needs no answers."""
+
+    @property
+    def rule(self) -> Rule:
+        """Dominance, and beyond it UNKNOWN."""
+        return silent()
+
+    def update(self, answers: Answers) -> Dominance:
+        """Itself: answers teach it nothing."""
+        check_answers(answers, self.k)
+        return self
+
+
+class AlwaysAsk(_Unlearning):
+    """UNKNOWN for every difference but 0. With a truthful tutor it is the oracle baseline."""
+
+    @property
+    def rule(self) -> Rule:
+        """UNKNOWN, but EQUAL where the tail sums are all zero."""
+        return asking()
+
+    def update(self, answers: Answers) -> AlwaysAsk:
+        """Itself: answers teach it nothing."""
+        check_answers(answers, self.k)
+        return self

@@ -1,0 +1,39 @@
+"""Verdicts of any comparator, and the tier that decided each: by its rule, and by itself where that leaves any open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from elicit.decision.judge import judge_all
+from elicit.decision.rule import Rule, Settling, compares_by_rule, rule_of
+from elicit.lp.sign import UNSETTLED
+from elicit.model.comparator import Comparator, Decisions, Tier, dominance_tiers
+from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
+
+
+def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
+    """``comparator.compare(d)`` of differences d (n, k), with the tiers (n,). Of a comparator without a rule, what is
+    neither equal nor dominated counts as MODEL."""
+    rows = as_vectors(d, comparator.k)
+    if compares_by_rule(type(comparator)):
+        return decide_by(rule_of(comparator), rows, comparator.settle if isinstance(comparator, Settling) else None)
+    verdicts = np.asarray(comparator.compare(rows), dtype=np.int8)
+    return Decisions(verdicts, dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+
+
+def decide_by(rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | None = None) -> Decisions:
+    """Verdicts (n,) and tiers (n,) of valid differences d (n, k) by a rule; ``settle`` decides what it leaves open.
+    Raises TypeError where it leaves any open and there is no ``settle``."""
+    rows = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
+    verdicts, tiers = np.empty(len(rows), dtype=np.int8), np.empty(len(rows), dtype=np.int8)
+    with np.errstate(all="ignore"):
+        left = judge_all(rows, rule, verdicts, tiers)
+    if left:
+        if settle is None:
+            raise TypeError("a comparator whose rule leaves differences open must have a method settle(d)")
+        open_rows = np.flatnonzero(verdicts == UNSETTLED)
+        verdicts[open_rows], tiers[open_rows] = settle(rows[open_rows])
+    return Decisions(verdicts, tiers)

@@ -1,0 +1,118 @@
+"""Votes of scales on a difference: the sign of d.e that enough of them share, by weight, by number, or over a box.
+
+A scale is its gaps g, and votes by the sign of t.g. Weights are counted a block of scales at a time, and no more once
+neither sign can reach the level.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from elicit._support.jit import compiled, loosely
+from elicit.lp.sign import BETTER, UNKNOWN, WORSE
+
+LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
+BLOCK = 64  # scales whose votes are counted before it is asked whether a level can still be reached
+
+
+@compiled
+def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
+    """The verdict on t.g + shift that scales of gaps (p, m) and total weight ``level`` share. Their scores are written
+    into at (m,), all of them where the verdict is not UNKNOWN."""
+    m, up, down, left = len(at), 0.0, 0.0, 1.0
+    for start in range(0, m, BLOCK):
+        end = min(m, start + BLOCK)
+        scores_into(t, shift, gaps, start, at[start:end])
+        above, below, both = signed_weights(at[start:end], weights[start:end])
+        up, down, left = up + above, down + below, left - both
+        if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
+            return UNKNOWN
+    return BETTER if up >= level - LEVEL_ROUNDING else WORSE if down >= level - LEVEL_ROUNDING else UNKNOWN
+
+
+@compiled
+def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
+    """t.g + shift into out (n,), for as many particles of gaps (p, m) from ``start``."""
+    p, n, stop = len(t), len(out), start + len(out)
+    first = gaps[0, start:stop]
+    for q in range(n):
+        out[q] = t[0] * first[q]
+    for j in range(1, p - 3, 4):  # four at a time, each sum in order
+        a, b, c, d = t[j], t[j + 1], t[j + 2], t[j + 3]
+        ga, gb = gaps[j, start:stop], gaps[j + 1, start:stop]
+        gc, gd = gaps[j + 2, start:stop], gaps[j + 3, start:stop]
+        for q in range(n):
+            out[q] = out[q] + a * ga[q] + b * gb[q] + c * gc[q] + d * gd[q]
+    for j in range(p - (p - 1) % 4, p):
+        by, gap = t[j], gaps[j, start:stop]
+        for q in range(n):
+            out[q] += by * gap[q]
+    if shift != 0.0:
+        for q in range(n):
+            out[q] += shift
+
+
+@loosely
+def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
+    """The weight (of weights (n,)) of positive scores (n,), of negative ones, and all of it. The order of a sum matters
+    less than ``LEVEL_ROUNDING``."""
+    up, down, both = 0.0, 0.0, 0.0
+    for q in range(len(at)):
+        w = weights[q]
+        both += w
+        up += w if at[q] > 0.0 else 0.0
+        down += w if at[q] < 0.0 else 0.0
+    return up, down, both
+
+
+@loosely
+def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
+    """A distance by which all scores at (m,) may sink, the weight of those that keep the sign ``side`` still reaching
+    the level; 0 for none."""
+    mean = 0.0
+    for q in range(len(at)):
+        mean += weights[q] * at[q]
+    for share in (0.5, 0.2, 0.05):
+        limit, weight = share * abs(mean), 0.0
+        for q in range(len(at)):
+            weight += weights[q] if side * at[q] > limit else 0.0
+        if weight >= level:
+            return limit - 1e-12  # what scores are computed to
+    return 0.0
+
+
+@compiled
+def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
+    """The verdict on t.g + shift that the last of the scales of gaps (p, m) gives, if all but ``left_out`` of the
+    others share it."""
+    p, last = gaps.shape[0], gaps.shape[1] - 1
+    point = t[0] * gaps[0, last]
+    for j in range(1, p):
+        point += t[j] * gaps[j, last]
+    point += shift
+    if point == 0.0:
+        return UNKNOWN
+    sign = 1.0 if point > 0.0 else -1.0
+    against = 0
+    for q in range(last):
+        at = t[0] * gaps[0, q]
+        for j in range(1, p):
+            at += t[j] * gaps[j, q]
+        if not sign * (at + shift) > 0.0:
+            against += 1
+            if against > left_out:
+                return UNKNOWN
+    return BETTER if sign > 0.0 else WORSE
+
+
+@compiled
+def by_box(d: Any, shift: float, ends: Any) -> int:
+    """The verdict on d.e + shift that all scales share whose levels 2..k lie between the two ends (p, 2)."""
+    least, greatest = 0.0, 0.0
+    for j in range(len(ends)):
+        low, high = d[j + 1] * ends[j, 0], d[j + 1] * ends[j, 1]
+        least += min(low, high)
+        greatest += max(low, high)
+    if least + shift > 0.0:
+        return BETTER
+    return WORSE if greatest + shift < 0.0 else UNKNOWN
