@@ -13,19 +13,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit.asking.bags import Bags
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, Tier
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, ReplayTutor, TruthfulTutor, Tutor
+from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Learner, Result, Status, drive
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.problems.random_mdp import random_mdp
-from tests.qlearn.test_reference import messy_mdp
+from tests.mdp_cases import messy_mdp
 
 K = 5
 MDP, VALUES = random_mdp(8, 3, K, discount=0.9, rng=0)
@@ -91,60 +94,15 @@ def test_ask_is_idempotent(make: Make) -> None:
     assert learner.ask() == learner.ask() == ()
 
 
-def test_unknown_ids_are_stale(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    assert_stale(learner, Answer(Query("nobody", np.eye(K)[0], np.eye(K)[1]), Verdict.BETTER))
-
-
-def test_a_second_answer_is_stale(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    (query,) = learner.ask()
-    learner.tell([truth(query)])
-    assert_stale(learner, truth(query))
-    learner.ask()
-    assert_stale(learner, truth(query))
-
-
-def test_two_answers_at_once_are_stale(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    (query,) = learner.ask()
-    assert_stale(learner, truth(query), truth(query))
-
-
-def test_one_bad_answer_spoils_the_batch() -> None:
-    learner = value_iteration(PolytopeComparator(K), batch=4)
-    queries = learner.ask()
-    assert len(queries) > 1
-    stray = Answer(Query("nobody", np.eye(K)[0], np.eye(K)[1]), Verdict.BETTER)
-    assert_stale(learner, *[truth(query) for query in queries], stray)
-
-
-def test_an_answer_about_rounded_vectors_is_stale(make: Make) -> None:
-    # a page that shows three decimals must send back the id, or the query, not what it showed
-    learner = make(PolytopeComparator(K))
-    (query,) = learner.ask()
-    rounded = Query(query.id, query.left.round(2), query.right.round(2))
-    assert (rounded.d != query.d).any()
-    assert_stale(learner, Answer(rounded, Verdict.BETTER), match="rounded")
-    equal_copy = Query(query.id, query.left.copy(), query.right.copy(), "the text is for people only")
-    learner.tell([Answer(equal_copy, Verdict.BETTER)])
-    assert learner.result().asked == 1
-
-
-def assert_stale(learner: Any, *answers: Answer, match: str | None = None) -> None:
-    """Told to the learner, the answers raise StaleAnswer and change nothing."""
-    queries = learner.ask()
-    before = snapshot(learner.result())
-    with pytest.raises(StaleAnswer, match=match):
-        learner.tell(answers)
+def test_of_stale_answers_none_counts_and_nothing_changes(make: Make) -> None:
+    learner = make(PolytopeComparator(K), batch=4)
+    told = [truth(query) for query in learner.ask()]
+    learner.tell(told)
+    queries, before = learner.ask(), snapshot(learner.result())
+    with pytest.raises(StaleAnswer):
+        learner.tell([truth(query) for query in queries] + told[:1])
     assert learner.ask() == queries
     assert snapshot(learner.result()) == before
-
-
-def test_a_generator_of_answers_is_as_good_as_a_list(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    learner.tell(truth(query) for query in learner.ask())
-    assert learner.result().asked == 1
 
 
 def test_on_conflict_must_be_known(make: Make) -> None:
@@ -296,27 +254,6 @@ def test_audits_are_counted_apart_and_change_nothing_if_true(make: Make) -> None
         assert len(set(pairs)) == len(pairs)
 
 
-def test_audits_are_no_part_of_the_budget(make: Make) -> None:
-    result = drive(make(PolytopeComparator(K), audit=0.5, max_queries=2), TruthfulTutor(VALUES))
-    assert result.asked == 2
-    assert result.audited > 2
-
-
-def test_who_cannot_tell_in_an_audit_overrules_nothing(make: Make) -> None:
-    plain = make(PolytopeComparator(K))
-    open_pairs = set(names(answer.query for answer in recorded(plain, truth)))
-
-    def shy(query: Query) -> Answer:
-        return truth(query) if names([query])[0] in open_pairs else Answer(query, None)
-
-    audited = make(PolytopeComparator(K), audit=1.0)
-    recorded(audited, shy)
-    result = audited.result()
-    assert result.cannot_tell == result.audited > 0
-    assert result.policy.tolist() == plain.result().policy.tolist()
-    assert result.q.tobytes() == plain.result().q.tobytes()
-
-
 @pytest.mark.parametrize("contrary", [Verdict.EQUAL, None, "opposite"])
 def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contrary: Any) -> None:
     # truthful when asked, contrary when audited
@@ -330,8 +267,6 @@ def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contra
 
     learner = make(PolytopeComparator(K), audit=0.3, max_queries=300)
     log = AnswerLog()
-    seen: list[tuple[Verdict, Tier]] = []
-    learner.watch(lambda d, decisions: seen.extend(zip(decisions.verdicts, decisions.tiers, strict=True)))
     result = drive(learner, tutor, log=log, on_conflict="drop")
     assert result.status is not Status.WAITING
     unused = [entry.answer for entry in log if not entry.used]
@@ -478,30 +413,57 @@ def test_questions_of_a_run_have_ids_of_their_own(make: Make) -> None:
     assert again == ids
 
 
+class Five:
+    """A comparator with the five members of the protocol, and no more: it knows the scale from the start."""
+
+    k = K
+    values = MDP.normalise(VALUES)
+
+    def compare(self, d: Any) -> Any:
+        return TruthfulTutor(VALUES).signs(d)
+
+    def bounds(self, d: Any) -> tuple[Floats, Floats]:
+        x = np.atleast_2d(d) @ self.values
+        return x, x
+
+    def update(self, answers: Answers) -> Five:
+        return self
+
+
 def test_any_function_is_a_tutor_and_any_comparator_will_do(make: Make) -> None:
-    class Mine:
-        """Knows the scale from the start, and has no ``decide``."""
-
-        k = K
-        values = MDP.normalise(VALUES)
-
-        def compare(self, d: Any) -> Any:
-            return TruthfulTutor(VALUES).signs(d)
-
-        def bounds(self, d: Any) -> tuple[Floats, Floats]:
-            x = np.atleast_2d(d) @ self.values
-            return x, x
-
-        def update(self, answers: Answers) -> Mine:
-            return self
-
     def nobody(query: Query) -> Answer:
         raise AssertionError("there is nothing to ask")
 
-    result = drive(make(Mine()), nobody)
+    result = drive(make(Five()), nobody)
     assert result.asked == 0
     assert result.decided["model"] > 0
     assert result.policy.tolist() == drive(make(AlwaysAsk(K), **exact(make)), TruthfulTutor(VALUES)).policy.tolist()
+
+
+@pytest.mark.parametrize(
+    ("learner", "settings"),
+    [
+        (InteractivePolicyIteration, {}),
+        (InteractivePolicyIteration, {"bags": Bags(days=4), "max_queries": 5}),
+        (LateQLearning, {"steps": 400, "max_loss": 0.5}),
+        (LateValueIteration, {"tolerance": 0.01}),
+    ],
+)
+def test_five_members_are_enough_for_every_learner(learner: Any, settings: dict[str, Any]) -> None:
+    result = drive(learner(MDP, Five(), **settings), truth)
+    assert result.status is not Status.WAITING
+    assert 0 <= result.loss_bound <= 1, "over all ordered scales"
+    assert result.confidence == 1
+
+
+def test_what_a_comparator_lacks_is_named() -> None:
+    class Four:
+        k, values = K, Five.values
+        bounds, update = Five.bounds, Five.update
+
+    for wrong, complaint in ((Four(), "which has no compare$"), (Five, "not <class"), (None, "not None")):
+        with pytest.raises(TypeError, match=f"a comparator is wanted.*{complaint}"):
+            q_learning(wrong)  # type: ignore[arg-type]
 
 
 def exact(make: Make) -> dict[str, Any]:
@@ -538,13 +500,3 @@ def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move
     numbers = [re.findall(r"\d+", about) for about in unclear]
     places = [(state, *sorted(actions)) for state, *actions in numbers]
     assert len(places) == len(set(places)) == result.cannot_tell > 0
-
-
-def test_what_is_no_answer_is_refused_by_name() -> None:
-    learner = InteractiveValueIteration(random_mdp(20, 3, K, rng=5)[0], PolytopeComparator(K))
-    (query,) = learner.ask()
-    with pytest.raises(TypeError, match=r"must return elicit.Answer.*BETTER"):
-        learner.tell([Verdict.BETTER])  # type: ignore[list-item]
-    with pytest.raises(TypeError, match="into a list"):
-        learner.tell(Answer(query, Verdict.BETTER))  # type: ignore[arg-type]
-    assert learner.ask() == (query,)
