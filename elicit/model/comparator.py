@@ -138,6 +138,15 @@ class AllowsLapses(Protocol):
         """The share of such answers."""
 
 
+@runtime_checkable
+class KeepsAnswers(Protocol):
+    """A comparator that can say what it has learned from."""
+
+    @property
+    def answers(self) -> Answers:
+        """All answers, in told order."""
+
+
 def lapse_of(comparator: Comparator) -> float:
     """The share of answers that the comparator takes to be given at random: 0 where it does not say."""
     return float(comparator.lapse) if isinstance(comparator, AllowsLapses) else 0.0
