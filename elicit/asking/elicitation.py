@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, key_of
-from elicit._support.validation import is_number, is_whole
+from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
 from elicit.asking.elicitation_kernel import (
     BOUNDS,
@@ -106,14 +106,11 @@ class Elicitation:
         seed: Seed = 0,
         undecided: Verdict = Verdict.EQUAL,
     ) -> None:
-        if not is_number(indifference, 0):
-            raise ValueError(f"indifference must be a number of at least 0, not {indifference!r}")
-        if max_queries is not None and not is_whole(max_queries, 0):
-            raise ValueError(f"max_queries must be None or a whole number of at least 0, not {max_queries!r}")
-        if not (is_number(audit, 0) and audit <= 1):
-            raise ValueError(f"audit, the share of settled pairs to ask about, must lie in 0..1, not {audit!r}")
-        if not is_whole(batch, 1):
-            raise ValueError(f"batch must be a whole number of at least 1, not {batch!r}")
+        require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
+        limited = max_queries is not None
+        require(not limited or is_whole(max_queries, 0), "max_queries", "None or a whole number from 0 on", max_queries)
+        require(is_number(audit, 0, 1), "audit, the share of settled pairs to ask about,", "in 0..1", audit)
+        require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
         self.comparator = comparator
         self.batch = int(batch)
         self.answers = Answers.none(comparator.k)
