@@ -26,10 +26,9 @@ from elicit.asking.elicitation_kernel import (
     AskingRule,
     Facts,
     Judgement,
-    judge_rows,
+    settle_rows,
 )
 from elicit.decision.decide import decide
-from elicit.decision.rule import rule_of
 from elicit.lp.sign import UNSETTLED
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
@@ -145,16 +144,16 @@ class Elicitation:
 
         ``places`` gives the place of a row: where the tutor could not tell, its estimates keep changing a
         little, and a person must not be asked about each new version of the same pair."""
-        n, d, t = len(d), np.ascontiguousarray(d), np.ascontiguousarray(tail_sums(d))
+        n, t = len(d), np.ascontiguousarray(tail_sums(d))
         verdicts, tiers = decide(self.comparator, d)
         said, unclear, close = np.full((3, n), UNSETTLED)
         facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), said, unclear, close)
         verdict, tier, needed = np.empty((3, n), np.int8)
         out = Judgement(verdict, tier, np.empty(0, np.bool_), np.empty(n, np.bool_), needed)
-        rule, asking, rows = rule_of(self.comparator), self.rule(), np.arange(n)
+        asking, rows = self.rule(), np.arange(n)
         while len(rows):
             with np.errstate(all="ignore"):  # hashes wrap around
-                judge_rows(rows, d, t, rule, asking, facts, out)
+                settle_rows(rows, t, asking, facts, out)
             rows = rows[out.needed[rows] != NO_FACT]
             of = [rows[out.needed[rows] == fact] for fact in (SAID, PLACE, BOUNDS)]
             said[of[0]] = self._answered.said(t[of[0]])

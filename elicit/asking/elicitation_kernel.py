@@ -1,7 +1,7 @@
 """The policy of an elicitation: what settles one pair, in which order, in code that numba can compile.
 
-The one statement of it, for whole arrays (``Elicitation.judge``) and for the learners' compiled loops. What only Python
-can find out is handed over as ``Facts``; where one is missing that is needed, it says which.
+The one statement of it is ``settle``, for whole arrays (``Elicitation.judge``) and for the learners' compiled loops. It
+goes by ``Facts``; where one is missing that is needed, it says which, and whoever calls finds it out.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class AskingRule(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """What only Python can find out of a pair (or of n pairs, as arrays int64); UNSETTLED: not looked up."""
+    """What is found out about a pair (or about n, as arrays int64); UNSETTLED: not looked up."""
 
     verdict: Any  # the comparator's own
     tier: Any  # of that verdict
     said: Any  # what the tutor said of this very pair; UNKNOWN: nothing
     unclear: Any  # 1 where she could not tell at the same place, else 0
-    close: Any  # EQUAL where the comparator's bounds lie within the indifference, else UNKNOWN
+    close: Any  # EQUAL where d.e is proven to lie within the indifference, else UNKNOWN
 
 
 class Judgement(NamedTuple):
@@ -56,69 +56,70 @@ class Judgement(NamedTuple):
     needed: Any  # which fact
 
 
-NOTHING_LOOKED_UP = Facts(UNSETTLED, UNSETTLED, UNSETTLED, UNSETTLED, UNSETTLED)
-
-
 @compiled
-def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: AskingRule, facts: Facts) -> Judgement:
-    """Judge a difference d (k,) with tail sums t (p,): by what binds, the comparator, and what stands in for a tutor
-    where she need not or must not be asked. Overwrites t and work (2, p); ``certificate`` is as for ``judge``."""
-    sums = work[0]
-    for j in range(len(t)):
-        sums[j] = t[j]
-    verdict, tier, certified = facts.verdict, facts.tier, False
+def settle(t: Any, work: Any, asking: AskingRule, facts: Facts) -> Judgement:
+    """The policy: what settles a pair with tail sums t (p,) whose verdict by the comparator is among the facts, or that
+    the tutor must be asked. Overwrites work (p,)."""
+    verdict, tier = facts.verdict, facts.tier
     if verdict == UNSETTLED:
-        verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
-        if verdict == UNSETTLED:
-            return missing(COMPARATOR)
-    elif verdict != UNKNOWN and tier <= BY_DOMINANCE:
-        return judgement(verdict, tier, False)
-    if facts.said != UNKNOWN and among(asking.key, sums, work[1], asking.binding):
-        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN, False)
+        return missing(COMPARATOR)
+    if verdict != UNKNOWN and tier <= BY_DOMINANCE:
+        return judgement(verdict, tier)
+    if facts.said != UNKNOWN and among(asking.key, t, work, asking.binding):
+        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN)
     if verdict != UNKNOWN:
         if asking.audit > 0.0 and verdict != EQUAL and FIRST_BY_ANSWERS <= tier <= LAST_BY_ANSWERS:
-            drawn = unit(pair_code(asking.key, sums, work[1])) < asking.audit
-            if drawn and not among(asking.key, sums, work[1], asking.said):
+            drawn = unit(pair_code(asking.key, t, work)) < asking.audit
+            if drawn and not among(asking.key, t, work, asking.said):
                 return Judgement(UNKNOWN, tier, False, True, NO_FACT)
-        return judgement(verdict, tier, certified)
-    if facts.said != UNKNOWN and among(asking.key, sums, work[1], asking.said):
-        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN, False)
+        return judgement(verdict, tier)
+    if facts.said != UNKNOWN and among(asking.key, t, work, asking.said):
+        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN)
     if asking.unclear and facts.unclear != 0:
-        return missing(PLACE) if facts.unclear == UNSETTLED else judgement(EQUAL, KNOWN, False)
-    if asking.indifference > 0.0:
-        close = facts.close
-        if close == UNSETTLED:
-            for j in range(len(t)):
-                work[1, j] = sums[j]
-            close = within(d, work[1], asking.indifference, rule)
-        if close != UNKNOWN:
-            return missing(BOUNDS) if close == UNSETTLED else judgement(EQUAL, INDIFFERENT, False)
+        return missing(PLACE) if facts.unclear == UNSETTLED else judgement(EQUAL, KNOWN)
+    if asking.indifference > 0.0 and facts.close != UNKNOWN:
+        return missing(BOUNDS) if facts.close == UNSETTLED else judgement(EQUAL, INDIFFERENT)
     if len(asking.guess) > 0:
         at = 0.0
         for j in range(len(t)):
-            at += sums[j] * asking.guess[j]
-        return judgement(BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL, GUESS, False)
-    return judgement(UNKNOWN, TUTOR, False)
+            at += t[j] * asking.guess[j]
+        return judgement(BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL, GUESS)
+    return judgement(UNKNOWN, TUTOR)
 
 
 @compiled
-def judge_rows(rows: Any, d: Any, t: Any, rule: Rule, asking: AskingRule, facts: Facts, out: Judgement) -> None:
-    """``judge_pair`` for these rows of d (n, k) with tail sums t (n, p), into the arrays (n,) of ``out``."""
-    p = t.shape[1]
-    sums, work, nowhere = np.empty(p), np.empty((2, p)), np.empty(0)
+def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
+    """``settle`` for these rows of tail sums t (n, p), into the arrays (n,) of ``out``."""
+    work = np.empty(t.shape[1])
     for i in rows:
-        for j in range(p):
-            sums[j] = t[i, j]
         known = Facts(facts.verdict[i], facts.tier[i], facts.said[i], facts.unclear[i], facts.close[i])
-        found = judge_pair(d[i], sums, work, nowhere, rule, asking, known)
+        found = settle(t[i], work, asking, known)
         out.verdict[i], out.tier[i], out.audited[i] = found.verdict, found.tier, found.audited
         out.needed[i] = found.needed
 
 
 @compiled
-def judgement(verdict: int, tier: int, certified: bool) -> Judgement:
+def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: AskingRule) -> Judgement:
+    """``settle`` of a difference d (k,) on which dominance is silent, as far as compiled code can find out the facts,
+    the comparator going by a rule. Overwrites t and work (2, p); ``certificate`` is as for ``judge``."""
+    sums = work[0]
+    for j in range(len(t)):
+        sums[j] = t[j]
+    verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
+    found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, UNSETTLED))
+    if found.needed == BOUNDS:
+        for j in range(len(t)):
+            t[j] = sums[j]
+        close = within(d, t, asking.indifference, rule)
+        found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, close))
+    certified = certified and found.verdict == verdict
+    return Judgement(found.verdict, found.tier, certified, found.audited, found.needed)
+
+
+@compiled
+def judgement(verdict: int, tier: int) -> Judgement:
     """A judgement that needs nothing more."""
-    return Judgement(verdict, tier, certified, False, NO_FACT)
+    return Judgement(verdict, tier, False, False, NO_FACT)
 
 
 @compiled

@@ -19,7 +19,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
-from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
+from elicit.asking.elicitation_kernel import AskingRule, judge_pair
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.judge import certifies
 from elicit.decision.rule import Rule, outlasts_answers, rule_of
@@ -136,7 +136,7 @@ def judge_anew(
 ) -> tuple[int, int]:
     """``judge_pair``, whose certificate, if it has one, becomes the row's; an audit is for Python to see to. ``work``
     is (3, p) to write in."""
-    judged = judge_pair(d, t, work, work[2], rule, asking, NOTHING_LOOKED_UP)
+    judged = judge_pair(d, t, work, work[2], rule, asking)
     verdict, tier = UNSETTLED if judged.audited else judged.verdict, judged.tier
     certificates.verdicts[row] = 0
     if judged.certified:

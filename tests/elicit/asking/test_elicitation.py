@@ -15,19 +15,19 @@ from elicit.asking.elicitation_kernel import (
     BOUNDS,
     COMPARATOR,
     NO_FACT,
-    NOTHING_LOOKED_UP,
     PLACE,
     SAID,
     AskingRule,
     Facts,
     judge_pair,
+    settle,
 )
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.decision.rule import nothing, rule_of
+from elicit.decision.rule import rule_of
 from elicit.lp.sign import UNSETTLED
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
@@ -117,10 +117,10 @@ def asking(audit: float = 0.0, guess: int = UNKNOWN, said: bool = False, bound: 
     return rule._replace(key=told.rule().key, unclear=True, guess=gaps, binding=binding, said=answered)
 
 
-def one(rule: AskingRule, facts: Facts, comparator_rule: Any = None) -> Any:
-    t, nowhere = tail_sums(OPEN).copy(), np.empty(0)
+def one(rule: AskingRule, **facts: int) -> Any:
+    unknown = dict.fromkeys(Facts._fields, UNSETTLED)
     with np.errstate(all="ignore"):
-        return judge_pair(OPEN, t, np.empty((2, K - 1)), nowhere, comparator_rule or nothing(), rule, facts)
+        return settle(tail_sums(OPEN).copy(), np.empty(K - 1), rule, Facts(**unknown | facts))
 
 
 def test_what_settles_a_pair_and_in_which_order() -> None:
@@ -130,8 +130,8 @@ def test_what_settles_a_pair_and_in_which_order() -> None:
     for (verdict, tier), bound, said in product(by_comparator, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
         for drawn, unclear, close, guess in product(truths, truths, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
             rule = asking(float(drawn), guess, said != UNKNOWN, bound)
-            facts = Facts(int(verdict), int(tier), int(said), int(unclear), int(EQUAL if close else UNKNOWN))
-            found = one(rule, facts)
+            facts = {"said": int(said), "unclear": int(unclear), "close": int(EQUAL if close else UNKNOWN)}
+            found = one(rule, verdict=int(verdict), tier=int(tier), **facts)
             wanted = policy(verdict, tier, bound, said, drawn and not bound, unclear, close, guess)
             assert (found.verdict, found.tier, found.audited) == wanted
             assert found.needed == NO_FACT
@@ -148,7 +148,7 @@ def test_what_settles_a_pair_and_in_which_order() -> None:
     ],
 )
 def test_a_fact_that_is_needed_is_named(rule: AskingRule, known: dict[str, int], needed: int) -> None:
-    found = one(rule, NOTHING_LOOKED_UP._replace(**{name: int(value) for name, value in known.items()}))
+    found = one(rule, **{name: int(value) for name, value in known.items()})
     assert (found.verdict, found.needed, found.audited) == (UNSETTLED, needed, False)
 
 
@@ -197,7 +197,7 @@ def test_arrays_single_pairs_and_loops_agree(
         if dominance(t) != UNKNOWN:
             continue
         with np.errstate(all="ignore"):
-            found = judge_pair(d[i], t, np.empty((2, K - 1)), np.empty(K - 1), rule, asks, NOTHING_LOOKED_UP)
+            found = judge_pair(d[i], t, np.empty((2, K - 1)), np.empty(K - 1), rule, asks)
         if found.verdict != UNSETTLED:
             assert (found.verdict, found.audited) == (verdict, audited)
             assert same(found.tier, tier)
