@@ -49,12 +49,10 @@ def pair(d: Floats = OPEN, **more: Any) -> Pair:
     return Pair(np.maximum(d, 0.0), np.maximum(-d, 0.0), "left or right?", **more)
 
 
-def put(
-    asked_by: Elicitation, verdict: Verdict | None, d: Floats = OPEN, on_conflict: Any = "raise", **more: Any
-) -> Query:
+def put(asked_by: Elicitation, verdict: Verdict | None, d: Floats = OPEN, drop: bool = False, **more: Any) -> Query:
     """Ask about a difference and tell the answer."""
     (query,) = asked_by.open([pair(d, **more)])
-    asked_by.tell([Answer(query, verdict)], on_conflict)
+    asked_by.tell([Answer(query, verdict)], "drop" if drop else "raise")
     return query
 
 
