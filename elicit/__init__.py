@@ -3,12 +3,12 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from elicit.asking.choose import choose
 from elicit.model.comparator import AlwaysAsk, Comparator, Dominance, Tier, decide, simultaneous_bounds
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
+    from elicit.asking.choose import choose
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
     from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -32,6 +32,7 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "ReplayTutor": "elicit.tutors.simulated",
     "TruthfulTutor": "elicit.tutors.simulated",
     "Tutor": "elicit.tutors.simulated",
+    "choose": "elicit.asking.choose",
     "compare_held_out": "elicit.diagnostics.held_out",
     "held_out": "elicit.diagnostics.held_out",
     "inequalities": "elicit.lp.inequalities",

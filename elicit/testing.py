@@ -17,7 +17,7 @@ import numpy as np
 from elicit.model.comparator import AlwaysAsk, Comparator, decide
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.tutors.simulated import Tutor
+from elicit.model.tutor import Tutor, TutorOfMany
 
 _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
 
@@ -69,9 +69,8 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> 
             )
             against = code is not None and plain[i] in (-1, 1) and code != plain[i]
             _say(not against, f"every scale ranks {query.d} as {Verdict(plain[i])!r}, but it says {code!r}")
-    signs = getattr(tutor, "signs", None)
-    if signs is not None:
-        many = signs(d)
+    if isinstance(tutor, TutorOfMany):
+        many = tutor.signs(d)
         _say(
             many.shape == (len(d),) and many.dtype == np.int8, f"signs must be (n,) int8, not {many.shape} {many.dtype}"
         )

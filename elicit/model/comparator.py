@@ -1,4 +1,5 @@
-"""The Comparator protocol, the one table from signs to verdicts, and the two comparators that learn nothing."""
+"""The Comparator protocol and what a comparator may have beyond it, the one table from signs to verdicts, and the two
+comparators that learn nothing."""
 
 from __future__ import annotations
 
@@ -40,9 +41,9 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    A comparator may also have ``simultaneous_bounds(d)``, from which learners take what they guarantee (see the
-    function of that name), and ``draws``, weighted plausible scales, by which they choose questions. Where it has a
-    ``level`` too, the draws are what its bounds rest on, and a guarantee holds under so much of their weight.
+    A comparator may also be one that ``KnowsTiers``, ``BoundsAllAtOnce`` or ``Foretells``, and have ``draws``, weighted
+    plausible scales, by which learners choose questions. Where it has a ``level`` too, the draws are what its bounds
+    rest on, and a guarantee holds under so much of their weight.
     """
 
     @property
@@ -70,29 +71,47 @@ class Decisions(NamedTuple):
     tiers: NDArray[np.int8]
 
 
+@runtime_checkable
+class KnowsTiers(Protocol):
+    """A comparator that knows what decided each comparison."""
+
+    def decide(self, d: ArrayLike) -> Decisions:
+        """Verdicts on differences d (n, k), those of ``compare``, and their tiers."""
+
+
+@runtime_checkable
+class BoundsAllAtOnce(Protocol):
+    """A comparator on which the guarantee for a policy can rest: it has a set of scales that holds the true one."""
+
+    def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
+        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do:
+        1 for certain, if the answers are right; nan where none can be stated."""
+
+
+@runtime_checkable
+class Foretells(Protocol):
+    """A comparator with a model of the tutor's next answer."""
+
+    def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
+        """The probability (n,) that the tutor says left is better, of differences d (n, k); of several arrays (the
+        ends of an interval, say) the last is the best guess."""
+
+
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
-    """``comparator.compare(d)`` with the tiers; a comparator may have a ``decide(d)`` that knows
-    them, for any other what is not equal or dominated counts as MODEL."""
-    own = getattr(comparator, "decide", None)
-    if own is not None:
-        result: Decisions = own(d)
-        return result
+    """``comparator.compare(d)`` with the tiers; of a comparator that does not know them, what is not equal or dominated
+    counts as MODEL."""
+    if isinstance(comparator, KnowsTiers):
+        return comparator.decide(d)
     verdicts = np.asarray(comparator.compare(d), dtype=np.int8)
     plain = dominance(tail_sums(as_vectors(d, comparator.k)))
     return Decisions(verdicts, dominance_tiers(plain, Tier.MODEL))
 
 
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
-    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do.
-
-    The one thing that a guarantee on a policy needs of a comparator beyond the protocol: its method of this name, from
-    a set of scales that holds the true one with that confidence (1: for certain, if the answers are right; nan: none
-    can be stated). Of a comparator without it, what holds for every ordered scale.
-    """
-    own = getattr(comparator, "simultaneous_bounds", None)
-    if own is not None:
-        result: tuple[Floats, float] = own(d)
-        return result
+    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
+    comparator that is not ``BoundsAllAtOnce``, what holds for every ordered scale."""
+    if isinstance(comparator, BoundsAllAtOnce):
+        return comparator.simultaneous_bounds(d)
     return order_bounds(tail_sums(as_vectors(d, comparator.k)), 0.0)[1], 1.0
 
 
@@ -111,6 +130,39 @@ def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -
     return out
 
 
+@runtime_checkable
+class HasDraws(Protocol):
+    """A comparator that names plausible scales, by which questions are chosen."""
+
+    @property
+    def draws(self) -> tuple[Floats, Floats, Floats] | None:
+        """Weighted scales, as ``elicit.lp.hit_and_run.Draws`` has them: gaps (p, m), weights (m,) of total 1, and the
+        tutor's precision (m,) under each. None: not yet."""
+
+
+@runtime_checkable
+class TrustsDraws(HasDraws, Protocol):
+    """One whose bounds rest on its draws: a guarantee holds under this share of their weight."""
+
+    @property
+    def level(self) -> float:
+        """The share, below 1."""
+
+
+@runtime_checkable
+class AllowsLapses(Protocol):
+    """A comparator that takes the tutor to answer some questions at random."""
+
+    @property
+    def lapse(self) -> float:
+        """The share of such answers."""
+
+
+def lapse_of(comparator: Comparator) -> float:
+    """The share of answers that the comparator takes to be given at random: 0 where it does not say."""
+    return float(comparator.lapse) if isinstance(comparator, AllowsLapses) else 0.0
+
+
 def check_levels(k: int) -> int:
     """k as an int, at least 2; raises ValueError."""
     if not is_whole(k, 2):
@@ -119,9 +171,11 @@ def check_levels(k: int) -> int:
 
 
 def check_comparator_made(comparator: Comparator) -> None:
-    """Raise TypeError for anything but a comparator, such as the class of one."""
-    if isinstance(comparator, type) or not callable(getattr(comparator, "compare", None)):
-        raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}")
+    """Raise TypeError for anything but a comparator, such as the class of one, and say what it lacks."""
+    lacking = sorted({"k", "values", "bounds", "compare", "update"} - set(dir(comparator)))
+    if isinstance(comparator, type) or lacking:
+        without = f", which has no {', '.join(lacking)}" if lacking else ""
+        raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}{without}")
 
 
 def check_answers(answers: Answers, k: int) -> Answers:

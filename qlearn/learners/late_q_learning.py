@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
-from elicit.asking.elicitation import place
 from elicit.model.comparator import Comparator, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.exploration import Epsilon, Exploration, exploration_of
-from qlearn.learners.learner import Elicits, Result, Status, check_max_loss
-from qlearn.learners.q_learning import TO_ASK, LearningRate, QLearningLoop, first_checkpoint
+from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, pair_of, place
+from qlearn.learners.q_learning import LearningRate, QLearningLoop, first_checkpoint
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -110,7 +109,7 @@ class LateQLearning(Elicits):
         row = rows[best(self._strategy, pool)[0]]
         self._asked += 1
         s, a, b = int(states[row]), int(actions[row]), int(own[row])
-        return elicitation.open([(q[s, a].copy(), q[s, b].copy(), s, a, b)], TO_ASK)
+        return elicitation.open([pair_of(q[s, a].copy(), q[s, b].copy(), s, a, b)])
 
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
         """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where they are as good."""

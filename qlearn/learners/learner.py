@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.validation import is_number
-from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Watch
+from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.model.comparator import AlwaysAsk, Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
+from elicit.model.tutor import Tutor, TutorOfMany
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import Tutor
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 Guarantor: TypeAlias = Callable[[], tuple[float, float]]
@@ -47,6 +47,19 @@ class Status(Enum):
     SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
 
 
+def place(state: int, a: int, b: int) -> tuple[int, int, int]:
+    """Where two actions are compared, whichever is left."""
+    return int(state), int(min(a, b)), int(max(a, b))
+
+
+def pair_of(
+    left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR), audited: bool = False
+) -> Pair:
+    """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
+    about = f"state {state}: action {a} (left) or action {b} (right)?"
+    return Pair(left, right, about, place(state, a, b), tier, audited)
+
+
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
     """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels differ in number."""
     if not isinstance(mdp, OrdinalMDP):
@@ -63,24 +76,6 @@ def check_max_loss(max_loss: float | None) -> float | None:
     return max_loss
 
 
-class OnDemand:
-    """A field that may be given as a function: called when the field is first read."""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, instance: object, owner: type | None = None) -> Floats:
-        if instance is None:
-            raise AttributeError(self._name)  # says to dataclass: there is no default
-        value: Floats | Callable[[], Floats] = vars(instance)[self._name]
-        if callable(value):
-            value = vars(instance)[self._name] = value()
-        return value
-
-    def __set__(self, instance: object, value: Floats | Callable[[], Floats]) -> None:
-        vars(instance)[self._name] = value
-
-
 def no_guarantee() -> tuple[float, float]:
     """Nothing can be said."""
     return nan, nan
@@ -88,8 +83,8 @@ def no_guarantee() -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a learner knows so far. ``policy`` (S,) actions; ``q`` (S, A, k) shares, of many states computed when
-    first read; ``asked``: questions to the tutor, audits not counted; ``decided``: comparisons by tier;
+    """What a learner knows so far. ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted;
+    ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it;
     ``rounds``: steps, sweeps, or policies solved for.
 
     ``loss_bound`` is an upper bound on what the policy loses against the best, from whatever state, as a share of the
@@ -106,8 +101,13 @@ class Result:
     audits: tuple[Audit, ...]
     cannot_tell: int
     rounds: int
-    q: OnDemand = OnDemand()
+    shares: Floats | Callable[[], Floats] = field(repr=False)
     guarantee: Guarantor = field(default=no_guarantee, repr=False)
+
+    @cached_property
+    def q(self) -> Floats:
+        """(S, A, k) the shares; computed when first read where they are given as a function."""
+        return self.shares() if callable(self.shares) else self.shares
 
     @cached_property
     def _guaranteed(self) -> tuple[float, float]:
@@ -138,7 +138,7 @@ def result_of(
     elicitation: Elicitation,
     *,
     policy: NDArray[np.int64],
-    q: Floats,
+    shares: Floats | Callable[[], Floats],
     status: Status,
     tiers: NDArray[np.int64],
     rounds: int,
@@ -147,7 +147,7 @@ def result_of(
     """The Result of a learner that stands on this elicitation; ``tiers`` (len(Tier),) counts its comparisons."""
     return Result(
         policy=policy,
-        q=q,
+        shares=shares,
         status=status,
         asked=elicitation.asked,
         decided={tier.name.lower(): int(n) for tier, n in zip(Tier, tiers, strict=True)},
@@ -236,9 +236,8 @@ def drive(
         raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
     if not callable(tutor):
         raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
-    signs = getattr(tutor, "signs", None)
-    if isinstance(learner.comparator, AlwaysAsk) and signs is not None:
-        learner.consult(signs)
+    if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
+        learner.consult(tutor.signs)
     while queries := learner.ask():
         answers = [tutor(query) for query in queries]
         try:

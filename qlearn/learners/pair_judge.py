@@ -19,10 +19,10 @@ from numpy.typing import DTypeLike, NDArray
 
 from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
-from elicit.asking.elicitation_kernel import AskingRule, judge_pair
-from elicit.decision.judge import FLOORED, holds
+from elicit.asking.elicitation_kernel import NOTHING_LOOKED_UP, AskingRule, judge_pair
+from elicit.decision.judge import holds
 from elicit.decision.rule import PROOFS, Rule, outlasts_answers, rule_of
-from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX, EQUAL, by_dominance
+from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX, EQUAL, UNSETTLED, by_dominance
 from elicit.model.comparator import AlwaysAsk, Decisions, Tier
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import Respondent, nobody
@@ -151,11 +151,12 @@ def certified(t: Any, row: int, certificates: Certificates) -> bool:
 def judge_anew(
     d: Any, t: Any, row: int, work: Any, rule: Rule, asking: AskingRule, certificates: Certificates
 ) -> tuple[int, int]:
-    """``judge_pair``, whose certificate, if it has one, becomes the row's. ``work`` is (3, p) to write in."""
-    verdict, tier = judge_pair(d, t, work, rule, asking, work[2])
+    """``judge_pair``, whose certificate, if it has one, becomes the row's; an audit is for Python to see to. ``work``
+    is (3, p) to write in."""
+    judged = judge_pair(d, t, work, work[2], rule, asking, NOTHING_LOOKED_UP)
+    verdict, tier = UNSETTLED if judged.audited else judged.verdict, judged.tier
     certificates.verdicts[row] = 0
-    if tier >= FLOORED:
-        tier -= FLOORED
+    if judged.certified:
         round_up(work[2], certificates.least[row])
         certificates.verdicts[row] = verdict
         certificates.tiers[row] = BY_SCREEN if tier == BY_SIMPLEX else tier  # to look it up takes no program

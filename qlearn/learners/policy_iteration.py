@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import AUDIT, Elicitation, place
-from elicit.model.comparator import Comparator, Decisions, Tier, decide, simultaneous_bounds
+from elicit.asking.elicitation import Elicitation, Judgements, Pair
+from elicit.model.comparator import Comparator, Tier, decide, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.learner import Elicits, Result, Status, check_problem, result_of
+from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, place, result_of
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -103,7 +103,7 @@ class InteractivePolicyIteration(Elicits):
         order = rows[best(self._strategy, candidates, len(rows))]
         if self._bags is not None and (simple := self._simple(candidates, over.d[order[:_ABOUT]], self._bags)):
             return simple
-        return self._open(over, order[self._elicitation.next_batch(over.d[order])], Tier.TUTOR)
+        return self._open(over, order[self._elicitation.next_batch(over.d[order])])
 
     def result(self) -> Result:
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
@@ -114,7 +114,7 @@ class InteractivePolicyIteration(Elicits):
         return result_of(
             self._elicitation,
             policy=over.policy.copy(),
-            q=over.q,
+            shares=over.q,
             status=self._end or Status.WAITING,
             tiers=tiers,
             rounds=self._rounds,
@@ -138,15 +138,12 @@ class InteractivePolicyIteration(Elicits):
         """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
         asked = bags.questions(self._mdp.k)
         skip = np.flatnonzero(~self._elicitation.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
-        lapse = float(getattr(candidates.comparator, "lapse", 0.0))
-        row, _ = bags.best(candidates.draws, about, lapse, skip.tolist())
+        row, _ = bags.best(candidates.draws, about, lapse_of(candidates.comparator), skip.tolist())
         if row < 0:
             return ()
-        pair = (asked.left[row] / bags.days, asked.right[row] / bags.days, *_nowhere(row))
-        verdict = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
-        return self._elicitation.open(
-            [pair], verdict, bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)
-        )
+        sentence = bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)
+        pair = Pair(asked.left[row] / bags.days, asked.right[row] / bags.days, sentence, _nowhere(row))
+        return self._elicitation.open([pair])
 
     def _solved_for(self, values: Floats) -> Advantages:
         """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
@@ -178,22 +175,20 @@ class InteractivePolicyIteration(Elicits):
 
     def _audit(self, over: Advantages) -> tuple[Query, ...]:
         """The certificate stands: audit some of what it rests on."""
-        if not self._elicitation.audits_any:
-            self._end = Status.CONVERGED
-            return ()
-        decisions = self._elicitation.judge(over.d, lambda row: self._place(over, row))
-        rows = np.flatnonzero(decisions.tiers >= AUDIT)[: self._elicitation.batch]
+        judged = self._elicitation.judge(over.d, lambda row: self._place(over, row))
+        rows = np.flatnonzero(judged.audited)[: self._elicitation.batch]
         if len(rows):
-            return self._open(over, rows, decisions.tiers[rows])
+            return self._open(over, rows, judged)
         self._end = Status.CONVERGED
         return ()
 
-    def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: NDArray[np.int8] | Tier) -> tuple[Query, ...]:
-        s, a = over.states[rows], over.actions[rows]
-        own = over.policy[s]
-        pairs = [(over.q[i, j], over.v[i], int(i), int(j), int(b)) for i, j, b in zip(s, a, own, strict=True)]
-        verdicts = np.full(len(rows), Verdict.UNKNOWN, np.int8)
-        return self._elicitation.open(pairs, Decisions(verdicts, np.broadcast_to(np.int8(tiers), len(rows))))
+    def _open(self, over: Advantages, rows: NDArray[np.int64], audits: Judgements | None = None) -> tuple[Query, ...]:
+        pairs = []
+        for row in rows:
+            s, a = int(over.states[row]), int(over.actions[row])
+            pair = pair_of(over.q[s, a], over.v[s], s, a, int(over.policy[s]))
+            pairs.append(pair if audits is None else pair._replace(tier=int(audits.tiers[row]), audited=True))
+        return self._elicitation.open(pairs)
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]

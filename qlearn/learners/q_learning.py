@@ -11,19 +11,18 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.validation import is_number, is_whole
-from elicit.asking.elicitation import Elicitation, place
+from elicit.asking.elicitation import Elicitation, Judgements, Pair, Place
 from elicit.decision.rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of
-from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, result_of
+from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, pair_of, result_of
 from qlearn.learners.loss_bound import loses_at_most, loss_bound
 from qlearn.learners.pair_judge import PairJudge
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-TO_ASK = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
 _FIRST = 2  # checkpoint, in visits for each pair of state and action
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
@@ -172,13 +171,13 @@ class QLearningLoop:
                 continue
             pair = self._pair()
             if code == kernel.ASK and elicitation.signs is None:
-                return elicitation.open([pair], TO_ASK)
-            d = (pair[0] - pair[1])[None, :]
-            decisions = self._judge(d, pair[2:])
-            if decisions.verdicts[0] == Verdict.UNKNOWN:
-                return elicitation.open([pair], decisions)
-            self._verdict = int(decisions.verdicts[0])
-            elicitation.commit(d, decisions)
+                return elicitation.open([pair])
+            d = (pair.left - pair.right)[None, :]
+            verdicts, tiers, audited = self._judge(d, pair.place)
+            if verdicts[0] == Verdict.UNKNOWN:
+                return elicitation.open([pair._replace(tier=int(tiers[0]), audited=bool(audited[0]))])
+            self._verdict = int(verdicts[0])
+            elicitation.commit(d, Decisions(verdicts, tiers))
 
     def take(self, verdicts: Mapping[str, Verdict]) -> None:
         """The tutor has answered: her verdict is on the pair at the cursor, if the question was about that."""
@@ -193,7 +192,7 @@ class QLearningLoop:
         return result_of(
             self.elicitation,
             policy=policy,
-            q=self.state.q.copy(),
+            shares=self.state.q.copy(),
             status=status,
             tiers=self.elicitation.counts,
             rounds=int(self.state.cursor[kernel.STEP]),
@@ -211,15 +210,15 @@ class QLearningLoop:
         """Whether all steps are done."""
         return bool(self.state.cursor[kernel.STEP] >= self.model.steps)
 
-    def _judge(self, d: Floats, where: tuple[int, int, int]) -> Decisions:
-        return self.elicitation.judge(d, lambda row: place(*where))
+    def _judge(self, d: Floats, where: Place | None) -> Judgements:
+        return self.elicitation.judge(d, lambda row: where)
 
-    def _pair(self) -> tuple[Floats, Floats, int, int, int]:
-        """The vectors at the cursor, the state, and the two actions."""
+    def _pair(self) -> Pair:
+        """The two actions at the cursor."""
         s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]]
         challenger, incumbent = self.model.actions[s, position], self.state.best[s]
         q = self.state.q[s]
-        return q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent)
+        return pair_of(q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
 
 
 def first_checkpoint(mdp: OrdinalMDP, steps: int) -> int:

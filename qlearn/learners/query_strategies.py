@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from elicit.asking.bags import entropy, says_left
 from elicit.lp.dual_simplex import Region
 from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.comparator import Comparator, HasDraws, lapse_of, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 
 
@@ -62,7 +62,7 @@ class Candidates:
     @cached_property
     def agreement(self) -> Floats:
         """(n, m) the chance that the tutor says "left is better", under each of the draws."""
-        return says_left(self.scores, self.draws.precision, float(getattr(self.comparator, "lapse", 0.0)))
+        return says_left(self.scores, self.draws.precision, lapse_of(self.comparator))
 
     def __len__(self) -> int:
         return len(self.d)
@@ -124,7 +124,7 @@ def check_strategy(strategy: Strategy) -> Strategy:
 
 def draws_of(comparator: Comparator) -> Draws:
     """A comparator's ``draws``, or draws from all ordered scales where it has none."""
-    own: Any = getattr(comparator, "draws", None)
+    own = comparator.draws if isinstance(comparator, HasDraws) else None
     if own is not None:
         return Draws(*own)
     p = comparator.k - 1

@@ -8,12 +8,13 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.asking.elicitation import Elicitation, place
+from elicit.asking.elicitation import Elicitation
 from elicit.decision.rule import NOTHING, PROOFS, Rule, rule_of, silent
 from elicit.lp.sign import UNKNOWN, UNSETTLED
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
+from qlearn.learners.learner import place
 from qlearn.learners.pair_judge import PairJudge
 from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
@@ -39,7 +40,7 @@ class StateSweep:
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
-        self.tiers: dict[int, int] = {}  # of waiting states: the tier their pair was judged with
+        self.judged: dict[int, tuple[int, bool]] = {}  # of waiting states: their pair's tier, and whether an audit
         self.lent = False  # whether somebody may still read V
         self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
         self._judged_by = elicitation.comparator  # whom certificates and copies are of
@@ -80,7 +81,7 @@ class StateSweep:
     def begin(self) -> None:
         """Begin this sweep, or begin it anew, from V."""
         self.cursor[:] = 0
-        self.tiers.clear()
+        self.judged.clear()
         self._reached = 0  # states from here on have not been looked at in this sweep
         self.change = 0.0  # the greatest of a tail sum of V: the most that any ordered scale can see
         self._waiting = np.empty(0, dtype=np.int64)
@@ -110,7 +111,7 @@ class StateSweep:
                 if self._elicitation.signs is not None:
                     by_python |= code == UNKNOWN
                 asks = part[(code == UNKNOWN) & ~by_python]
-                self.tiers.update(dict.fromkeys(asks.tolist(), int(Tier.TUTOR)))
+                self.judged.update(dict.fromkeys(asks.tolist(), (int(Tier.TUTOR), False)))
                 needs = self._judge(part[by_python])
                 waiting += [asks, needs]
                 going_on += [part[code == ANSWERED], np.setdiff1d(part[by_python], needs)]
@@ -156,7 +157,8 @@ class StateSweep:
         d = left - right
         decisions = self._elicitation.judge(d, lambda row: place(states[row], challengers[row], incumbents[row]))
         needs = decisions.verdicts == Verdict.UNKNOWN
-        self.tiers.update(zip(states[needs].tolist(), decisions.tiers[needs].tolist(), strict=True))
+        how = zip(decisions.tiers[needs].tolist(), decisions.audited[needs].tolist(), strict=True)
+        self.judged.update(zip(states[needs].tolist(), how, strict=True))
         self._elicitation.commit(d[~needs], Decisions(decisions.verdicts[~needs], decisions.tiers[~needs]))
         self._settle(states[~needs], decisions.verdicts[~needs])
         needed: States = states[needs]

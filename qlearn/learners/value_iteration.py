@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +12,10 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
 from elicit.asking.elicitation import Elicitation
-from elicit.model.comparator import Comparator, Decisions, Tier
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, result_of
+from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, pair_of, result_of
 from qlearn.learners.loss_bound import loses_at_most, loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.learners.state_sweep import StateSweep
@@ -211,9 +210,11 @@ class _Run:
             pool = Candidates(d, heads, challengers.astype(np.int64), self.elicitation.indifference, known)
             order = best(strategy, pool, len(heads))
         chosen = [order[i] for i in self.elicitation.next_batch(d[order])]
-        pairs = [(left[i], right[i], int(heads[i]), int(challengers[i]), int(incumbents[i])) for i in chosen]
-        tiers = np.array([self.states.tiers[int(heads[i])] for i in chosen], dtype=np.int8)
-        queries = self.elicitation.open(pairs, Decisions(np.full(len(chosen), Verdict.UNKNOWN, np.int8), tiers))
+        pairs = []
+        for i in chosen:
+            s, a, b = int(heads[i]), int(challengers[i]), int(incumbents[i])
+            pairs.append(pair_of(left[i], right[i], s, a, b, *self.states.judged[s]))
+        queries = self.elicitation.open(pairs)
         self._asking = {query.id: int(heads[i]) for query, i in zip(queries, chosen, strict=True)}
         return queries
 
@@ -243,7 +244,7 @@ class _Run:
         return result_of(
             self.elicitation,
             policy=policy,
-            q=cast(Floats, partial(_q, self.states.v, self.mdp)),  # computed when first read
+            shares=partial(_q, self.states.v, self.mdp),  # computed when first read
             status=status or Status.WAITING,
             tiers=self.elicitation.counts,
             rounds=self.sweeps,

@@ -1,0 +1,26 @@
+"""The Tutor protocol: whatever answers a query; and one that answers many at once."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit.model.query import Answer, Query
+
+
+@runtime_checkable
+class Tutor(Protocol):
+    """Answers queries. It sees only the query: no comparator, no learner, no problem."""
+
+    def __call__(self, query: Query) -> Answer:
+        """The answer to this query; its verdict is None where the tutor cannot tell."""
+
+
+@runtime_checkable
+class TutorOfMany(Tutor, Protocol):
+    """One that can also answer many questions at once, without queries: learners that ask millions make use of it."""
+
+    def signs(self, d: ArrayLike) -> NDArray[np.int8]:
+        """Answers (n,) in {-1, 0, +1} to differences d (n, k), the same as to n queries in that order."""
