@@ -148,13 +148,17 @@ def loop_of(
     )  # fmt: skip
 
 
+def run(loop: QLearningLoop, tutor: Tutor, step: int) -> None:
+    while queries := loop.run(step):
+        loop.take(loop.elicitation.tell([tutor(query) for query in queries], "raise")[0])
+
+
 def trace(loop: QLearningLoop, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
     """The successor at each (state, action, visit), seen by letting the loop go one step at a time."""
     seen = {}
     for step in range(1, steps + 1):
         before, state = loop.state.visits.copy(), int(loop.state.cursor[kernel.STATE])
-        while queries := loop.run(step):
-            loop.tell([tutor(query) for query in queries], "raise")
+        run(loop, tutor, step)
         ((s, a),) = np.argwhere(loop.state.visits != before)
         assert s == state
         seen[int(s), int(a), int(before[s, a])] = int(loop.state.cursor[kernel.STATE])
@@ -228,8 +232,7 @@ def test_episodes_restart_from_the_initial_distribution() -> None:
         mdp.successors, mdp.probabilities, mdp.levels, mdp.discount, mdp.labels, initial=np.arange(6) == 3
     )
     loop = loop_of(at_three, Dominance(4), 50, Exploration(1.0, episode_length=1))
-    while queries := loop.run(50):
-        loop.tell([TruthfulTutor([0, 1, 2, 3])(query) for query in queries], "raise")
+    run(loop, TruthfulTutor([0, 1, 2, 3]), 50)
     assert loop.state.visits.sum() == loop.state.visits[3].sum() == 50
 
 
