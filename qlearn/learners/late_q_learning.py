@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
-from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.comparator import Comparator
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.exploration import Epsilon, Exploration, exploration_of
 from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, pair_of, place
 from qlearn.learners.q_learning import LearningRate, QLearningLoop, first_checkpoint
-from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
+from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation, worth_asking
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 MOVED = 0.25  # of the way that a difference has come since the last checkpoint: it may come as far again
@@ -100,8 +100,7 @@ class LateQLearning(Elicits):
         own = policy[states]
         d = q[states, actions] - q[states, own]
         unsettled = elicitation.indifference + self._moving(states, actions, own)
-        rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > unsettled)
-        rows = rows[elicitation.may_ask(d[rows], lambda i: place(states[rows[i]], actions[rows[i]], own[rows[i]]))]
+        rows = worth_asking(elicitation, d, lambda i: place(states[i], actions[i], own[i]), unsettled)
         self._refused |= bool(len(rows)) and elicitation.spent
         if not len(rows) or elicitation.spent:
             return ()

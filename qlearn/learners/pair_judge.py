@@ -19,7 +19,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
-from elicit.asking.elicitation_kernel import AskingRule, judge_pair
+from elicit.asking.elicitation_kernel import AskingRule, Judgement
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.judge import certifies
 from elicit.decision.rule import Rule, outlasts_answers, rule_of
@@ -112,14 +112,14 @@ class PairJudge:
 
 
 @compiled
-def difference(q: Any, a: int, b: int, d: Any, t: Any) -> int:
-    """Rows a - b of q (A, k) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
+def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
+    """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
     total = -0.0
     for j in range(len(d) - 1, 0, -1):
-        d[j] = q[a, j] - q[b, j]
+        d[j] = q[s, a, j] - q[s, b, j]
         total += d[j]
         t[j - 1] = total
-    d[0] = q[a, 0] - q[b, 0]
+    d[0] = q[s, a, 0] - q[s, b, 0]
     return by_dominance(t)
 
 
@@ -131,16 +131,13 @@ def certified(t: Any, row: int, certificates: Certificates) -> bool:
 
 
 @compiled
-def judge_anew(
-    d: Any, t: Any, row: int, work: Any, rule: Rule, asking: AskingRule, certificates: Certificates
-) -> tuple[int, int]:
-    """``judge_pair``, whose certificate, if it has one, becomes the row's; an audit is for Python to see to. ``work``
-    is (3, p) to write in."""
-    judged = judge_pair(d, t, work, work[2], rule, asking)
+def certify(judged: Judgement, least: Any, row: int, certificates: Certificates) -> tuple[int, int]:
+    """Verdict and tier of what ``judge_pair`` has just judged, UNSETTLED of an audit, which is for Python to see to. If
+    it has written a certificate in ``least`` (p,), that is the row's from now on."""
     verdict, tier = UNSETTLED if judged.audited else judged.verdict, judged.tier
     certificates.verdicts[row] = 0
     if judged.certified:
-        round_up(work[2], certificates.least[row])
+        round_up(least, certificates.least[row])
         certificates.verdicts[row] = verdict
         certificates.tiers[row] = BY_SCREEN if tier == BY_SIMPLEX else tier  # to look it up takes no program
     return verdict, tier
@@ -158,10 +155,9 @@ def round_up(numbers: Any, into: Any) -> None:
 
 @compiled
 def keep(d: Any, verdict: int, tier: int, kept: Kept) -> None:
-    """Keep a comparison, where there is room for any."""
-    if len(kept.tiers) > 0:
-        i = kept.used[0]
-        for j in range(len(d)):
-            kept.d[i, j] = d[j]
-        kept.verdicts[i], kept.tiers[i] = verdict, tier
-        kept.used[0] = i + 1
+    """Keep a comparison; there must be room."""
+    i = kept.used[0]
+    for j in range(len(d)):
+        kept.d[i, j] = d[j]
+    kept.verdicts[i], kept.tiers[i] = verdict, tier
+    kept.used[0] = i + 1

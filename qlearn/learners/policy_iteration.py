@@ -18,7 +18,15 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, place, result_of
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
-from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
+from qlearn.learners.query_strategies import (
+    Candidates,
+    Strategy,
+    best,
+    check_strategy,
+    draws_of,
+    telling_violation,
+    worth_asking,
+)
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
 
@@ -157,12 +165,11 @@ class InteractivePolicyIteration(Elicits):
     def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
         """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
         scale puts above the limit; of drawn scales, where no draw is left out, if there are none else."""
-        comparator = self._elicitation.comparator
-        rows = np.flatnonzero(simultaneous_bounds(comparator, over.d)[0] > self._limit)
-        rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        comparator, places = self._elicitation.comparator, partial(self._place, over)
+        rows = worth_asking(self._elicitation, over.d, places, self._limit)
         if not len(rows) and drawn_set(comparator) is not None:
             rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > 0).any(axis=1))
-            rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+            rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
         return rows
 
     def _settled_by(self, over: Advantages, high: Floats) -> NDArray[np.int8]:
@@ -176,7 +183,7 @@ class InteractivePolicyIteration(Elicits):
 
     def _audit(self, over: Advantages) -> tuple[Query, ...]:
         """The certificate stands: audit some of what it rests on."""
-        judged = self._elicitation.judge(over.d, lambda row: self._place(over, row))
+        judged = self._elicitation.judge(over.d, partial(self._place, over))
         rows = np.flatnonzero(judged.audited)[: self._elicitation.batch]
         if len(rows):
             return self._open(over, rows, judged)

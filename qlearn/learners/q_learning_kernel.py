@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing_kernel import mix, unit
 from elicit._support.jit import compiled
+from elicit.asking.elicitation_kernel import judge_pair
 from elicit.lp.sign import BETTER, BY_DOMINANCE, BY_EQUAL, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, difference, judge_anew, keep
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, certify, difference, keep
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
@@ -78,20 +79,19 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     rule, asking, oracle, certificates, kept = judging
     best, cursor, decided = state.best, state.cursor, state.decided
     m, k = state.q.shape[1:]
-    d, t, work = np.empty(k), np.empty(k - 1), np.empty((3, k - 1))
+    d, t, work, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
     while True:
         if cursor[POSITION] == IDLE:
             if cursor[STEP] >= model.steps:
                 return DONE
             learn(state, model)
         s = cursor[STATE]
-        q = state.q[s]
         while cursor[POSITION] < cursor[LAST]:
             challenger = model.actions[s, cursor[POSITION]]
             incumbent = best[s]
             if challenger != incumbent:
                 if verdict == UNKNOWN:
-                    verdict, row = difference(q, challenger, incumbent, d, t), s * m + challenger
+                    verdict, row = difference(state.q, s, challenger, incumbent, d, t), s * m + challenger
                     if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
                         tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                     else:
@@ -102,10 +102,12 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                         elif asking.plain and certified(t, row, certificates):
                             verdict, tier = certificates.verdicts[row], certificates.tiers[row]
                         else:
-                            verdict, tier = judge_anew(d, t, row, work, rule, asking, certificates)
+                            judged = judge_pair(d, t, work, least, rule, asking)
+                            verdict, tier = certify(judged, least, row, certificates)
                         if verdict in (UNSETTLED, UNKNOWN):
                             return DEFER if verdict == UNSETTLED else ASK
-                        keep(d, verdict, tier, kept)
+                        if len(kept.tiers) > 0:
+                            keep(d, verdict, tier, kept)
                     decided[tier] += 1
                 if verdict == BETTER:  # Alg. 2, l. 7 and 15; equal keeps the incumbent
                     best[s] = challenger

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.asking.bags import entropy, says_left
+from elicit.asking.elicitation import Elicitation, Place
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.region import Region
 from elicit.model.comparator import Comparator, HasDraws, lapse_of, simultaneous_bounds
@@ -129,6 +130,15 @@ def draws_of(comparator: Comparator) -> Draws:
         return Draws(*own)
     p = comparator.k - 1
     return draws_within(Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, np.int64)), np.full(p, 1.0 / p))
+
+
+def worth_asking(
+    elicitation: Elicitation, d: Floats, places: Callable[[int], Place], limit: float | Floats
+) -> NDArray[np.int64]:
+    """Rows of the differences d (n, k) that some plausible scale puts above the limit, one for all or (n,), and that
+    may be asked about; ``places`` gives where a row is compared."""
+    rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > limit)
+    return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]
 
 
 def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[int]:

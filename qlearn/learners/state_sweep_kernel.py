@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import unlocked
+from elicit.asking.elicitation_kernel import judge_pair
 from elicit.lp.sign import BETTER, BY_DOMINANCE, BY_EQUAL, EQUAL, UNKNOWN, UNSETTLED
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, difference, judge_anew, keep
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, certify, difference, keep
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
@@ -67,7 +68,9 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
     arrays, discount = (model.successors, model.probabilities, ends, model.levels), model.discount
     plain, turns = asking.plain, oracle.kind != NOBODY
     m, k = model.n_actions, v.shape[1]
-    q, d, t, scratch = np.empty((m, k)), np.empty(k), np.empty(k - 1), np.empty((3, k - 1))
+    d, t, scratch, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
+    vectors = np.empty((1, m, k))
+    q = vectors[0]
     change = 0.0
     for i in range(len(states)):
         if len(kept.tiers) > 0 and kept.used[0] + m > len(kept.tiers):
@@ -84,7 +87,7 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                 row = s * m + a
                 if a == best or ends[row] == ends[row + 1]:
                     continue
-                verdict = difference(q, a, best, d, t)
+                verdict = difference(vectors, 0, a, best, d, t)
                 if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
                     tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                 elif turns:
@@ -92,12 +95,14 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                 elif plain and certified(t, row, certificates):
                     verdict, tier = certificates.verdicts[row], certificates.tiers[row]
                 else:
-                    verdict, tier = judge_anew(d, t, row, scratch, rule, asking, certificates)
+                    judged = judge_pair(d, t, scratch, least, rule, asking)
+                    verdict, tier = certify(judged, least, row, certificates)
                 if verdict in (UNKNOWN, UNSETTLED):
                     code, at = verdict, a
                     break
                 tiers[tier] += 1
-                keep(d, verdict, tier, kept)
+                if len(kept.tiers) > 0:
+                    keep(d, verdict, tier, kept)
                 if verdict == BETTER:
                     best = a
                 if turns:

@@ -254,15 +254,6 @@ def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked():
     assert learner.result().status is Status.CONVERGED
 
 
-def test_settings_that_make_no_sense_are_refused():
-    mdp, _ = random_mdp(6, 2, 3, rng=0)
-    for bad in ({"tolerance": 0.0}, {"tolerance": np.nan}, {"max_loss": -1.0}, {"max_queries": -1}, {"bags": True}):
-        with pytest.raises(ValueError, match=next(iter(bad))):
-            InteractivePolicyIteration(mdp, PolytopeComparator(3), **bad)
-    with pytest.raises(ValueError, match="one number"):
-        InteractivePolicyIteration(mdp, PolytopeComparator(3), tolerance=1e-6, strategy=lambda c: np.zeros(1)).ask()
-
-
 def test_a_bound_can_be_had_for_any_policy():
     mdp, values = random_mdp(15, 3, 4, rng=8)
     worst = value_iteration(mdp, values)[1][::-1].copy()

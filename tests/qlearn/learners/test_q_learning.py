@@ -12,8 +12,8 @@ from elicit._support.hashing import key_of
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, Decisions, Tier
-from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.model.comparator import Comparator
+from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor, Tutor
 from qlearn.learners import q_learning_kernel as kernel
@@ -140,35 +140,6 @@ def test_learns_a_good_policy() -> None:
     assert (result.q >= 0).all()
 
 
-def test_terminal_states_keep_their_level_and_inadmissible_actions_are_never_taken() -> None:
-    mdp, values = messy_mdp(7, n=12)
-    result = learn(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), steps=2000, epsilon=0.5)
-    for s in np.flatnonzero(mdp.terminal):
-        assert (result.q[s] == np.eye(mdp.k)[mdp.final_level[s]]).all()
-    live = ~mdp.terminal
-    untouched = np.eye(mdp.k)[0]
-    assert (result.q[~mdp.admissible & live[:, None]] == untouched).all()
-    assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
-
-
-def test_questions_compare_two_admissible_actions_of_one_state() -> None:
-    mdp, values = messy_mdp(3)
-    learner = InteractiveQLearning(mdp, Dominance(mdp.k), steps=200, epsilon=0.5)
-    tutor = TruthfulTutor(values)
-    number = 0
-    while queries := learner.ask():
-        (query,) = queries
-        q = learner.result().q
-        s, left, right = (int(word.strip(":?")) for word in query.about.split() if word.strip(":?").isdigit())
-        assert mdp.admissible[s, left]
-        assert mdp.admissible[s, right]
-        assert q[s, left].tolist() == query.left.tolist()
-        assert q[s, right].tolist() == query.right.tolist()
-        learner.tell([tutor(query)])
-        number += 1
-    assert number == learner.result().asked > 0
-
-
 def loop_of(
     mdp: OrdinalMDP, comparator: Comparator, steps: int, exploration: Exploration, budget: int | None = None
 ) -> QLearningLoop:
@@ -178,13 +149,17 @@ def loop_of(
     )  # fmt: skip
 
 
+def run(loop: QLearningLoop, tutor: Tutor, step: int) -> None:
+    while queries := loop.run(step):
+        loop.take(loop.elicitation.tell([tutor(query) for query in queries], "raise")[0])
+
+
 def trace(loop: QLearningLoop, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
     """The successor at each (state, action, visit), seen by letting the loop go one step at a time."""
     seen = {}
     for step in range(1, steps + 1):
         before, state = loop.state.visits.copy(), int(loop.state.cursor[kernel.STATE])
-        while queries := loop.run(step):
-            loop.tell([tutor(query) for query in queries], "raise")
+        run(loop, tutor, step)
         ((s, a),) = np.argwhere(loop.state.visits != before)
         assert s == state
         seen[int(s), int(a), int(before[s, a])] = int(loop.state.cursor[kernel.STATE])
@@ -258,8 +233,7 @@ def test_episodes_restart_from_the_initial_distribution() -> None:
         mdp.successors, mdp.probabilities, mdp.levels, mdp.discount, mdp.labels, initial=np.arange(6) == 3
     )
     loop = loop_of(at_three, Dominance(4), 50, Exploration(1.0, episode_length=1))
-    while queries := loop.run(50):
-        loop.tell([TruthfulTutor([0, 1, 2, 3])(query) for query in queries], "raise")
+    run(loop, TruthfulTutor([0, 1, 2, 3]), 50)
     assert loop.state.visits.sum() == loop.state.visits[3].sum() == 50
 
 
@@ -269,19 +243,6 @@ def test_draws_never_hit_what_has_no_probability() -> None:
         assert kernel.draw(cumulative, u) == index
     counts = np.bincount([kernel.draw(cumulative, u) for u in np.linspace(0.0, 0.95, 950, endpoint=False)], minlength=6)
     np.testing.assert_allclose(counts, [0, 250, 0, 500, 200, 0], atol=1)
-
-
-def test_small_problems() -> None:
-    mdp, values = random_mdp(5, 1, 4, rng=0)
-    one_action = learn(mdp, AlwaysAsk(4), TruthfulTutor(values))
-    assert (one_action.compared, one_action.asked, one_action.status) == (0, 0, Status.DONE)
-    one_state = OrdinalMDP(np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good"))
-    assert learn(one_state, PolytopeComparator(3), TruthfulTutor([0, 1, 2]), epsilon=0.5).policy.tolist() == [1]
-    # with e_1 = 0 and e_2 = 1 nothing is hidden: dominance decides all
-    mdp, values = random_mdp(8, 3, 2, rng=0)
-    two_levels = learn(mdp, PolytopeComparator(2), TruthfulTutor(values))
-    assert two_levels.asked == 0
-    assert two_levels.decided["equal"] + two_levels.decided["dominance"] == two_levels.compared > 0
 
 
 def test_no_steps() -> None:
@@ -296,93 +257,13 @@ def test_no_steps() -> None:
 @pytest.mark.parametrize(
     ("wrong", "text"),
     [
-        ({"steps": -1}, "-1"),
-        ({"steps": 1.5}, "1.5"),
-        ({"epsilon": 1.25}, "1.25"),
-        ({"epsilon": float("nan")}, "nan"),
-        ({"learning_rate": 0.0}, "0.0"),
-        ({"learning_rate": 1.5}, "1.5"),
-        ({"learning_rate": float("nan")}, "nan"),
-        ({"learning_rate": "a"}, "not 'a'"),
-        ({"learning_rate": [0.5]}, r"not \[0.5\]"),
         ({"learning_rate": lambda visits: 1.0 / visits[1:]}, r"\(9,\)"),
         ({"learning_rate": lambda visits: -1.0 - visits}, "-1.0"),
-        ({"exploration": "bold"}, "constant, decaying, restarts, optimistic, uniform, not 'bold'"),
         ({"epsilon": lambda steps: steps - 4.0}, "-4.0"),
         ({"epsilon": lambda steps: 0.1 * steps[1:]}, r"\(9,\)"),
-        ({"indifference": -0.125}, "-0.125"),
-        ({"indifference": float("inf")}, "inf"),
-        ({"max_queries": -2}, "-2"),
-        ({"max_queries": 2.5}, "2.5"),
-        ({"audit": 1.5}, "1.5"),
-        ({"batch": 0}, "0"),
-        ({"steps": "x"}, "'x'"),
-        ({"epsilon": "x"}, "'x'"),
-        ({"epsilon": [0.1]}, r"\[0.1\]"),
-        ({"exploration": ["constant"]}, r"\['constant'\]"),
     ],
 )
-def test_bad_settings_are_named(wrong: dict[str, Any], text: str) -> None:
-    mdp, _ = random_mdp(4, 2, 3, rng=0)
+def test_schedules_that_make_no_sense_are_named(wrong: dict[str, Any], text: str) -> None:
     (name,) = wrong
     with pytest.raises(ValueError, match=rf"(?s){name}.*{text}"):
-        InteractiveQLearning(mdp, PolytopeComparator(3), **{"steps": 10, **wrong})
-
-
-def test_an_interruption_while_judging_does_no_harm() -> None:
-    # Ctrl-C in the middle of a linear program: asking again must go on as if nothing had happened
-    class Interrupted(Dominance):
-        calls = 0
-
-        def compare(self, d: Any) -> Any:
-            type(self).calls += 1
-            if type(self).calls % 3 == 0:
-                raise KeyboardInterrupt
-            return super().compare(d)
-
-    mdp, values = random_mdp(8, 3, 5, rng=0)
-    learner = InteractiveQLearning(mdp, Interrupted(5), steps=300, epsilon=0.3)
-    tutor = TruthfulTutor(values)
-    while True:
-        try:
-            queries = learner.ask()
-        except KeyboardInterrupt:
-            continue
-        if not queries:
-            break
-        learner.tell([tutor(query) for query in queries])
-    undisturbed = learn(mdp, Dominance(5), TruthfulTutor(values), steps=300)
-    assert learner.result().q.tobytes() == undisturbed.q.tobytes()
-    assert learner.result().decided == undisturbed.decided
-
-
-def test_watching_sees_each_open_comparison_once() -> None:
-    mdp, values = random_mdp(8, 3, 5, rng=0)
-    for settings in ({}, {"audit": 0.3}, {"max_queries": 4}, {"indifference": 0.01}):
-        tiers = np.zeros(len(Tier), dtype=int)
-
-        def watcher(d: Floats, decisions: Decisions, count: Any = tiers) -> None:
-            assert len(d) == len(decisions.verdicts) == len(decisions.tiers) > 0
-            assert not (decisions.verdicts == Verdict.UNKNOWN).any()
-            np.add.at(count, decisions.tiers, 1)
-
-        learner = learner_of(mdp, PolytopeComparator(5), **settings)
-        learner.watch(watcher)
-        result = drive(learner, TruthfulTutor(values))
-        for tier in Tier:
-            if tier > Tier.DOMINANCE:
-                assert tiers[tier] == result.decided[tier.name.lower()], tier
-        assert tiers[: Tier.SCREEN].sum() == 0
-
-
-def test_a_person_and_the_oracle_comparator() -> None:
-    # AlwaysAsk with a tutor that is only a function: questions come one by one, and no pair twice
-    mdp, values = random_mdp(4, 2, 4, rng=0)
-    truth = TruthfulTutor(values)
-
-    def person(query: Query) -> Answer:
-        return truth(query)
-
-    result = learn(mdp, AlwaysAsk(4), person, steps=100)
-    assert result.asked == len(result.answers)
-    assert result.q.tobytes() == learn(mdp, AlwaysAsk(4), truth, steps=100).q.tobytes()
+        InteractiveQLearning(random_mdp(4, 2, 3, rng=0)[0], PolytopeComparator(3), **{"steps": 10, **wrong})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from inspect import signature
 
 import numpy as np
 import pytest
@@ -251,43 +250,6 @@ def test_late_questions_grow_with_the_logarithm_of_the_steps():
     checkpoints = [1 + math.ceil(math.log2(steps / (2 * 60))) for steps in (1_000, 8_000, 64_000)]
     assert all(n <= 6 * stops for n, stops in zip(asked, checkpoints, strict=True))
     assert asked[2] < 8 * max(1, asked[0])
-
-
-@pytest.mark.parametrize("wrong", ["x", float("nan"), float("inf"), 0.0])
-@pytest.mark.parametrize("name", ["strategy", "max_loss", "max_queries", "indifference", "audit", "batch"])
-@pytest.mark.parametrize(
-    "learner",
-    [
-        InteractivePolicyIteration,
-        InteractiveValueIteration,
-        LateValueIteration,
-        InteractiveQLearning,
-        LateQLearning,
-    ],
-)
-def test_a_setting_of_no_kind_is_refused_before_the_first_question(learner, name, wrong):
-    if name not in signature(learner).parameters or (wrong == 0.0 and name != "max_loss"):
-        return
-    mdp, _ = random_mdp(6, 2, 3, rng=0)
-    with pytest.raises(ValueError, match=f"{name}.* must .*, not {wrong!r}"):
-        learner(mdp, PolytopeComparator(3), **{name: wrong})
-
-
-@pytest.mark.parametrize(
-    "learner",
-    [
-        InteractivePolicyIteration,
-        InteractiveValueIteration,
-        LateValueIteration,
-        InteractiveQLearning,
-        LateQLearning,
-    ],
-)
-def test_learners_have_few_settings_and_check_the_levels(learner):
-    assert len(signature(learner).parameters) - 2 <= 10
-    mdp, _ = random_mdp(4, 2, 3, rng=0)
-    with pytest.raises(ValueError, match=r"3 levels.*k = 5"):
-        learner(mdp, PolytopeComparator(5))
 
 
 class Doubtful(Dominance):

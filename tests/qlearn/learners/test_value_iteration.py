@@ -12,14 +12,14 @@ import pytest
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, Decisions, Tier
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor, Tutor
 from qlearn.learners.learner import Result, Status, drive
 from qlearn.learners.value_iteration import InteractiveValueIteration, sweeps_needed
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import evaluate_policy, policy_loss
+from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
 from qlearn.reference import interactive_value_iteration
 from tests.mdp_cases import messy_mdp
@@ -198,16 +198,6 @@ def test_asks_about_as_often_as_was_measured(k: int, low: int, high: int, seeds:
     assert low <= np.mean(asked) <= high
 
 
-def test_terminal_states_and_inadmissible_actions() -> None:
-    mdp, values = messy_mdp(5, n=12, discount=0.95)
-    result = solve(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=0.001)
-    assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
-    for s in np.flatnonzero(mdp.terminal):
-        assert (result.q[s] == np.eye(mdp.k)[mdp.final_level[s]]).all()
-    vectors = result.q[np.arange(mdp.n_states), result.policy]
-    np.testing.assert_allclose(vectors, evaluate_policy(mdp, result.policy), atol=0.001)
-
-
 def test_no_discount_one_sweep() -> None:
     mdp, values = random_mdp(10, 4, 5, discount=0.0, rng=0)
     result = solve(mdp, AlwaysAsk(5), TruthfulTutor(values))
@@ -295,49 +285,6 @@ def test_part_of_a_batch_may_be_told() -> None:
     assert learner.result().policy.tolist() == whole.policy.tolist()
 
 
-def test_watching_sees_every_comparison_once() -> None:
-    mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
-    for make in (PolytopeComparator, AlwaysAsk, Dominance):
-        for settings in ({}, {"audit": 0.3}, {"max_queries": 4}, {"indifference": 0.01}, {"batch": 4}):
-            tiers = np.zeros(len(Tier), dtype=int)
-
-            def watcher(d: Floats, decisions: Decisions, count: Any = tiers) -> None:
-                assert len(d) == len(decisions.verdicts) == len(decisions.tiers) > 0
-                assert not (decisions.verdicts == Verdict.UNKNOWN).any()
-                np.add.at(count, decisions.tiers, 1)
-
-            learner = InteractiveValueIteration(mdp, make(5), tolerance=0.01, **settings)
-            learner.watch(watcher)
-            result = drive(learner, TruthfulTutor(values))
-            assert {tier.name.lower(): tiers[tier] for tier in Tier} == result.decided
-
-
-def test_an_interruption_while_judging_does_no_harm() -> None:
-    class Interrupted(Dominance):
-        calls = 0
-
-        def compare(self, d: Any) -> Any:
-            type(self).calls += 1
-            if type(self).calls % 4 == 0:
-                raise KeyboardInterrupt
-            return super().compare(d)
-
-    mdp, values = random_mdp(6, 3, 5, discount=0.8, rng=0)
-    learner = InteractiveValueIteration(mdp, Interrupted(5), tolerance=0.01)
-    tutor = TruthfulTutor(values)
-    while True:
-        try:
-            queries = learner.ask()
-        except KeyboardInterrupt:
-            continue
-        if not queries:
-            break
-        learner.tell([tutor(query) for query in queries])
-    undisturbed = solve(mdp, Dominance(5), tutor)
-    assert learner.result().q.tobytes() == undisturbed.q.tobytes()
-    assert learner.result().decided == undisturbed.decided
-
-
 def test_answers_by_a_function_and_audits_do_not_hang() -> None:
     mdp, values = random_mdp(6, 3, 5, discount=0.8, rng=0)
     learner = InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.01, audit=0.5)
@@ -347,53 +294,6 @@ def test_answers_by_a_function_and_audits_do_not_hang() -> None:
     while queries := learner.ask():
         learner.tell([TruthfulTutor(values)(query) for query in queries])
     assert learner.result().status is Status.CONVERGED
-
-
-def test_small_problems() -> None:
-    one_action, values = random_mdp(5, 1, 4, rng=0)
-    result = solve(one_action, AlwaysAsk(4), TruthfulTutor(values))
-    assert (result.compared, result.asked, result.status) == (0, 0, Status.CONVERGED)
-    one_state = OrdinalMDP(np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good"))
-    assert solve(one_state, PolytopeComparator(3), TruthfulTutor([0, 1, 2])).policy.tolist() == [1]
-    two_levels, values = random_mdp(8, 3, 2, discount=0.9, rng=0)
-    result = solve(two_levels, PolytopeComparator(2), TruthfulTutor(values))
-    assert result.asked == 0
-    assert policy_loss(two_levels, result.policy, values).max() <= 0.01
-
-
-def test_a_question_is_about_its_state() -> None:
-    mdp, _ = random_mdp(10, 3, 5, discount=0.9, rng=0)
-    learner = InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.01, batch=4)
-    for query in learner.ask():
-        s, left, right = (int(word.strip(":?")) for word in query.about.split() if word.strip(":?").isdigit())
-        q = learner.result().q
-        assert q[s, left].tolist() == query.left.tolist()
-        assert q[s, right].tolist() == query.right.tolist()
-
-
-@pytest.mark.parametrize(
-    ("wrong", "text"),
-    [
-        ({"tolerance": 0.0}, "0.0"),
-        ({"tolerance": float("nan")}, "nan"),
-        ({"tolerance": -0.5}, "-0.5"),
-        ({"max_sweeps": 0}, "0"),
-        ({"max_sweeps": 2.5}, "2.5"),
-        ({"indifference": -0.125}, "-0.125"),
-        ({"max_queries": -2}, "-2"),
-        ({"audit": 1.5}, "1.5"),
-        ({"audit": float("nan")}, "nan"),
-        ({"batch": 0}, "0"),
-        ({"batch": 1.5}, "1.5"),
-        ({"jobs": 0}, "0"),
-        ({"jobs": 1.5}, "1.5"),
-    ],
-)
-def test_bad_settings_are_named(wrong: dict[str, Any], text: str) -> None:
-    mdp, _ = random_mdp(4, 2, 3, rng=0)
-    (name,) = wrong
-    with pytest.raises(ValueError, match=f"{name}.*{text}"):
-        InteractiveValueIteration(mdp, PolytopeComparator(3), **wrong)
 
 
 def test_the_seed_only_picks_audits() -> None:
