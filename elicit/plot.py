@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator
+from elicit.model.comparator import Comparator, KeepsAnswers
 from elicit.model.scale import Floats, exact_dot, normalise
 
 if TYPE_CHECKING:
@@ -306,7 +306,7 @@ def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Compara
         several = [comparators] if isinstance(comparators, Comparator) else list(comparators)
         named = []
         for one in several:
-            answers = getattr(one, "answers", None)
+            answers = one.answers if isinstance(one, KeepsAnswers) else None
             count = "" if answers is None else f", {len(answers)} answer" + "s" * (len(answers) != 1)
             named.append((type(one).__name__.removesuffix("Comparator") + count, one))
     if not named:

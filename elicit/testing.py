@@ -19,7 +19,7 @@ from elicit.decision.decide import decide
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.model.tutor import Tutor, TutorOfMany
+from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany
 
 _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
 
@@ -79,7 +79,7 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> 
         _say(bool(np.isin(many, (-1, 0, 1)).all()), f"signs must be -1, 0 or 1, not {many}")
         if truthful:
             _same("signs(d)", many, "asking one by one", np.array([0 if c is None else c for c in codes]), d)
-    rate = getattr(tutor, "realised_error_rate", 0.0)
+    rate = tutor.realised_error_rate if isinstance(tutor, CountsErrors) else 0.0
     _say(0 <= rate <= 1, f"after some answers realised_error_rate must lie between 0 and 1, not {rate}")
 
 

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from elicit.asking.elicitation import Audit
+    from qlearn.learners.late_q_learning import LateQLearning
     from qlearn.learners.learner import Learner, Result, Status, drive
     from qlearn.learners.loss_bound import Guarantee, loss_bound
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
-    from qlearn.learners.value_iteration import InteractiveValueIteration
+    from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
     from qlearn.mdp.ordinal_mdp import OrdinalMDP
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
     from qlearn.problems.icu_sepsis import icu_sepsis
@@ -21,6 +22,8 @@ _LATER = {  # imported when first used, so that the command line starts fast
     "InteractivePolicyIteration": "qlearn.learners.policy_iteration",
     "InteractiveQLearning": "qlearn.learners.q_learning",
     "InteractiveValueIteration": "qlearn.learners.value_iteration",
+    "LateQLearning": "qlearn.learners.late_q_learning",
+    "LateValueIteration": "qlearn.learners.value_iteration",
     "Learner": "qlearn.learners.learner",
     "OrdinalMDP": "qlearn.mdp.ordinal_mdp",
     "Result": "qlearn.learners.learner",
@@ -47,6 +50,8 @@ __all__ = [
     "InteractivePolicyIteration",
     "InteractiveQLearning",
     "InteractiveValueIteration",
+    "LateQLearning",
+    "LateValueIteration",
     "Learner",
     "OrdinalMDP",
     "Result",

@@ -26,11 +26,12 @@ from benchmarks.reporting import save, with_interval
 from elicit.model.scale import Floats
 from qlearn import strategies
 from qlearn.experiments.parallel import Cell, sweep
+from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Learner
 from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
 from qlearn.problems.icu_sepsis import icu_sepsis
@@ -129,9 +130,10 @@ def learner_of(method: str, mdp: OrdinalMDP, comparator: elicit.Comparator, seed
         return InteractivePolicyIteration(mdp, comparator, strategy=chosen, **common)
     if method.startswith("value iteration"):
         common["tolerance"] = TOLERANCE
-        return InteractiveValueIteration(mdp, comparator, asking="late" if "late" in method else "at once", **common)
-    asking: Any = "late" if "late" in method else "at once"
-    return InteractiveQLearning(mdp, comparator, steps=STEPS, epsilon=1.0, asking=asking, **common)
+        sweeping = LateValueIteration if "late" in method else InteractiveValueIteration
+        return sweeping(mdp, comparator, **common)
+    learning = LateQLearning if "late" in method else InteractiveQLearning
+    return learning(mdp, comparator, steps=STEPS, epsilon=1.0, **common)
 
 
 def _at_random(seed: int) -> strategies.Strategy:

@@ -26,7 +26,7 @@ from qlearn.experiments.metrics import (
     paper_loss,
     reference_differences,
 )
-from qlearn.learners.exploration import Start
+from qlearn.learners.exploration import Exploration, Start
 from qlearn.learners.q_learning import LearningRate, polynomial_rate
 
 MEASURES = ("asked_percent_all", "asked_percent_open", "paper_loss", "excess_loss", "oracle_loss")
@@ -94,8 +94,8 @@ def measure(choice: Choice, states: int, levels: int, steps: int, seed: int) -> 
     tutor = noisy(values, choice.error_rate, reference, seed) if choice.error_rate else truth
     settings = {"n_boot": 50, "refit_growth": 0.2, "precision": 300.0} | dict(choice.box)
     box = BradleyTerryComparator(levels, region="box", seed=seed, **settings)
-    learning = {"learning_rate": choice.learning_rate, "epsilon": choice.epsilon, "start": choice.start}
-    common = {"steps": steps, "rng": seed, **learning}
+    exploration = Exploration(choice.epsilon, start=choice.start)
+    common: Any = {"steps": steps, "rng": seed, "learning_rate": choice.learning_rate, "exploration": exploration}
     oracle = drive(InteractiveQLearning(mdp, AlwaysAsk(levels), **common), truth)
     found = drive(InteractiveQLearning(mdp, box, **common), tutor)
     told = counts(found)

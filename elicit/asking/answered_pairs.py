@@ -3,11 +3,14 @@ compared."""
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import pair_code, pair_codes
-from elicit.model.comparator import Tier
+from elicit._support.hashing import pair_codes
+from elicit.model.comparator import Verdicts
+from elicit.model.query import Verdict
 from elicit.model.scale import Floats, tail_sums
 
 Codes = NDArray[np.uint64]
@@ -22,51 +25,32 @@ class AnsweredPairs:
         self.binding: Codes = np.empty(0, np.uint64)  # sorted: those whose answer no model may overrule
         self._key = key
         self._said: dict[bytes, int] = {}  # in the pair's canonical direction
-        self._bound: set[bytes] = set()  # of these pairs, the binding ones
+
+    def copy(self) -> AnsweredPairs:
+        """The same answers, to which others can be added."""
+        twin = copy(self)
+        twin._said = dict(self._said)
+        return twin
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
         """Keep what was said of a difference d (k,)."""
         t = tail_sums(d)
         name, sign = _name(t)
         self._said[name] = sign * verdict
-        with np.errstate(over="ignore"):  # the hash wraps around
-            code = pair_code(self._key, t, np.empty(len(t)))
+        code = pair_codes(self._key, t[None, :])[0]
         self.codes = _with(self.codes, code)
         if binding:
-            self._bound.add(name)
             self.binding = _with(self.binding, code)
 
-    def settle(
-        self,
-        d: Floats,
-        verdicts: NDArray[np.int8],
-        tiers: NDArray[np.int8],
-        rows: NDArray[np.intp],
-        *,
-        binding: bool = False,
-    ) -> NDArray[np.intp]:
-        """Enter in verdicts (n,) and tiers (n,) what was said of those ``rows`` of d (n, k) whose very pair was
-        answered before (or only what binds); returns the others."""
-        t, names = tail_sums(d[rows]), self._bound if binding else self._said
-        left = np.ones(len(rows), dtype=np.bool_)
-        for i in np.flatnonzero(self._among(t, self.binding if binding else self.codes)):
-            name, sign = _name(t[i])
-            if name in names:
-                verdicts[rows[i]], tiers[rows[i]] = sign * self._said[name], Tier.KNOWN
-                left[i] = False
-        return rows[left]
-
-    def has(self, d: Floats) -> NDArray[np.bool_]:
-        """Which of the differences d (n, k) were answered before, going by their hashes."""
-        return self._among(tail_sums(d), self.codes)
-
-    def _among(self, t: Floats, codes: Codes) -> NDArray[np.bool_]:
-        """Whether the hashes of tail sums t (n, p) are among sorted ``codes``."""
-        if not len(codes):
-            return np.zeros(len(t), dtype=np.bool_)
-        wanted = pair_codes(self._key, t)
-        found: NDArray[np.bool_] = codes[np.searchsorted(codes[:-1], wanted)] == wanted
-        return found
+    def said(self, t: Floats) -> Verdicts:
+        """What was said (n,) of the very pairs with tail sums t (n, p), whichever way round; UNKNOWN: nothing."""
+        out = np.full(len(t), Verdict.UNKNOWN, np.int8)
+        if len(self.codes):
+            wanted = pair_codes(self._key, t)
+            for i in np.flatnonzero(self.codes[np.searchsorted(self.codes[:-1], wanted)] == wanted):
+                name, sign = _name(t[i])
+                out[i] = sign * self._said[name] if name in self._said else Verdict.UNKNOWN
+        return out
 
 
 def first_of_each_pair(d: Floats, most: int) -> list[int]:

@@ -13,7 +13,6 @@ choice holds whatever the scale.
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -21,10 +20,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.validation import is_whole
-from elicit.decision.decide import decide
-from elicit.model.comparator import Comparator, Tier, check_comparator_made
-from elicit.model.query import Answer, Answers, Query, Verdict, match
+from elicit.asking.elicitation import Elicitation, Pair
+from elicit.model.comparator import Comparator, Decisions, Tier, check_comparator_made
+from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 
 _CONTENDERS = 8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs
@@ -91,73 +89,52 @@ def choose(
         raise ValueError("there is nothing to choose from: vectors has no rows")
     if labels is not None and len(labels) != n:
         raise ValueError(f"labels must name each of the {n} vectors, but there are {len(labels)}")
-    if max_queries is not None and not is_whole(max_queries, 0):
-        raise ValueError(f"max_queries must be a whole number of at least 0, or None for no limit, not {max_queries!r}")
     if check_totals:
         _check_totals(rows)
-    return Choosing(
-        rows, comparator, bool(order), [str(x) for x in (range(n) if labels is None else labels)], max_queries
-    )
+    fingerprint = hashlib.blake2b(rows.tobytes() + bytes([bool(order)]), digest_size=8).hexdigest()
+    # where the tutor cannot tell, the one that is ahead by the best guess, which is always left, stays ahead
+    elicitation = Elicitation(comparator, fingerprint, max_queries=max_queries, undecided=Verdict.BETTER)
+    return Choosing(rows, elicitation, bool(order), [str(x) for x in (range(n) if labels is None else labels)])
 
 
 @dataclass
 class _State:
     """All that an answer can change. ``tell`` works on a copy, and keeps it only if all went well."""
 
-    comparator: Comparator
-    answers: Answers
-    settled: NDArray[np.int8]  # (n, n) final verdicts: the comparator's, except on pairs answered "equal"
-    silent: NDArray[np.bool_]  # (n, n) pairs on which this comparator has just said UNKNOWN
-    told: NDArray[np.int8]  # (n, n) answers: they stand until the comparator can tell, "equal" for good
+    elicitation: Elicitation
+    verdicts: NDArray[np.int8]  # (n, n) so far
+    judged: NDArray[np.int8]  # (n, n) 0: not with all that is known now; 1: so; 2: for good
     standing: list[int]  # best of: those not beaten so far, in the order of the list
-    known: dict[bytes, Verdict] = field(default_factory=dict)  # answers by difference, both ways round
-    decided: Counter[str] = field(default_factory=Counter)
     learns: bool = True  # False for a comparator that answers teach nothing
-    asked: int = 0
-    cannot_tell: int = 0
+    guessed: int = 0  # comparisons that rest on the best guess, once the budget is spent
     ranking: list[int] = field(default_factory=list)
-    query: Query | None = None
     pair: tuple[int, int] = (0, 0)  # the rows that the query is about; the first is ahead by the best guess
 
     def copy(self) -> _State:
-        copied = replace(self, settled=self.settled.copy(), silent=self.silent.copy(), told=self.told.copy())
-        copied.known, copied.decided = dict(self.known), Counter(self.decided)
-        return copied
+        verdicts, judged = self.verdicts.copy(), self.judged.copy()
+        return replace(self, elicitation=self.elicitation.copy(), verdicts=verdicts, judged=judged)
 
-    def settle(self, i: int, j: int, verdict: Verdict) -> None:
-        self.settled[i, j], self.settled[j, i] = verdict, verdict.flipped
-
-    def hear(self, i: int, j: int, verdict: Verdict) -> None:
-        self.told[i, j], self.told[j, i] = verdict, verdict.flipped
+    def enter(self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], judged: NDArray[np.int8]) -> None:
+        """The verdicts (n,) on rows i against rows j, both (n,), and so those on j against i."""
+        self.verdicts[i, j], self.judged[i, j], self.judged[j, i] = verdicts, judged, judged
+        self.verdicts[j, i] = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
 
 
 class Choosing:
     """A choice under way, as ``choose`` returns it. Holds no tutor, file or clock."""
 
-    def __init__(
-        self, vectors: Floats, comparator: Comparator, order: bool, labels: list[str], max_queries: int | None
-    ) -> None:
+    def __init__(self, vectors: Floats, elicitation: Elicitation, order: bool, labels: list[str]) -> None:
         n = len(vectors)
         self._vectors = vectors
         self._wants_order = order
         self._labels = labels
-        self._budget = max_queries
-        self._fingerprint = hashlib.blake2b(vectors.tobytes() + bytes([order]), digest_size=8).hexdigest()
-        unknown = np.full((n, n), Verdict.UNKNOWN, dtype=np.int8)
-        state = _State(
-            comparator,
-            Answers.none(comparator.k),
-            unknown,
-            np.zeros((n, n), dtype=bool),
-            unknown.copy(),
-            list(range(n)),
-        )
-        self._advance(state)
-        self._state = state
+        unknown, never = np.full((n, n), Verdict.UNKNOWN, dtype=np.int8), np.zeros((n, n), dtype=np.int8)
+        self._state = _State(elicitation, unknown, never, list(range(n)))
+        self._advance(self._state)
 
     def ask(self) -> tuple[Query, ...]:
         """The pending query, the same one until it is told; () when finished."""
-        return () if self._state.query is None else (self._state.query,)
+        return self._state.elicitation.ask()
 
     def tell(self, answers: Sequence[Answer]) -> None:
         """Take the answer to the pending query; with the verdict None the vector that is ahead stays ahead.
@@ -165,74 +142,60 @@ class Choosing:
         Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the comparator's
         InconsistentAnswers through; then nothing has changed.
         """
-        answers = match(answers, self.ask())
-        for answer in answers:
-            state = self._state.copy()
-            self._learn(state, answer.verdict)
+        state, before = self._state.copy(), self._state.elicitation
+        told, _ = state.elicitation.tell(answers, "raise")
+        for verdict in told.values():
+            if state.elicitation.cannot_tell == before.cannot_tell:
+                state.learns = state.elicitation.comparator is not before.comparator
+            if state.learns:
+                state.judged[state.judged == 1] = 0
+            i, j = np.array([state.pair]).T
+            state.enter(i, j, np.array([verdict], np.int8), np.zeros(1, np.int8))
             self._advance(state)
             self._state = state
 
     def result(self) -> Choice:
         """The choice; before the end, the one by the best guess at the scale so far."""
-        state = self._state
-        if state.query is not None:
+        state, asked = self._state, self._state.elicitation
+        if asked.pending:
             status = ChoiceStatus.WAITING
-        elif state.decided["guess"]:
+        elif state.guessed:
             status = ChoiceStatus.GUESSED
         else:
-            status = ChoiceStatus.UNSURE if state.cannot_tell else ChoiceStatus.FINISHED
+            status = ChoiceStatus.UNSURE if asked.cannot_tell else ChoiceStatus.FINISHED
+        counts = dict(zip((tier.name.lower() for tier in Tier), asked.counts.tolist(), strict=True))
+        counts["tutor"] -= asked.cannot_tell
+        counts["guess"] = state.guessed
         return Choice(
             best=state.ranking[0],
             order=tuple(state.ranking) if self._wants_order else None,
             label=self._labels[state.ranking[0]],
             status=status,
-            asked=state.asked,
-            cannot_tell=state.cannot_tell,
-            decided={name: count for name, count in state.decided.items() if count},
-            comparator=state.comparator,
-            answers=state.answers,
+            asked=asked.asked,
+            cannot_tell=asked.cannot_tell,
+            decided={name: count for name, count in counts.items() if count},
+            comparator=asked.comparator,
+            answers=asked.answers,
         )
-
-    def _learn(self, state: _State, verdict: Verdict | None) -> None:
-        assert state.query is not None
-        d, (ahead, other) = state.query.d, state.pair
-        if verdict is None:
-            state.cannot_tell += 1
-        else:
-            row = Answers(d, [int(verdict)], [state.query.id])
-            learned = state.comparator.update(row)
-            state.learns = learned is not state.comparator
-            if state.learns:
-                state.comparator = learned
-                state.silent[:] = False
-            state.answers = state.answers + row
-            state.decided["tutor"] += 1
-        verdict = Verdict.BETTER if verdict is None else verdict
-        state.asked += 1
-        state.known[_bits(d)], state.known[_bits(-d)] = verdict, verdict.flipped
-        state.hear(ahead, other, verdict)
 
     def _advance(self, state: _State) -> None:
         """Choose by what is known and, where that is silent, by the best guess; find the next question."""
-        scores = dot(tail_sums(self._vectors), np.diff(state.comparator.values))
+        scores = dot(tail_sums(self._vectors), np.diff(state.elicitation.comparator.values))
         by_guess = np.argsort(-scores, kind="stable")
         plan = self._plan_order if self._wants_order else self._plan_best
         while True:
             state.ranking, guessed, candidates = plan(state, by_guess)
-            if not guessed or state.asked == self._budget:
-                state.decided["guess"], state.query = guessed, None
+            if not guessed or state.elicitation.spent:
+                state.guessed = guessed
                 return
             # what no answer teaches is best asked in the order of the search, whose steps halve the rest
             ahead, other = self._most_open(state, candidates) if state.learns else candidates[0].tolist()
-            left, right = self._vectors[ahead], self._vectors[other]
-            repeated = state.known.get(_bits(left - right))
-            if repeated is None:
+            state.judged[ahead, other] = 0  # another pair of the same difference may have been answered
+            if self._judge(state, [ahead], other)[0] == Verdict.UNKNOWN:
                 break
-            state.decided[Tier.KNOWN.name.lower()] += 1  # another pair, the same difference
-            state.hear(ahead, other, repeated)
-        about = f"{self._labels[ahead]} or {self._labels[other]}"
         state.pair = ahead, other
-        state.query = Query.make(self._fingerprint, state.asked, left, right, about)
+        about = f"{self._labels[ahead]} or {self._labels[other]}"
+        state.elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
     def _plan_best(self, state: _State, by_guess: _Indices) -> _Plan:
         """The vectors not beaten so far, the best guess first; how many of them the guess alone puts
@@ -276,37 +239,29 @@ class Choosing:
 
     def _most_open(self, state: _State, pairs: _Indices) -> tuple[int, int]:
         """The pair whose d.e reaches about as far above 0 as below it: either answer then teaches much."""
-        low, high = state.comparator.bounds(self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]])
+        low, high = state.elicitation.comparator.bounds(self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]])
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.minimum(high, -low) / (high - low)
         ahead, other = pairs[int(np.argmax(np.nan_to_num(share, nan=0.5)))].tolist()
         return ahead, other
 
     def _judge(self, state: _State, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
-        """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row: what is settled, else the
-        comparator's, which are final, else the tutor's."""
+        """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row. The comparator's are final, and
+        so is a tie; what else the tutor said stands until the comparator can tell."""
         a, b = np.broadcast_arrays(np.asarray(ahead, dtype=np.intp), np.asarray(other, dtype=np.intp))
-        unsettled = (state.settled[a, b] == Verdict.UNKNOWN) & ~state.silent[a, b]
-        a_open, b_open = a[unsettled], b[unsettled]
-        if len(a_open):
-            d = self._vectors[a_open] - self._vectors[b_open]
-            found = decide(state.comparator, d)
-            state.silent[a_open, b_open] = state.silent[b_open, a_open] = True
-            for m in np.flatnonzero(found.verdicts != Verdict.UNKNOWN):
-                verdict, tier = Verdict(found.verdicts[m]), Tier(found.tiers[m])
-                if state.known.get(_bits(d[m])) is Verdict.EQUAL:
-                    verdict, tier = Verdict.EQUAL, Tier.KNOWN
-                i, j = int(a_open[m]), int(b_open[m])
-                if state.told[i, j] == Verdict.UNKNOWN:
-                    state.decided[tier.name.lower()] += 1
-                state.settle(i, j, verdict)
-        final = state.settled[a, b]
-        verdicts: NDArray[np.int8] = np.where(final == Verdict.UNKNOWN, state.told[a, b], final)
-        return verdicts
-
-
-def _bits(d: Floats) -> bytes:
-    return (d + 0.0).tobytes()  # adding 0.0 turns -0.0 into 0.0
+        stale = state.judged[a, b] == 0
+        if stale.any():
+            i, j = a[stale], b[stale]
+            d = self._vectors[i] - self._vectors[j]
+            verdicts, tiers, _ = state.elicitation.judge(d)
+            verdicts[tiers == Tier.GUESS] = Verdict.UNKNOWN  # all guesses together go by one order, without circles
+            settled = verdicts != Verdict.UNKNOWN
+            first = settled & (state.verdicts[i, j] == Verdict.UNKNOWN)
+            state.elicitation.commit(d[first], Decisions(verdicts[first], tiers[first]))
+            final = settled & ((tiers != Tier.KNOWN) | (verdicts == Verdict.EQUAL))
+            state.enter(i, j, verdicts, np.where(final, 2, 1).astype(np.int8))
+        found: NDArray[np.int8] = state.verdicts[a, b]
+        return found
 
 
 def _check_totals(vectors: Floats) -> None:

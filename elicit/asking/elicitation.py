@@ -7,27 +7,38 @@ question budget, audits, "cannot tell", never asking a pair twice, and the count
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import Seed, key_of, pair_codes, uniform
-from elicit._support.validation import is_number, is_whole
+from elicit._support.hashing import Seed, key_of
+from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
-from elicit.asking.elicitation_kernel import AskingRule
+from elicit.asking.elicitation_kernel import (
+    BOUNDS,
+    NO_FACT,
+    PLACE,
+    SAID,
+    AskingRule,
+    Facts,
+    Judgement,
+    settle_rows,
+)
 from elicit.decision.decide import decide
-from elicit.model.comparator import BY_ANSWERS, Comparator, Decisions, Tier
+from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
-from elicit.model.scale import Floats, dot, tail_sums
+from elicit.model.scale import Floats, tail_sums
+from elicit.model.tail_sums_kernel import UNSETTLED
 
 Watch = Callable[[Floats, Decisions], None]
 OnConflict: TypeAlias = Literal["raise", "drop"]
 
-Place: TypeAlias = tuple[int, int, int]
-"""Where a pair is compared: the state, and its two actions in order of their numbers."""
+Place: TypeAlias = Hashable
+"""Where a pair is compared, such as a state and two of its actions: there its vectors may still change a little."""
 
 
 @dataclass(frozen=True)
@@ -44,38 +55,61 @@ class Audit:
         return self.answer is not None and self.expected * self.answer == -1
 
 
+class Judgements(NamedTuple):
+    """Of n differences: verdicts (n,), UNKNOWN where the tutor must be asked; the tier (n,) that settled each; and
+    whether (n,) it is settled, and the tutor is only to confirm it. An audit's tier is the one that settled it."""
+
+    verdicts: NDArray[np.int8]
+    tiers: NDArray[np.int8]
+    audited: NDArray[np.bool_]
+
+
+class Pair(NamedTuple):
+    """Two vectors (k,) to ask about, in words for people, and where they are compared. ``audited``: answers settled it,
+    and ``tier`` says by what; else it is the tutor who settles it."""
+
+    left: Floats
+    right: Floats
+    about: str
+    place: Place | None = None
+    tier: int = int(Tier.TUTOR)
+    audited: bool = False
+
+
 class Pending(NamedTuple):
-    """A query, the verdict that the answers imply where it is an audit (else None), the tier it counts for, and its
-    place."""
+    """A query, the pair that it is about, and the verdict that the answers imply where it is an audit (else None)."""
 
     query: Query
+    pair: Pair
     expected: Verdict | None
-    tier: int
-    place: Place
 
 
 class Elicitation:
-    """Settles differences for one learner, and keeps the answers and the counts."""
+    """Settles differences for one user, such as a learner, and keeps the answers and the counts.
+
+    ``indifference``: an undecided pair whose bounds lie within it counts as equal. ``max_queries``: beyond it undecided
+    pairs go by the sign at ``comparator.values``. ``audit``: share of the pairs decided by answers that is put to the
+    tutor all the same, picked by ``seed``. ``batch``: how many questions at once. ``undecided``: the verdict on a
+    question's left vector where the tutor cannot tell. Raises ValueError.
+    """
 
     def __init__(
         self,
         comparator: Comparator,
         fingerprint: str,
         *,
-        indifference: float,
-        max_queries: int | None,
-        audit: float,
-        batch: int,
-        seed: Seed,
+        indifference: float = 0.0,
+        max_queries: int | None = None,
+        audit: float = 0.0,
+        batch: int = 1,
+        seed: Seed = 0,
+        undecided: Verdict = Verdict.EQUAL,
     ) -> None:
-        if not is_number(indifference, 0):
-            raise ValueError(f"indifference must be a number of at least 0, not {indifference!r}")
-        if max_queries is not None and not is_whole(max_queries, 0):
-            raise ValueError(f"max_queries must be None or a whole number of at least 0, not {max_queries!r}")
-        if not (is_number(audit, 0) and audit <= 1):
-            raise ValueError(f"audit, the share of settled pairs to ask about, must lie in 0..1, not {audit!r}")
-        if not is_whole(batch, 1):
-            raise ValueError(f"batch must be a whole number of at least 1, not {batch!r}")
+        require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
+        limited = max_queries is not None
+        require(not limited or is_whole(max_queries, 0), "max_queries", "None or a whole number from 0 on", max_queries)
+        require(is_number(audit, 0, 1), "audit, the share of settled pairs to ask about,", "in 0..1", audit)
+        require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
         self.comparator = comparator
         self.batch = int(batch)
         self.answers = Answers.none(comparator.k)
@@ -93,55 +127,58 @@ class Elicitation:
         self._audit = float(audit)
         self._key = np.uint64(key_of(seed))
         self._number = 0
-        self._told = AnsweredPairs(self._key)
+        self._answered = AnsweredPairs(self._key)
+        self._undecided = undecided
         self._unclear: set[Place] = set()  # where the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
 
-    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
-        """Verdicts (n,) and tiers (n,) for differences d (n, k). UNKNOWN means: ask the tutor. Counts nothing.
+    def copy(self) -> Elicitation:
+        """One that stands as this does, and goes its own way from here."""
+        twin = copy(self)
+        twin.audits, twin.counts = list(self.audits), self.counts.copy()
+        twin._answered, twin._unclear = self._answered.copy(), set(self._unclear)
+        return twin
+
+    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Judgements:
+        """Judge differences d (n, k). Counts nothing.
 
         ``places`` gives the place of a row: where the tutor could not tell, its estimates keep changing a
         little, and a person must not be asked about each new version of the same pair."""
+        n, t = len(d), np.ascontiguousarray(tail_sums(d))
         verdicts, tiers = decide(self.comparator, d)
-        if len(self._told.binding):
-            self._told.settle(d, verdicts, tiers, np.flatnonzero(tiers > Tier.DOMINANCE), binding=True)
-        if self._audit > 0:
-            self._pick_audits(d, verdicts, tiers)
-        rows = np.flatnonzero((verdicts == Verdict.UNKNOWN) & (tiers < AUDIT))
-        if not len(rows):
-            return Decisions(verdicts, tiers)
-        tiers[rows] = Tier.TUTOR
+        said, unclear, close = np.full((3, n), UNSETTLED)
+        facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), said, unclear, close)
+        verdict, tier, needed = np.empty((3, n), np.int8)
+        out = Judgement(verdict, tier, np.empty(0, np.bool_), np.empty(n, np.bool_), needed)
+        asking, rows = self.rule(), np.arange(n)
+        while len(rows):
+            with np.errstate(all="ignore"):  # hashes wrap around
+                settle_rows(rows, t, asking, facts, out)
+            rows = rows[out.needed[rows] != NO_FACT]
+            of = [rows[out.needed[rows] == fact] for fact in (SAID, PLACE, BOUNDS)]
+            said[of[0]] = self._answered.said(t[of[0]])
+            unclear[of[1]] = [places is not None and places(int(row)) in self._unclear for row in of[1]]
+            if len(of[2]):
+                low, high = self.comparator.bounds(d[of[2]])
+                near = (low >= -self.indifference) & (high <= self.indifference)
+                close[of[2]] = np.where(near, Verdict.EQUAL, Verdict.UNKNOWN)
         if self.signs is not None:
-            verdicts[rows] = self.signs(d[rows])
-            return Decisions(verdicts, tiers)
-        if len(self._told.codes):
-            rows = self._told.settle(d, verdicts, tiers, rows)
-        if self._unclear and places is not None:
-            unclear = np.array([places(int(row)) in self._unclear for row in rows], dtype=bool)
-            verdicts[rows[unclear]], tiers[rows[unclear]] = Verdict.EQUAL, Tier.KNOWN
-            rows = rows[~unclear]
-        if self.indifference > 0 and len(rows):
-            low, high = self.comparator.bounds(d[rows])
-            close = (low >= -self.indifference) & (high <= self.indifference)
-            verdicts[rows[close]], tiers[rows[close]] = Verdict.EQUAL, Tier.INDIFFERENT
-            rows = rows[~close]
-        if self.guesses and len(rows):
-            verdicts[rows], tiers[rows] = np.sign(dot(tail_sums(d[rows]), self._gaps())), Tier.GUESS
-        return Decisions(verdicts, tiers)
+            asked = np.flatnonzero((out.verdict == Verdict.UNKNOWN) & ~out.audited)
+            out.verdict[asked] = self.signs(d[asked]) if len(asked) else 0
+        return Judgements(out.verdict, out.tier, out.audited)
 
     def rule(self) -> AskingRule:
-        """The same for compiled loops, which come back with what only ``judge`` can tell."""
+        """What ``judge`` goes by, as arrays, for compiled loops."""
         asks = self.signs is None
-        guesses = asks and self.guesses
         return AskingRule(
             indifference=self.indifference if asks else 0.0,
             audit=self._audit,
             key=self._key,
-            binding=self._told.binding,
-            said=self._told.codes,
-            plain=self._audit == 0 and not len(self._told.binding),
+            binding=self._answered.binding,
+            said=self._answered.codes,
+            plain=self._audit == 0 and not len(self._answered.binding),
             unclear=bool(self._unclear),
-            guess=self._gaps() if guesses else np.empty(0),
+            guess=self._gaps() if asks and self.guesses else np.empty(0),
         )
 
     def commit(self, d: Floats, decisions: Decisions) -> None:
@@ -154,28 +191,13 @@ class Elicitation:
         if self.watch is not None:
             self.watch(d, decisions)
 
-    def consult(self, d: Floats) -> NDArray[np.int8]:
-        """An oracle's verdicts (n,), counted: the short way where it answers everything."""
-        assert self.signs is not None
-        verdicts = self.signs(d)
-        self.counts[Tier.TUTOR] += len(d)
-        self.asked += len(d)
-        if self.watch is not None:
-            self.watch(d, Decisions(verdicts, np.full(len(d), Tier.TUTOR, np.int8)))
-        return verdicts
-
-    def open(
-        self, pairs: Sequence[tuple[Floats, Floats, int, int, int]], decisions: Decisions, about: str | None = None
-    ) -> tuple[Query, ...]:
-        """Make the pending queries of (left, right, state, left action, right action), judged UNKNOWN. ``about`` says
-        what they are about, where that is no state and actions."""
+    def open(self, pairs: Sequence[Pair]) -> tuple[Query, ...]:
+        """Make the pending queries of pairs judged UNKNOWN."""
         pending = []
-        for (left, right, state, a, b), tier in zip(pairs, decisions.tiers, strict=True):
-            said = about or f"state {state}: action {a} (left) or action {b} (right)?"
-            query = Query.make(self._fingerprint, self._number, left, right, said)
+        for pair in pairs:
+            query = Query.make(self._fingerprint, self._number, pair.left, pair.right, pair.about)
             self._number += 1
-            expected = Verdict(int(decide(self.comparator, query.d).verdicts[0])) if tier >= AUDIT else None
-            pending.append(Pending(query, expected, int(tier) % AUDIT, place(state, a, b)))
+            pending.append(Pending(query, pair, _implied(self.comparator, query.d) if pair.audited else None))
         self.pending = tuple(pending)
         return self.ask()
 
@@ -184,8 +206,8 @@ class Elicitation:
         return tuple(p.query for p in self.pending)
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
-        """Take answers to pending queries: the verdict by query id ("cannot tell" is EQUAL: the incumbent
-        stays; of an audit it is what the answers imply), and the answers dropped as contradictory. Where it
+        """Take answers to pending queries: the verdict by query id (of "cannot tell" it is ``undecided``;
+        of an audit then what the answers imply), and the answers dropped as contradictory. Where it
         raises, nothing has changed."""
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
@@ -193,23 +215,23 @@ class Elicitation:
         waiting = {p.query.id: p for p in self.pending}
         comparator, used, dropped = self._learn(answers, on_conflict)
         settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
-        verdicts = [_settle(answer, asked, unused, comparator) for answer, asked, unused in settled]
+        verdicts = [self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled]
         # from here on nothing can fail but the watcher, which comes last
         self.comparator, self.answers = comparator, self.answers + used
         seen = []
-        for (answer, (query, expected, tier, where), unused), verdict in zip(settled, verdicts, strict=True):
+        for (answer, (query, pair, expected), unused), verdict in zip(settled, verdicts, strict=True):
             del waiting[query.id]
             self.cannot_tell += answer.verdict is None
             if expected is None:
                 self.asked += 1
-                if answer.verdict is None:
-                    self._unclear.add(where)
+                if answer.verdict is None and pair.place is not None:
+                    self._unclear.add(pair.place)
             else:
                 self.audits.append(Audit(query, expected, answer.verdict))
             said = verdict if answer.verdict is None else answer.verdict
-            self._told.add(query.d, said, binding=unused or said == Verdict.EQUAL)
-            if expected is not None and verdict != expected:
-                tier = int(Tier.KNOWN)  # by the audit's answer, not by what the answers before it implied
+            self._answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
+            overruled = expected is not None and verdict != expected  # by the audit's answer
+            tier = int(Tier.KNOWN) if overruled else pair.tier
             self.counts[tier] += 1
             seen.append((query.d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8))))
         self.pending = tuple(waiting.values())
@@ -233,15 +255,10 @@ class Elicitation:
         """Whether pairs that would need the tutor go by the comparator's best scale."""
         return self.puts_off or self.spent
 
-    @property
-    def audits_any(self) -> bool:
-        """Whether settled pairs may be put to the tutor."""
-        return self._audit > 0
-
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
         """Which of the differences d (n, k) were not answered before, nor compared at a place where the tutor could
         not tell."""
-        new: NDArray[np.bool_] = ~self._told.has(d)
+        new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:
             new &= np.array([places(i) not in self._unclear for i in range(len(d))], dtype=np.bool_)
         return new
@@ -274,15 +291,15 @@ class Elicitation:
                 dropped.append(answer)
         return comparator, used, tuple(dropped)
 
-    def _pick_audits(self, d: Floats, verdicts: NDArray[np.int8], tiers: NDArray[np.int8]) -> None:
-        """Turn a share of the pairs that answers decided into questions: a function of the key and the pair."""
-        rows = np.flatnonzero(np.isin(tiers, BY_ANSWERS) & (np.abs(verdicts) == 1))
-        if not len(rows):
-            return
-        codes = pair_codes(self._key, tail_sums(d[rows]))
-        rows = rows[uniform(codes) < self._audit]
-        rows = rows[~self._told.has(d[rows])]
-        verdicts[rows], tiers[rows] = Verdict.UNKNOWN, tiers[rows] + AUDIT
+    def _act_on(self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator) -> Verdict:
+        """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an audit's answer that the
+        others allow, what the comparator makes of it."""
+        if answer.verdict is None:
+            return self._undecided if asked.expected is None else asked.expected
+        if asked.expected is None or unused or answer.verdict is Verdict.EQUAL:
+            return answer.verdict
+        now = _implied(comparator, asked.query.d)
+        return answer.verdict if now is Verdict.UNKNOWN else now
 
     def _gaps(self) -> Floats:
         if self._guess is None or self._guess[0] is not self.comparator:
@@ -290,20 +307,6 @@ class Elicitation:
         return self._guess[1]
 
 
-AUDIT = 16  # added to a tier: settled by answers, but the tutor is to confirm it
-
-
-def _settle(answer: Answer, asked: Pending, unused: bool, comparator: Comparator) -> Verdict:
-    """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an audit's answer that the
-    others allow, what the comparator makes of it."""
-    if answer.verdict is None:
-        return Verdict.EQUAL if asked.expected is None else asked.expected
-    if asked.expected is None or unused or answer.verdict is Verdict.EQUAL:
-        return answer.verdict
-    now = Verdict(int(decide(comparator, asked.query.d).verdicts[0]))
-    return answer.verdict if now is Verdict.UNKNOWN else now
-
-
-def place(state: int, a: int, b: int) -> Place:
-    """The place of a pair of actions, whichever is left."""
-    return int(state), int(min(a, b)), int(max(a, b))
+def _implied(comparator: Comparator, d: Floats) -> Verdict:
+    """What a comparator says of one difference d (k,)."""
+    return Verdict(int(decide(comparator, d).verdicts[0]))

@@ -1,4 +1,8 @@
-"""What an elicitation says of one pair, as far as that needs no Python: its part in the learners' compiled loops."""
+"""The policy of an elicitation: what settles one pair, in which order, in code that numba can compile.
+
+The one statement of it is ``settle``, for whole arrays (``Elicitation.judge``) and for the learners' compiled loops. It
+goes by ``Facts``; where one is missing that is needed, it says which, and whoever calls finds it out.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +14,14 @@ from numpy.typing import NDArray
 from elicit._support.hashing import pair_code, unit
 from elicit._support.jit import compiled
 from elicit.decision.judge import judge, within
-from elicit.lp.sign import BY_EQUAL
-from elicit.model.comparator import Tier
+from elicit.decision.rule import Rule
+from elicit.lp.sign import BY_DOMINANCE
+from elicit.model.comparator import BY_ANSWERS, Tier
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
 
-INDIFFERENT, GUESS = int(Tier.INDIFFERENT), int(Tier.GUESS)
+KNOWN, INDIFFERENT, GUESS, TUTOR = int(Tier.KNOWN), int(Tier.INDIFFERENT), int(Tier.GUESS), int(Tier.TUTOR)
+FIRST_BY_ANSWERS, LAST_BY_ANSWERS = int(min(BY_ANSWERS)), int(max(BY_ANSWERS))
+NO_FACT, COMPARATOR, SAID, PLACE, BOUNDS = range(5)  # which fact is needed to go on
 
 
 class AskingRule(NamedTuple):
@@ -27,37 +34,106 @@ class AskingRule(NamedTuple):
     said: NDArray[np.uint64]  # sorted: all pairs that were answered
     plain: bool  # no audits and nothing binding: what the comparator says, goes
     unclear: bool  # whether somewhere the tutor could not tell
-    guess: NDArray[np.float64]  # (p,) gaps to go by once the budget is spent; else (0,)
+    guess: NDArray[np.float64]  # (p,) gaps to go by where the tutor is not to be asked; else (0,)
+
+
+class Facts(NamedTuple):
+    """What is found out about a pair (or about n, as arrays int64); UNSETTLED: not looked up."""
+
+    verdict: Any  # the comparator's own
+    tier: Any  # of that verdict
+    said: Any  # what the tutor said of this very pair; UNKNOWN: nothing
+    unclear: Any  # 1 where she could not tell at the same place, else 0
+    close: Any  # EQUAL where d.e is proven to lie within the indifference, else UNKNOWN
+
+
+class Judgement(NamedTuple):
+    """Of one pair (or of n, as arrays): UNKNOWN means that the tutor must be asked, UNSETTLED that a fact is needed."""
+
+    verdict: Any
+    tier: Any  # who settled it; of an audit, who would have
+    certified: Any  # whether ``judge`` wrote a certificate
+    audited: Any  # UNKNOWN only because the tutor is to confirm it
+    needed: Any  # which fact
 
 
 @compiled
-def among(code: Any, codes: Any) -> bool:
-    """Whether ``code`` is in the sorted ``codes``."""
+def settle(t: Any, work: Any, asking: AskingRule, facts: Facts) -> Judgement:
+    """The policy: what settles a pair with tail sums t (p,) whose verdict by the comparator is among the facts, or that
+    the tutor must be asked. Overwrites work (p,)."""
+    verdict, tier = facts.verdict, facts.tier
+    if verdict == UNSETTLED:
+        return missing(COMPARATOR)
+    if verdict != UNKNOWN and tier <= BY_DOMINANCE:
+        return judgement(verdict, tier)
+    if facts.said != UNKNOWN and among(asking.key, t, work, asking.binding):
+        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN)
+    if verdict != UNKNOWN:
+        if asking.audit > 0.0 and verdict != EQUAL and FIRST_BY_ANSWERS <= tier <= LAST_BY_ANSWERS:
+            drawn = unit(pair_code(asking.key, t, work)) < asking.audit
+            if drawn and not among(asking.key, t, work, asking.said):
+                return Judgement(UNKNOWN, tier, False, True, NO_FACT)
+        return judgement(verdict, tier)
+    if facts.said != UNKNOWN and among(asking.key, t, work, asking.said):
+        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN)
+    if asking.unclear and facts.unclear != 0:
+        return missing(PLACE) if facts.unclear == UNSETTLED else judgement(EQUAL, KNOWN)
+    if asking.indifference > 0.0 and facts.close != UNKNOWN:
+        return missing(BOUNDS) if facts.close == UNSETTLED else judgement(EQUAL, INDIFFERENT)
+    if len(asking.guess) > 0:
+        at = 0.0
+        for j in range(len(t)):
+            at += t[j] * asking.guess[j]
+        return judgement(BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL, GUESS)
+    return judgement(UNKNOWN, TUTOR)
+
+
+@compiled
+def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
+    """``settle`` for these rows of tail sums t (n, p), into the arrays (n,) of ``out``."""
+    work = np.empty(t.shape[1])
+    for i in rows:
+        known = Facts(facts.verdict[i], facts.tier[i], facts.said[i], facts.unclear[i], facts.close[i])
+        found = settle(t[i], work, asking, known)
+        out.verdict[i], out.tier[i], out.audited[i] = found.verdict, found.tier, found.audited
+        out.needed[i] = found.needed
+
+
+@compiled
+def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: AskingRule) -> Judgement:
+    """``settle`` of a difference d (k,) on which dominance is silent, as far as compiled code can find out the facts,
+    the comparator going by a rule. Overwrites t and work (2, p); ``certificate`` is as for ``judge``."""
+    sums = work[0]
+    for j in range(len(t)):
+        sums[j] = t[j]
+    verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
+    found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, UNSETTLED))
+    if found.needed == BOUNDS:
+        for j in range(len(t)):
+            t[j] = sums[j]
+        close = within(d, t, asking.indifference, rule)
+        found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, close))
+    certified = certified and found.verdict == verdict
+    return Judgement(found.verdict, found.tier, certified, found.audited, found.needed)
+
+
+@compiled
+def judgement(verdict: int, tier: int) -> Judgement:
+    """A judgement that needs nothing more."""
+    return Judgement(verdict, tier, False, False, NO_FACT)
+
+
+@compiled
+def missing(fact: int) -> Judgement:
+    """Only with this fact can the pair be judged."""
+    return Judgement(UNSETTLED, UNSETTLED, False, False, fact)
+
+
+@compiled
+def among(key: Any, t: Any, work: Any, codes: Any) -> bool:
+    """Whether the pair with tail sums t (p,) is one of those with the sorted ``codes``. Overwrites work (p,)."""
+    if len(codes) == 0:
+        return False
+    code = pair_code(key, t, work)
     i = np.searchsorted(codes, code)
     return bool(i < len(codes) and codes[i] == code)
-
-
-@compiled
-def judge_pair(d: Any, t: Any, work: Any, rule: Any, asking: AskingRule, certificate: Any) -> tuple[int, int, bool]:
-    """Verdict and tier of a pair on which dominance is silent, as ``Elicitation.judge`` has them; UNSETTLED where only
-    the elicitation can tell, UNKNOWN where only the tutor can. And whether ``certificate`` was written (``judge``)."""
-    for j in range(len(t)):
-        work[0, j] = t[j]
-    if len(asking.binding) > 0 and among(pair_code(asking.key, t, work[1]), asking.binding):
-        return UNSETTLED, BY_EQUAL, False
-    verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
-    if verdict == UNKNOWN:
-        if asking.unclear or (len(asking.said) > 0 and among(pair_code(asking.key, work[0], work[1]), asking.said)):
-            return UNSETTLED, BY_EQUAL, False
-        if asking.indifference > 0.0:
-            for j in range(len(t)):
-                work[1, j] = work[0, j]
-            verdict, tier = within(d, work[1], asking.indifference, rule), INDIFFERENT
-        if verdict == UNKNOWN and len(asking.guess) > 0:
-            at = 0.0
-            for j in range(len(t)):
-                at += work[0, j] * asking.guess[j]
-            return (BETTER if at > 0.0 else WORSE if at < 0.0 else EQUAL), GUESS, False
-    elif verdict != EQUAL and asking.audit > 0.0 and unit(pair_code(asking.key, work[0], work[1])) < asking.audit:
-        return UNSETTLED, BY_EQUAL, False
-    return verdict, tier, certified

@@ -40,9 +40,8 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    A comparator may also be one that ``KnowsTiers``, ``BoundsAllAtOnce`` or ``Foretells``, and have ``draws``, weighted
-    plausible scales, by which learners choose questions. Where it has a ``level`` too, the draws are what its bounds
-    rest on, and a guarantee holds under so much of their weight.
+    What learners use beyond it, where a comparator has it, is declared below and in ``elicit.decision.rule``:
+    ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``Ruled``, ``Settling``.
     """
 
     @property
@@ -111,6 +110,48 @@ def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -
     return out
 
 
+@runtime_checkable
+class HasDraws(Protocol):
+    """A comparator that names plausible scales, by which questions are chosen."""
+
+    @property
+    def draws(self) -> tuple[Floats, Floats, Floats] | None:
+        """Weighted scales, as ``elicit.lp.hit_and_run.Draws`` has them: gaps (p, m), weights (m,) of total 1, and the
+        tutor's precision (m,) under each. None: not yet."""
+
+
+@runtime_checkable
+class TrustsDraws(HasDraws, Protocol):
+    """One whose bounds rest on its draws: a guarantee holds under this share of their weight."""
+
+    @property
+    def level(self) -> float:
+        """The share, below 1."""
+
+
+@runtime_checkable
+class AllowsLapses(Protocol):
+    """A comparator that takes the tutor to answer some questions at random."""
+
+    @property
+    def lapse(self) -> float:
+        """The share of such answers."""
+
+
+@runtime_checkable
+class KeepsAnswers(Protocol):
+    """A comparator that can say what it has learned from."""
+
+    @property
+    def answers(self) -> Answers:
+        """All answers, in told order."""
+
+
+def lapse_of(comparator: Comparator) -> float:
+    """The share of answers that the comparator takes to be given at random: 0 where it does not say."""
+    return float(comparator.lapse) if isinstance(comparator, AllowsLapses) else 0.0
+
+
 def check_levels(k: int) -> int:
     """k as an int, at least 2; raises ValueError."""
     if not is_whole(k, 2):
@@ -119,9 +160,11 @@ def check_levels(k: int) -> int:
 
 
 def check_comparator_made(comparator: Comparator) -> None:
-    """Raise TypeError for anything but a comparator, such as the class of one."""
-    if isinstance(comparator, type) or not callable(getattr(comparator, "compare", None)):
-        raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}")
+    """Raise TypeError for anything but a comparator, such as the class of one, and say what it lacks."""
+    lacking = sorted({"k", "values", "bounds", "compare", "update"} - set(dir(comparator)))
+    if isinstance(comparator, type) or lacking:
+        without = f", which has no {', '.join(lacking)}" if lacking else ""
+        raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}{without}")
 
 
 def check_answers(answers: Answers, k: int) -> Answers:

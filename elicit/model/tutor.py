@@ -24,3 +24,12 @@ class TutorOfMany(Tutor, Protocol):
 
     def signs(self, d: ArrayLike) -> NDArray[np.int8]:
         """Answers (n,) in {-1, 0, +1} to differences d (n, k), the same as to n queries in that order."""
+
+
+@runtime_checkable
+class CountsErrors(Tutor, Protocol):
+    """A simulated one, which knows the truth and how often it did not tell it."""
+
+    @property
+    def realised_error_rate(self) -> float:
+        """The share of its answers that were wrong; nan before the first."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, is_whole
 from elicit.model.scale import Floats
 
 __all__ = ["EXPLORATIONS", "Decay", "Epsilon", "Exploration", "Start", "epsilons"]
@@ -59,6 +59,14 @@ class Exploration:
     start: Start = "worst"
     episode_length: int | None = None
 
+    def __post_init__(self) -> None:
+        if self.start not in get_args(Start):
+            raise ValueError(f"start must be 'worst', 'zero' or 'best', not {self.start!r}")
+        if self.episode_length is not None and not is_whole(self.episode_length, 1):
+            raise ValueError(
+                f"episode_length must be None or a whole number of at least 1, not {self.episode_length!r}"
+            )
+
 
 EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
     {
@@ -72,13 +80,16 @@ EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
 """The choices that have a name; ``python -m benchmarks.paper.exploration`` measures what each leads to."""
 
 
-def exploration_of(choice: str | Exploration) -> Exploration:
-    """The choice of that name. Raises ValueError where there is none."""
-    if isinstance(choice, Exploration):
-        return choice
-    if not isinstance(choice, str) or choice not in EXPLORATIONS:
+def exploration_of(choice: str | Exploration | None, epsilon: Epsilon | None) -> Exploration:
+    """The choice of that name, with this epsilon if one is given. Of neither "optimistic", of an epsilon alone
+    "constant". Raises ValueError where there is no such choice."""
+    if choice is None:
+        choice = "optimistic" if epsilon is None else "constant"
+    if isinstance(choice, str) and choice in EXPLORATIONS:
+        choice = EXPLORATIONS[choice]
+    if not isinstance(choice, Exploration):
         raise ValueError(f"exploration must be an Exploration or one of {', '.join(EXPLORATIONS)}, not {choice!r}")
-    return EXPLORATIONS[choice]
+    return choice if epsilon is None else replace(choice, epsilon=epsilon)
 
 
 def epsilons(epsilon: Epsilon, steps: int) -> Floats:
@@ -102,9 +113,3 @@ def epsilons(epsilon: Epsilon, steps: int) -> Floats:
     if wrong.any():
         raise ValueError(f"epsilon must lie in 0..1, not {float(chances[wrong][0])!r} (in step {int(wrong.argmax())})")
     return chances
-
-
-def check_start(start: str) -> None:
-    """Raise ValueError for a start that there is not."""
-    if start not in get_args(Start):
-        raise ValueError(f"start must be 'worst', 'zero' or 'best', not {start!r}")

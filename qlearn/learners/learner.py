@@ -7,23 +7,21 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from math import nan
-from typing import Literal, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.validation import is_number
-from elicit.asking.elicitation import Audit, Elicitation, OnConflict
+from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
-from elicit.model.tutor import Tutor
+from elicit.model.tutor import Tutor, TutorOfMany
 from elicit.tutors.answer_log import AnswerLog
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-Asking: TypeAlias = Literal["at once", "late"]
-"""When a learner asks: as soon as it meets a pair that it cannot decide, or not before that can matter."""
 Guarantor: TypeAlias = Callable[[], tuple[float, float]]
 """Computes a bound on a policy's loss and the confidence in it (``qlearn.learners.loss_bound``)."""
 
@@ -50,6 +48,19 @@ class Status(Enum):
     SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
 
 
+def place(state: int, a: int, b: int) -> tuple[int, int, int]:
+    """Where two actions are compared, whichever is left."""
+    return int(state), int(min(a, b)), int(max(a, b))
+
+
+def pair_of(
+    left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR), audited: bool = False
+) -> Pair:
+    """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
+    about = f"state {state}: action {a} (left) or action {b} (right)?"
+    return Pair(left, right, about, place(state, a, b), tier, audited)
+
+
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
     """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels differ in number."""
     if not isinstance(mdp, OrdinalMDP):
@@ -59,36 +70,11 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
         raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
 
 
-def check_asking(asking: Asking) -> bool:
-    """Whether questions are put off. Raises ValueError for no known way to ask."""
-    if asking not in ("at once", "late"):
-        raise ValueError(f'asking must be "at once" or "late", not {asking!r}')
-    return asking == "late"
-
-
 def check_max_loss(max_loss: float | None) -> float | None:
     """``max_loss``, None or a positive share of the value range; raises ValueError."""
     if max_loss is not None and not (is_number(max_loss) and max_loss > 0):
         raise ValueError(f"max_loss must be None or a positive share of the value range, not {max_loss!r}")
     return max_loss
-
-
-class OnDemand:
-    """A field that may be given as a function: called when the field is first read."""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, instance: object, owner: type | None = None) -> Floats:
-        if instance is None:
-            raise AttributeError(self._name)  # says to dataclass: there is no default
-        value: Floats | Callable[[], Floats] = vars(instance)[self._name]
-        if callable(value):
-            value = vars(instance)[self._name] = value()
-        return value
-
-    def __set__(self, instance: object, value: Floats | Callable[[], Floats]) -> None:
-        vars(instance)[self._name] = value
 
 
 def no_guarantee() -> tuple[float, float]:
@@ -98,8 +84,8 @@ def no_guarantee() -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a learner knows so far. ``policy`` (S,) actions; ``q`` (S, A, k) shares, of many states computed when
-    first read; ``asked``: questions to the tutor, audits not counted; ``decided``: comparisons by tier;
+    """What a learner knows so far. ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted;
+    ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it;
     ``rounds``: steps, sweeps, or policies solved for.
 
     ``loss_bound`` is an upper bound on what the policy loses against the best, from whatever state, as a share of the
@@ -116,8 +102,13 @@ class Result:
     audits: tuple[Audit, ...]
     cannot_tell: int
     rounds: int
-    q: OnDemand = OnDemand()
+    shares: Floats | Callable[[], Floats] = field(repr=False)
     guarantee: Guarantor = field(default=no_guarantee, repr=False)
+
+    @cached_property
+    def q(self) -> Floats:
+        """(S, A, k) the shares; computed when first read where they are given as a function."""
+        return self.shares() if callable(self.shares) else self.shares
 
     @cached_property
     def _guaranteed(self) -> tuple[float, float]:
@@ -148,7 +139,7 @@ def result_of(
     elicitation: Elicitation,
     *,
     policy: NDArray[np.int64],
-    q: Floats,
+    shares: Floats | Callable[[], Floats],
     status: Status,
     tiers: NDArray[np.int64],
     rounds: int,
@@ -157,7 +148,7 @@ def result_of(
     """The Result of a learner that stands on this elicitation; ``tiers`` (len(Tier),) counts its comparisons."""
     return Result(
         policy=policy,
-        q=q,
+        shares=shares,
         status=status,
         asked=elicitation.asked,
         decided={tier.name.lower(): int(n) for tier, n in zip(Tier, tiers, strict=True)},
@@ -190,6 +181,44 @@ class Learner(Protocol):
         """What is known of the scale."""
 
 
+class Elicits:
+    """What all learners do alike, for they leave it to their elicitation."""
+
+    _elicitation: Elicitation
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
+        return self._elicitation.ask() or self._go_on()
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
+        then such an answer settles its own pair only, and is returned."""
+        verdicts, dropped = self._elicitation.tell(answers, on_conflict)
+        self._take(verdicts)
+        return dropped
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Let ``signs`` answer from now on: counted, not logged."""
+        self._elicitation.signs = signs
+
+    def watch(self, watcher: Watch) -> None:
+        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on: of Q-learning those that neither
+        equality nor dominance settled, of policy iteration the questions answered."""
+        self._elicitation.watch = watcher
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+        return self._elicitation.comparator
+
+    def _go_on(self) -> tuple[Query, ...]:
+        """Go on to the next queries, or to the end."""
+        raise NotImplementedError
+
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        """Act on the verdicts, by query id."""
+
+
 def drive(
     learner: Learner,
     tutor: Tutor,
@@ -208,9 +237,8 @@ def drive(
         raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
     if not callable(tutor):
         raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
-    signs = getattr(tutor, "signs", None)
-    if isinstance(learner.comparator, AlwaysAsk) and signs is not None:
-        learner.consult(signs)
+    if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
+        learner.consult(tutor.signs)
     while queries := learner.ask():
         answers = [tutor(query) for query in queries]
         try:

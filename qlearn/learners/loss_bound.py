@@ -23,7 +23,7 @@ from scipy import sparse
 
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.comparator import Comparator, TrustsDraws, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -74,6 +74,11 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
     return guarantee(mdp, advantages(mdp, policy), comparator)
 
 
+def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
+    """Whether no plausible scale lets ``policy`` (S,) lose more than this share of the value range."""
+    return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
+
+
 def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None) -> Guarantee:
     """The same from a policy's advantages. With ``enough`` only whether the bound exceeds it need be right: a bound
     above may come out as inf."""
@@ -88,8 +93,9 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
     is not draws that its bounds rest on."""
-    level, draws = getattr(comparator, "level", None), getattr(comparator, "draws", None)
-    return None if level is None or draws is None else (Draws(*draws), float(level))
+    if not isinstance(comparator, TrustsDraws) or comparator.draws is None:
+        return None
+    return Draws(*comparator.draws), float(comparator.level)
 
 
 def loss_over_draws(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -11,14 +11,22 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import AUDIT, Elicitation, OnConflict, Watch, place
+from elicit.asking.elicitation import Elicitation, Judgements, Pair
 from elicit.decision.decide import decide
-from elicit.model.comparator import Comparator, Decisions, Tier, simultaneous_bounds
-from elicit.model.query import Answer, Query, Verdict
+from elicit.model.comparator import Comparator, Tier, lapse_of, simultaneous_bounds
+from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.learner import Result, Status, check_problem, result_of
+from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, place, result_of
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
-from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, draws_of, telling_violation
+from qlearn.learners.query_strategies import (
+    Candidates,
+    Strategy,
+    best,
+    check_strategy,
+    draws_of,
+    telling_violation,
+    worth_asking,
+)
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
 
@@ -29,7 +37,7 @@ _MATTERS = 0.5
 with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
 
 
-class InteractivePolicyIteration:
+class InteractivePolicyIteration(Elicits):
     """Solves the MDP for the comparator's central scale, bounds what the policy can lose under every plausible scale
     (``loss_bound``), and stops once that is within ``tolerance``, a share of the value range at every state: for
     every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
@@ -85,10 +93,9 @@ class InteractivePolicyIteration:
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
 
-    def ask(self) -> tuple[Query, ...]:
-        """The pending queries, or () when finished."""
-        if self._elicitation.pending or self._end is not None:
-            return self._elicitation.ask()
+    def _go_on(self) -> tuple[Query, ...]:
+        if self._end is not None:
+            return ()
         over, found = self._round()
         if found.loss_bound <= self._enough:
             return self._audit(over)
@@ -105,12 +112,7 @@ class InteractivePolicyIteration:
         order = rows[best(self._strategy, candidates, len(rows))]
         if self._bags is not None and (simple := self._simple(candidates, over.d[order[:_ABOUT]], self._bags)):
             return simple
-        return self._open(over, order[self._elicitation.next_batch(over.d[order])], Tier.TUTOR)
-
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
-        ``on_conflict="drop"`` (then such an answer is left unused, and is returned)."""
-        return self._elicitation.tell(answers, on_conflict)[1]
+        return self._open(over, order[self._elicitation.next_batch(over.d[order])])
 
     def result(self) -> Result:
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
@@ -121,7 +123,7 @@ class InteractivePolicyIteration:
         return result_of(
             self._elicitation,
             policy=over.policy.copy(),
-            q=over.q,
+            shares=over.q,
             status=self._end or Status.WAITING,
             tiers=tiers,
             rounds=self._rounds,
@@ -130,15 +132,6 @@ class InteractivePolicyIteration:
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Has no effect: each question is asked and logged, also by a comparator that never learns."""
-
-    def watch(self, watcher: Watch) -> None:
-        """Call ``watcher(d, decisions)`` with every question answered."""
-        self._elicitation.watch = watcher
-
-    @property
-    def comparator(self) -> Comparator:
-        """What is known of the scale."""
-        return self._elicitation.comparator
 
     def _round(self) -> tuple[Advantages, Guarantee]:
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
@@ -154,15 +147,12 @@ class InteractivePolicyIteration:
         """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
         asked = bags.questions(self._mdp.k)
         skip = np.flatnonzero(~self._elicitation.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
-        lapse = float(getattr(candidates.comparator, "lapse", 0.0))
-        row, _ = bags.best(candidates.draws, about, lapse, skip.tolist())
+        row, _ = bags.best(candidates.draws, about, lapse_of(candidates.comparator), skip.tolist())
         if row < 0:
             return ()
-        pair = (asked.left[row] / bags.days, asked.right[row] / bags.days, *_nowhere(row))
-        verdict = Decisions(np.array([Verdict.UNKNOWN], np.int8), np.array([Tier.TUTOR], np.int8))
-        return self._elicitation.open(
-            [pair], verdict, bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)
-        )
+        sentence = bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)
+        pair = Pair(asked.left[row] / bags.days, asked.right[row] / bags.days, sentence, _nowhere(row))
+        return self._elicitation.open([pair])
 
     def _solved_for(self, values: Floats) -> Advantages:
         """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
@@ -175,12 +165,11 @@ class InteractivePolicyIteration:
     def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
         """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
         scale puts above the limit; of drawn scales, where no draw is left out, if there are none else."""
-        comparator = self._elicitation.comparator
-        rows = np.flatnonzero(simultaneous_bounds(comparator, over.d)[0] > self._limit)
-        rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+        comparator, places = self._elicitation.comparator, partial(self._place, over)
+        rows = worth_asking(self._elicitation, over.d, places, self._limit)
         if not len(rows) and drawn_set(comparator) is not None:
             rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > 0).any(axis=1))
-            rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: self._place(over, rows[i]))]
+            rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
         return rows
 
     def _settled_by(self, over: Advantages, high: Floats) -> NDArray[np.int8]:
@@ -194,22 +183,20 @@ class InteractivePolicyIteration:
 
     def _audit(self, over: Advantages) -> tuple[Query, ...]:
         """The certificate stands: audit some of what it rests on."""
-        if not self._elicitation.audits_any:
-            self._end = Status.CONVERGED
-            return ()
-        decisions = self._elicitation.judge(over.d, lambda row: self._place(over, row))
-        rows = np.flatnonzero(decisions.tiers >= AUDIT)[: self._elicitation.batch]
+        judged = self._elicitation.judge(over.d, partial(self._place, over))
+        rows = np.flatnonzero(judged.audited)[: self._elicitation.batch]
         if len(rows):
-            return self._open(over, rows, decisions.tiers[rows])
+            return self._open(over, rows, judged)
         self._end = Status.CONVERGED
         return ()
 
-    def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: NDArray[np.int8] | Tier) -> tuple[Query, ...]:
-        s, a = over.states[rows], over.actions[rows]
-        own = over.policy[s]
-        pairs = [(over.q[i, j], over.v[i], int(i), int(j), int(b)) for i, j, b in zip(s, a, own, strict=True)]
-        verdicts = np.full(len(rows), Verdict.UNKNOWN, np.int8)
-        return self._elicitation.open(pairs, Decisions(verdicts, np.broadcast_to(np.int8(tiers), len(rows))))
+    def _open(self, over: Advantages, rows: NDArray[np.int64], audits: Judgements | None = None) -> tuple[Query, ...]:
+        pairs = []
+        for row in rows:
+            s, a = int(over.states[row]), int(over.actions[row])
+            pair = pair_of(over.q[s, a], over.v[s], s, a, int(over.policy[s]))
+            pairs.append(pair if audits is None else pair._replace(tier=int(audits.tiers[row]), audited=True))
+        return self._elicitation.open(pairs)
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]

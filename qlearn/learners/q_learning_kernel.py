@@ -1,8 +1,7 @@
 """The Q-learning loop as arrays and a cursor: runs until it is done or meets a pair it cannot decide.
 
-Plain scalar code over arrays, compiled where numba is installed; both ways give the same numbers. The cursor says
-where the loop stands (in the middle of a step's comparisons, if need be); calling again with a verdict goes on from
-there. Random numbers are a hash of (key, purpose, counters): see ``elicit._support.hashing.fold``.
+The cursor says where the loop stands (in the middle of a step's comparisons, if need be); calling again with a verdict
+goes on from there. Random numbers are a hash of (key, purpose, counters): see ``elicit._support.hashing.fold``.
 """
 
 from __future__ import annotations
@@ -14,19 +13,16 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
-from elicit.asking.elicitation_kernel import AskingRule, judge_pair
-from elicit.decision.judge import certifies
-from elicit.decision.rule import Rule
-from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, BY_SIMPLEX
-from elicit.model.comparator import Tier
-from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE, by_dominance
-from elicit.tutors.simulated_kernel import NOBODY, Respondent, respond
+from elicit.asking.elicitation_kernel import judge_pair
+from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL
+from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
+from elicit.tutors.simulated_kernel import NOBODY, respond
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, certify, difference, keep
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
-STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE, KEPT = range(8)  # what the cursor holds
+STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE = range(7)  # what the cursor holds
 IDLE = -1  # POSITION between two steps
-BY_TUTOR = int(Tier.TUTOR)
 
 
 class Model(NamedTuple):
@@ -53,18 +49,8 @@ class State(NamedTuple):
     q: NDArray[np.float64]  # (S, A, k) shares
     best: NDArray[np.int64]  # (S,) B(s)
     visits: NDArray[np.int64]  # (S, A)
-    cursor: NDArray[np.int64]  # (8,)
+    cursor: NDArray[np.int64]  # (7,)
     decided: NDArray[np.int64]  # comparisons settled here, by tier
-    floors: NDArray[np.float64]  # (S, A, p) how far the tail sums of (s, a) may sink (``elicit.decision.judge.judge``)
-    sides: NDArray[np.int8]  # (S, A) the verdict that then holds, times its tier; 0: none
-
-
-class Kept(NamedTuple):
-    """The comparisons that neither equality nor dominance settled, for whoever watches; c = 0: nobody does."""
-
-    d: NDArray[np.float64]  # (c, k)
-    verdicts: NDArray[np.int8]  # (c,)
-    tiers: NDArray[np.int8]  # (c,)
 
 
 @compiled
@@ -84,31 +70,17 @@ def draw(cumulative: Any, u: float) -> int:
 
 
 @compiled
-def difference(q: Any, state: int, challenger: int, incumbent: int, d: Any, t: Any) -> int:
-    """Q(s, challenger) - Q(s, incumbent) into d, its tail sums into t, and their verdict by eq. (4)."""
-    total = -0.0
-    for j in range(len(d) - 1, 0, -1):
-        d[j] = q[state, challenger, j] - q[state, incumbent, j]
-        total += d[j]
-        t[j - 1] = total
-    d[0] = q[state, challenger, 0] - q[state, incumbent, 0]
-    return by_dominance(t)
+def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
+    """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet). Kept is what
+    neither equality nor dominance settled.
 
-
-@compiled
-def advance(
-    state: State, model: Model, verdict: int, rule: Rule, asking: AskingRule, oracle: Respondent, kept: Kept
-) -> int:
-    """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet).
-    With an ``oracle`` it is asked whatever dominance leaves open.
-
-    Returns DONE; FULL where ``kept`` must be emptied first; or, with the cursor at a pair, ASK where only the tutor
-    can settle it and DEFER where perhaps the elicitation can.
+    Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair, ASK where only the
+    tutor can settle it and DEFER where perhaps the elicitation can.
     """
-    q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
-    floors, sides = state.floors, state.sides
-    k = q.shape[2]
-    d, t, work = np.empty(k), np.empty(k - 1), np.empty((2, k - 1))
+    rule, asking, oracle, certificates, kept = judging
+    best, cursor, decided = state.best, state.cursor, state.decided
+    m, k = state.q.shape[1:]
+    d, t, work, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
     while True:
         if cursor[POSITION] == IDLE:
             if cursor[STEP] >= model.steps:
@@ -120,32 +92,23 @@ def advance(
             incumbent = best[s]
             if challenger != incumbent:
                 if verdict == UNKNOWN:
-                    verdict, tier = difference(q, s, challenger, incumbent, d, t), BY_DOMINANCE
-                    if verdict == EQUAL:
-                        tier = BY_EQUAL
-                    elif verdict == UNKNOWN or not rule.dominance:
-                        if len(kept.tiers) > 0 and cursor[KEPT] == len(kept.tiers):
+                    verdict, row = difference(state.q, s, challenger, incumbent, d, t), s * m + challenger
+                    if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
+                        tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
+                    else:
+                        if len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers):
                             return FULL
-                        side = sides[s, challenger]
                         if oracle.kind != NOBODY:
                             verdict, tier = respond(t, work[0], oracle), BY_TUTOR
-                            if verdict == UNSETTLED:
-                                return DEFER
-                        elif side != 0 and asking.plain and certifies(floors[s, challenger], 1 if side > 0 else -1, t):
-                            verdict, tier = (BETTER, int(side)) if side > 0 else (WORSE, -int(side))
+                        elif asking.plain and certified(t, row, certificates):
+                            verdict, tier = certificates.verdicts[row], certificates.tiers[row]
                         else:
-                            verdict, tier, certified = judge_pair(d, t, work, rule, asking, floors[s, challenger])
-                            sides[s, challenger] = 0
-                            if verdict in (UNSETTLED, UNKNOWN):
-                                return DEFER if verdict == UNSETTLED else ASK
-                            if certified:
-                                sides[s, challenger] = verdict * (BY_SCREEN if tier == BY_SIMPLEX else tier)
+                            judged = judge_pair(d, t, work, least, rule, asking)
+                            verdict, tier = certify(judged, least, row, certificates)
+                        if verdict in (UNSETTLED, UNKNOWN):
+                            return DEFER if verdict == UNSETTLED else ASK
                         if len(kept.tiers) > 0:
-                            for j in range(k):
-                                kept.d[cursor[KEPT], j] = d[j]
-                            kept.verdicts[cursor[KEPT]] = verdict
-                            kept.tiers[cursor[KEPT]] = tier
-                            cursor[KEPT] += 1
+                            keep(d, verdict, tier, kept)
                     decided[tier] += 1
                 if verdict == BETTER:  # Alg. 2, l. 7 and 15; equal keeps the incumbent
                     best[s] = challenger

@@ -15,15 +15,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit.asking.bags import entropy, says_left
+from elicit.asking.elicitation import Elicitation, Place
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.region import Region
-from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.comparator import Comparator, HasDraws, lapse_of, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 
 
@@ -62,7 +63,7 @@ class Candidates:
     @cached_property
     def agreement(self) -> Floats:
         """(n, m) the chance that the tutor says "left is better", under each of the draws."""
-        return says_left(self.scores, self.draws.precision, float(getattr(self.comparator, "lapse", 0.0)))
+        return says_left(self.scores, self.draws.precision, lapse_of(self.comparator))
 
     def __len__(self) -> int:
         return len(self.d)
@@ -124,11 +125,20 @@ def check_strategy(strategy: Strategy) -> Strategy:
 
 def draws_of(comparator: Comparator) -> Draws:
     """A comparator's ``draws``, or draws from all ordered scales where it has none."""
-    own: Any = getattr(comparator, "draws", None)
+    own = comparator.draws if isinstance(comparator, HasDraws) else None
     if own is not None:
         return Draws(*own)
     p = comparator.k - 1
     return draws_within(Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, np.int64)), np.full(p, 1.0 / p))
+
+
+def worth_asking(
+    elicitation: Elicitation, d: Floats, places: Callable[[int], Place], limit: float | Floats
+) -> NDArray[np.int64]:
+    """Rows of the differences d (n, k) that some plausible scale puts above the limit, one for all or (n,), and that
+    may be asked about; ``places`` gives where a row is compared."""
+    rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > limit)
+    return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]
 
 
 def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[int]:

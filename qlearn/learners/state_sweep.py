@@ -1,28 +1,32 @@
-"""A sweep in which every state's actions compete: compiled where that may be, else by the elicitation, all at once."""
+"""A sweep of value iteration over all states: compiled, as far as it needs neither Python nor the tutor."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.asking.elicitation import Elicitation, place
-from elicit.decision.rule import ASKING, NOTHING, PROOFS, Rule, outlasts_answers, rule_of, silent
+from elicit.asking.elicitation import Elicitation
+from elicit.decision.rule import ASKING, NOTHING, PROOFS, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.state_sweep_kernel import DONE, Found, Work, compete, found
-from qlearn.mdp.backup import is_compiled, model_of, q_of
+from elicit.model.scale import Floats
+from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
+from qlearn.learners.learner import place
+from qlearn.learners.pair_judge import PairJudge
+from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
+from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 BLOCK = 2048  # states one thread takes at a time
 BLOCKS = 8  # at once: each has its own copy of the proofs, so that results do not depend on the number of threads
 
+States = NDArray[np.int64]
 
-class Competition:
+
+class StateSweep:
     """V of the last sweep, each state's best action, and how far this sweep has come."""
 
     def __init__(self, mdp: OrdinalMDP, elicitation: Elicitation, jobs: int) -> None:
@@ -36,191 +40,153 @@ class Competition:
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
-        self.tiers: dict[int, int] = {}  # of waiting states: the tier their pair was judged with
+        self.judged: dict[int, tuple[int, bool]] = {}  # of waiting states: their pair's tier, and whether an audit
         self.lent = False  # whether somebody may still read V
-        self._floors = np.empty((n * m, mdp.k - 1), dtype=np.float32)
-        self._sides = np.zeros(n * m, dtype=np.int8)
-        self._judged_by = elicitation.comparator  # whom floors and copies are of
+        self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
+        self._judged_by = elicitation.comparator  # whom certificates and copies are of
         self._copies: list[Rule] = []
-        self._begin()
+        self.begin()
 
-    def proceed(self, batch: int | None = None) -> NDArray[np.int64]:
-        """Let all states' actions compete, up to where a batch of states needs the tutor (by default that of the
-        elicitation); returns these states in order, and none at the end of the sweep."""
-        batch = batch or self._elicitation.batch
+    _waiting: States  # whose pair at the cursor is undecided, in order
+
+    def proceed(self, batch: int) -> States:
+        """Compare all states' actions, up to where so many states need the tutor; returns these states in order, and
+        none at the end of the sweep."""
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
-            self._go_on()
-            self._look_again(batch)
+            states = np.arange(self._reached, min(self._mdp.n_states, self._reached + BLOCK * BLOCKS))
+            waiting = self._compare(states)
+            self._waiting = np.concatenate([self._waiting, waiting])
+            self._verified += len(waiting)
+            self._reached += len(states)
         return self._waiting[: min(batch, self._verified)]
 
     def settle(self, state: int, verdict: Verdict) -> None:
         """The verdict on the pair at a waiting state's cursor. What waits behind it may be settled by now."""
-        self._settle(np.array([state]), self.cursor[[state]], np.array([verdict], dtype=np.int8))
+        self._settle(np.array([state]), np.array([verdict], dtype=np.int8))
         self._verified = 0
+
+    def pairs(self, states: States) -> tuple[Floats, Floats, NDArray[np.int32], States]:
+        """The pairs at the cursors of n states: left and right (n, k), challenger's and incumbent's actions (n,)."""
+        rows, challengers, incumbents = np.arange(len(states)), self.cursor[states], self.best[states]
+        q = q_of(states, self.v, self.model)
+        return q[rows, challengers], q[rows, incumbents], challengers, incumbents
 
     def next_sweep(self) -> None:
         """Go on from the new V."""
         spare = np.empty_like(self.v) if self.lent else self.v
         self.v, self._following, self.lent = self._following, spare, False
-        self._begin()
+        self.begin()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
+        """Begin this sweep, or begin it anew, from V."""
         self.cursor[:] = 0
-        self.tiers.clear()
+        self.judged.clear()
         self._reached = 0  # states from here on have not been looked at in this sweep
         self.change = 0.0  # the greatest of a tail sum of V: the most that any ordered scale can see
-        self._waiting = np.empty(0, dtype=np.int64)  # states whose pair at the cursor is undecided, in order
+        self._waiting = np.empty(0, dtype=np.int64)
         self._verified = 0  # how many of the first of them are so with all that is known
 
-    def _go_on(self) -> None:
-        """Let the next states' actions compete."""
-        states = np.arange(self._reached, min(self._mdp.n_states, self._reached + BLOCK * BLOCKS))
-        if self._is_plain():
-            blocks = [states[i : i + BLOCK] for i in range(0, len(states), BLOCK)]
-            sizes, rules = [len(block) for block in blocks], self._rules(len(blocks))
-            if self._jobs > 1 and len(blocks) > 1:
-                with ThreadPoolExecutor(self._jobs) as pool:  # waits for all, even if interrupted
-                    done = list(pool.map(self._compete, blocks, sizes, rules))
-            else:
-                done = list(map(self._compete, blocks, sizes, rules))
-            waiting = np.concatenate([self._take(*each) for each in done])
-        else:
-            waiting = self._by_elicitation(states)
-            self._verified += len(waiting)
-        self._waiting = np.concatenate([self._waiting, waiting])
-        self._reached += len(states)
-
-    def again(self) -> None:
-        """Begin this sweep anew, from the same V."""
-        self._begin()
-
     def _look_again(self, batch: int) -> None:
-        """Judge waiting states anew, in order, until a batch of them is known to need the tutor."""
+        """Judge waiting states anew, in order, until a batch of them is known to need the tutor: twice as many each
+        time, for few calls, and few judgements that the next answer outdates."""
         size = batch
         while self._verified < min(batch, len(self._waiting)):
-            part = self._waiting[self._verified :]
-            if self._is_plain():
-                seen, out = self._compete(part, batch - self._verified, self._rule())
-                looked_at, waiting = len(seen), self._take(seen, out)
-                asks = out.code[:looked_at][out.code[:looked_at] != DONE] == Verdict.UNKNOWN
-                self.tiers.update(dict.fromkeys(waiting[asks].tolist(), int(Tier.TUTOR)))
-                if not asks.all():
-                    waiting = np.union1d(waiting[asks], self._by_elicitation(waiting[~asks]))
-            else:  # twice as many each time: few calls, and few judgements that the next answer outdates
-                looked_at = min(size, len(part))
-                size, waiting = 2 * size, self._by_elicitation(part[:size])
-            rest = self._waiting[self._verified + looked_at :]
+            part, rest = np.split(self._waiting[self._verified :], [size])
+            waiting = self._compare(part)
             self._waiting = np.concatenate([self._waiting[: self._verified], waiting, rest])
             self._verified += len(waiting)
+            size *= 2
 
-    def _is_plain(self) -> bool:
-        """Whether compiled code may judge: nobody looks on, and the comparator has a rule."""
-        special = self._elicitation.signs is not None or self._elicitation.watch is not None
-        return not special and is_compiled() and rule_of(self._elicitation.comparator).kind not in (NOTHING, ASKING)
+    def _compare(self, states: States) -> States:
+        """Compare the actions of these states until each is done or needs the tutor; returns those that do, in
+        order."""
+        waiting: list[States] = []
+        while len(states):
+            going_on: list[States] = []
+            for part, out in self._swept(states):
+                self._enter(part, out)
+                code = out.code[: len(part)]
+                by_python = code == UNSETTLED
+                if self._elicitation.signs is not None:
+                    by_python |= code == UNKNOWN
+                asks = part[(code == UNKNOWN) & ~by_python]
+                self.judged.update(dict.fromkeys(asks.tolist(), (int(Tier.TUTOR), False)))
+                needs = self._judge(part[by_python])
+                waiting += [asks, needs]
+                going_on += [part[code == ANSWERED], np.setdiff1d(part[by_python], needs)]
+            states = np.sort(np.concatenate(going_on))
+        return np.sort(np.concatenate(waiting)) if waiting else states
 
-    def _compete(self, states: NDArray[np.int64], enough: int, rule: Rule) -> tuple[NDArray[np.int64], Found]:
-        out = found(len(states))
-        work = Work(self.v, self._following, self.best, self.cursor, self._floors, self._sides)
+    def _swept(self, states: States) -> Iterator[tuple[States, Outcome]]:
+        """The compiled sweep over blocks of states: parts of them, and what became of each. Beside each other, unless
+        somebody looks on or answers."""
+        blocks = [states[i : i + BLOCK] for i in range(0, len(states), BLOCK)]
+        rules = self._rules(len(blocks))
+        alone = self._elicitation.watch is not None or self._elicitation.signs is not None
+        if self._jobs > 1 and len(blocks) > 1 and not alone:
+            with ThreadPoolExecutor(self._jobs) as pool:  # waits for all, even if interrupted
+                yield from list(pool.map(self._sweep, blocks, rules))
+            return
+        for block, rule in zip(blocks, rules, strict=True):
+            while len(block):
+                part, out = self._sweep(block, rule)
+                yield part, out
+                block = block[len(part) :]
+
+    def _sweep(self, states: States, rule: Rule) -> tuple[States, Outcome]:
+        """The first states, as many as were reached, and what became of them."""
+        work, out = Work(self.v, self._following, self.best, self.cursor), no_outcome(len(states))
         with np.errstate(all="ignore"):  # hashes wrap around
-            reached = compete(states, enough, work, self.model, rule, self._elicitation.rule(), out)
+            reached = sweep(states, work, self.model, self._pairs.judging(rule), out)
         return states[:reached], out
 
-    def _take(self, states: NDArray[np.int64], out: Found) -> NDArray[np.int64]:
-        """Act on what compiled code found out about states; returns those that have to wait."""
+    def _enter(self, states: States, out: Outcome) -> None:
+        """Act on what became of states."""
         n = len(states)
         self.best[states], self.cursor[states] = out.best[:n], out.cursor[:n]
-        self._elicitation.counts += out.tiers
         self.change = max(self.change, float(out.change[0]))
-        waiting: NDArray[np.int64] = states[out.code[:n] != DONE]
-        return waiting
+        self._pairs.enter(out.tiers)
 
-    def _rule(self) -> Rule:
-        """What the comparator knows, as arrays. After an answer floors may not hold, except a polytope's."""
-        comparator = self._elicitation.comparator
-        rule = rule_of(comparator)
-        if comparator is not self._judged_by:
-            if not outlasts_answers(rule):
-                self._sides[:] = 0
-            self._copies.clear()
-            self._judged_by = comparator
-        if self._elicitation.puts_off and rule.kind != NOTHING:
-            return silent()  # the best guess lies among the plausible scales, and is cheaper to look up
-        return rule
+    def _judge(self, states: States) -> States:
+        """Have the elicitation judge the pairs at the cursors of states, all at once; returns those that need the
+        tutor."""
+        if not len(states):
+            return states
+        left, right, challengers, incumbents = self.pairs(states)
+        d = left - right
+        decisions = self._elicitation.judge(d, lambda row: place(states[row], challengers[row], incumbents[row]))
+        needs = decisions.verdicts == Verdict.UNKNOWN
+        how = zip(decisions.tiers[needs].tolist(), decisions.audited[needs].tolist(), strict=True)
+        self.judged.update(zip(states[needs].tolist(), how, strict=True))
+        self._elicitation.commit(d[~needs], Decisions(decisions.verdicts[~needs], decisions.tiers[~needs]))
+        self._settle(states[~needs], decisions.verdicts[~needs])
+        needed: States = states[needs]
+        return needed
+
+    def _settle(self, states: States, verdicts: NDArray[np.int8]) -> None:
+        """Move cursors past decided challengers."""
+        won = states[verdicts == Verdict.BETTER]
+        self.best[won] = self.cursor[won]
+        self.cursor[states] += 1
 
     def _rules(self, n: int) -> Sequence[Rule]:
-        """The rule for each of n blocks: what they find out on the way goes into copies."""
-        rule = self._rule()
+        """What the comparator knows, as arrays, for each of n blocks: what they find out on the way goes into copies.
+        After an answer certificates may not hold, except what was proven."""
+        if self._elicitation.comparator is not self._judged_by:
+            self._judged_by = self._elicitation.comparator
+            self._pairs.take_answers()
+            self._copies.clear()
+        rule = rule_of(self._judged_by)
+        if self._elicitation.puts_off and rule.kind not in (NOTHING, ASKING):
+            rule = silent()  # the best guess lies among the plausible scales, and is cheaper to look up
         if n == 1 or rule.kind not in PROOFS:
             return [rule] * n
         self._copies.extend(_copy(rule) for _ in range(n - len(self._copies)))
         return self._copies[:n]
 
-    def _by_elicitation(self, states: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Let the actions of states compete, all at once, each pair judged by the elicitation, until each state is done
-        or needs the tutor; returns those that do."""
-        q = q_of(states, self.v, self.model)
-        blocked = np.zeros(len(states), dtype=np.bool_)
-        active = np.flatnonzero(~self._mdp.terminal[states])
-        while len(active):
-            active = self._round(states, q, active, blocked)
-        done = states[~blocked]
-        v = q[np.flatnonzero(~blocked), self.best[done]]
-        self._following[done] = v
-        change = np.abs(tail_sums(v - self.v[done])).max(initial=0.0)
-        self.change = max(self.change, float(change))
-        return states[blocked]
-
-    def _round(
-        self, states: NDArray[np.int64], q: Floats, active: NDArray[np.int64], blocked: NDArray[np.bool_]
-    ) -> NDArray[np.int64]:
-        """Judge the remaining challengers of the active rows against their present best, act on the judgements
-        up to the first that changes the best or is unknown, and return the rows that must go on."""
-        actions, here = np.arange(self._mdp.n_actions), states[active]
-        wanted = self._mdp.admissible[here] & (actions >= self.cursor[here, None]) & (actions != self.best[here, None])
-        if self._elicitation.signs is not None:  # an oracle counts its questions: none beyond the next challenger
-            wanted &= np.cumsum(wanted, axis=1) == 1
-        at, challenger = np.nonzero(wanted)
-        owner, owners = active[at], here[at]
-        incumbents = self.best[owners]
-        d = q[owner, challenger] - q[owner, incumbents]
-        decisions = self._elicitation.judge(d, lambda row: place(owners[row], challenger[row], incumbents[row]))
-        stops = (decisions.verdicts == Verdict.BETTER) | (decisions.verdicts == Verdict.UNKNOWN)
-        earlier = np.cumsum(stops) - stops
-        first_of_owner = np.searchsorted(owner, owner)  # rows are sorted by owner
-        acted = earlier == earlier[first_of_owner] if len(owner) else stops
-        unknown = acted & (decisions.verdicts == Verdict.UNKNOWN)
-        better = acted & (decisions.verdicts == Verdict.BETTER)
-        used = acted & ~unknown
-        self._elicitation.commit(d[used], Decisions(decisions.verdicts[used], decisions.tiers[used]))
-        self._settle(owners[used], challenger[used], decisions.verdicts[used])
-        self.cursor[owners[unknown]] = challenger[unknown]
-        blocked[owner[unknown]] = True
-        self.tiers.update(zip(owners[unknown].tolist(), decisions.tiers[unknown].tolist(), strict=True))
-        if self._elicitation.signs is not None:
-            return np.unique(owner[used])
-        going: NDArray[np.int64] = owner[better]
-        return going
-
-    def _settle(
-        self, states: NDArray[np.int64], challengers: NDArray[np.signedinteger[Any]], verdicts: NDArray[np.int8]
-    ) -> None:
-        """Move cursors past decided challengers (rows in order of states and actions)."""
-        self.cursor[states] = challengers + 1
-        won = verdicts == Verdict.BETTER
-        self.best[states[won]] = challengers[won]
-
 
 def _copy(rule: Rule) -> Rule:
     """The same proofs, in arrays of their own where walks write."""
-    known = rule.known
-    return rule._replace(
-        known=known._replace(
-            points=known.points.copy(),
-            inverses=known.inverses.copy(),
-            active=known.active.copy(),
-            kind=known.kind.copy(),
-            age=known.age.copy(),
-            counts=known.counts.copy(),
-        )
-    )
+    written = ("points", "inverses", "active", "kind", "age", "counts")
+    return rule._replace(known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written}))

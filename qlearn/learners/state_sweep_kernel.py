@@ -1,7 +1,7 @@
-"""One sweep of value iteration on share vectors, a block of states at a time, in code that numba can compile.
+"""One sweep of value iteration on share vectors, a block of states at a time, in compiled code.
 
-Q(s, a) of one state fits into a small scratch, so only V is kept. A state whose pair neither the rule nor the
-indifference settles is left waiting, its cursor at that pair, while the other states go on.
+Q(s, a) of one state fits into a small scratch, so only V is kept. A state whose pair is not for compiled code to settle
+is left waiting, its cursor at that pair, while the other states go on.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.jit import compiled, unlocked
-from elicit.asking.elicitation_kernel import AskingRule, judge_pair
-from elicit.decision.judge import certifies
+from elicit._support.jit import unlocked
+from elicit.asking.elicitation_kernel import judge_pair
 from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
+from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
+from elicit.tutors.simulated_kernel import NOBODY, respond
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, certify, difference, keep
 from qlearn.mdp.backup import Model, back_up_from
 
-DONE = 0  # beside UNKNOWN and UNSETTLED: how a state's competition stands
+DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
 
 
 class Work(NamedTuple):
@@ -30,23 +31,21 @@ class Work(NamedTuple):
     following: Floats  # (S, k) V of this sweep, written where a state is done
     best: NDArray[np.int64]  # (S,) each state's best action so far; read only
     cursor: NDArray[np.int32]  # (S,) its next challenger; read only
-    floors: NDArray[np.float32]  # (S*A, p) how far the tail sums of (s, a) may sink (``elicit.decision.judge.judge``)
-    sides: NDArray[np.int8]  # (S*A,) the verdict that then holds, times its tier; 0: none
 
 
-class Found(NamedTuple):
-    """What a sweep found out about a list of n states."""
+class Outcome(NamedTuple):
+    """What became of a list of n states."""
 
     best: NDArray[np.int64]  # (n,)
     cursor: NDArray[np.int32]  # (n,)
-    code: NDArray[np.int8]  # (n,) DONE, or of the pair at the cursor: UNKNOWN to all but the tutor, or UNSETTLED
+    code: NDArray[np.int8]  # (n,) DONE; of the pair at the cursor UNKNOWN to all but the tutor, or UNSETTLED; ANSWERED
     tiers: NDArray[np.int64]  # (len(Tier),) comparisons by who settled them
     change: Floats  # (1,) the greatest change of a tail sum of V at a state that is done
 
 
-def found(n: int) -> Found:
-    """Room for what a sweep finds out about n states."""
-    return Found(
+def no_outcome(n: int) -> Outcome:
+    """Room for what becomes of n states."""
+    return Outcome(
         np.empty(n, dtype=np.int64),
         np.empty(n, dtype=np.int32),
         np.empty(n, dtype=np.int8),
@@ -56,25 +55,26 @@ def found(n: int) -> Found:
 
 
 @unlocked
-def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, asking: AskingRule, out: Found) -> int:
-    """Back up each of the states (n,) and let its actions compete from its cursor on; stop once ``enough`` of them
-    have to wait. Returns how many were reached.
+def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome) -> int:
+    """Back up each of the states (n,), and compare its actions with the best of those before them, from its cursor on.
+    Returns how many states were reached: it stops where there may be no room to keep the next state's comparisons.
 
+    An oracle is asked about one challenger of each state, so that all states take turns; then the state's code is
+    ANSWERED. It stops behind a state where she comes back UNSETTLED.
     """
-    v, following, floors, sides = work.v, work.following, work.floors, work.sides
+    rule, asking, oracle, certificates, kept = judging
+    v, following = work.v, work.following
     ends, terminal, cursor, incumbents = model.ends, model.terminal, work.cursor, work.best
     best_now, cursor_now, code_now, tiers = out.best, out.cursor, out.code, out.tiers
-    arrays, discount, plain = (
-        (model.successors, model.probabilities, ends, model.levels),
-        model.discount,
-        asking.plain,
-    )
+    arrays, discount = (model.successors, model.probabilities, ends, model.levels), model.discount
+    plain, turns = asking.plain, oracle.kind != NOBODY
     m, k = model.n_actions, v.shape[1]
-    q, d, t = np.empty((m, k)), np.empty(k), np.empty(k - 1)
-    sums, floor = np.empty((2, k - 1)), np.empty(k - 1)
-    waiting, change = 0, 0.0
+    d, t, scratch, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
+    vectors = np.empty((1, m, k))
+    q = vectors[0]
+    change = 0.0
     for i in range(len(states)):
-        if waiting == enough:
+        if len(kept.tiers) > 0 and kept.used[0] + m > len(kept.tiers):
             out.change[0] = change
             return i
         s = states[i]
@@ -88,24 +88,27 @@ def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, askin
                 row = s * m + a
                 if a == best or ends[row] == ends[row + 1]:
                     continue
-                verdict = difference(q, a, best, d, t)
-                side = sides[row]
-                if verdict == EQUAL or (verdict != UNKNOWN and rule.dominance):
+                verdict = difference(vectors, 0, a, best, d, t)
+                if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
                     tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
-                elif side != 0 and plain and certifies(floors[row], 1 if side > 0 else -1, t):
-                    verdict, tier = (BETTER, side) if side > 0 else (WORSE, -side)
+                elif turns:
+                    verdict, tier = respond(t, scratch[0], oracle), BY_TUTOR
+                elif plain and certified(t, row, certificates):
+                    verdict, tier = certificates.verdicts[row], certificates.tiers[row]
                 else:
-                    verdict, tier, certified = judge_pair(d, t, sums, rule, asking, floor)
-                    if certified:
-                        sides[row] = verdict * tier
-                        round_up(floor, floors[row])
+                    judged = judge_pair(d, t, scratch, least, rule, asking)
+                    verdict, tier = certify(judged, least, row, certificates)
                 if verdict in (UNKNOWN, UNSETTLED):
                     code, at = verdict, a
-                    waiting += 1
                     break
                 tiers[tier] += 1
+                if len(kept.tiers) > 0:
+                    keep(d, verdict, tier, kept)
                 if verdict == BETTER:
                     best = a
+                if turns:
+                    code, at = ANSWERED, a + 1
+                    break
             if code == DONE:
                 total = 0.0
                 for j in range(k - 1, -1, -1):
@@ -114,33 +117,8 @@ def compete(states: Any, enough: int, work: Work, model: Model, rule: Any, askin
                         change = max(change, abs(total))
                     following[s, j] = q[best, j]
         best_now[i], cursor_now[i], code_now[i] = best, at, code
+        if turns and code == UNSETTLED:
+            out.change[0] = change
+            return i + 1
     out.change[0] = change
     return len(states)
-
-
-@compiled
-def round_up(numbers: Any, into: Any) -> None:
-    """Half-size numbers that are not less: half the memory, and a floor may only be too high."""
-    for j in range(len(numbers)):
-        number = max(numbers[j], -1e38)
-        into[j] = number
-        if into[j] < number:
-            into[j] = number + abs(number) * 2.0**-22 + 2.0**-126
-
-
-@compiled
-def difference(q: Any, a: int, b: int, d: Any, t: Any) -> int:
-    """Q(s, a) - Q(s, b) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
-    k = len(d)
-    total = 0.0
-    some_up, some_down = False, False
-    for j in range(k - 1, 0, -1):
-        d[j] = q[a, j] - q[b, j]
-        total += d[j]
-        t[j - 1] = total
-        some_up = some_up or total > 0.0
-        some_down = some_down or total < 0.0
-    d[0] = q[a, 0] - q[b, 0]
-    if some_up:
-        return UNKNOWN if some_down else BETTER
-    return WORSE if some_down else EQUAL

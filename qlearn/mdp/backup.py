@@ -30,11 +30,6 @@ def model_of(mdp: OrdinalMDP) -> Model:
     return Model(p.indices, p.data, p.indptr, mdp.levels.reshape(-1), mdp.terminal, mdp.n_actions, mdp.discount)
 
 
-def is_compiled() -> bool:
-    """Whether these loops are machine code here."""
-    return hasattr(back_up_all, "py_func")
-
-
 @compiled
 def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
     """Q(s, .) into q (A, k), eq. (3) in shares; rows of inadmissible actions are left as they are. ``arrays`` are the

@@ -18,6 +18,7 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from qlearn.learners.exploration import Exploration, Start
 from qlearn.learners.learner import Result, Status, drive
 from qlearn.learners.q_learning import InteractiveQLearning, rescaled_linear_rate
 from qlearn.learners.value_iteration import InteractiveValueIteration
@@ -31,7 +32,9 @@ Make = Callable[..., Any]
 
 
 def q_learning(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveQLearning:
-    return InteractiveQLearning(mdp, comparator, **{"steps": 600, "epsilon": 0.3, "rng": 1, **settings})
+    return InteractiveQLearning(
+        mdp, comparator, **{"steps": 600, "exploration": Exploration(0.3), "rng": 1, **settings}
+    )
 
 
 def value_iteration(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveValueIteration:
@@ -69,19 +72,23 @@ class RawTutor:
         return Answer(query, Verdict(int(np.sign(query.d @ self.values))))
 
 
-def runs_with_raw_rewards(start: str) -> list[tuple[Result, OrdinalMDP, Floats]]:
+def runs_with_raw_rewards(start: Start) -> list[tuple[Result, OrdinalMDP, Floats]]:
     runs = []
     for seed in range(4):
         mdp, values = random_mdp(8, 3, 4, discount=0.9, rng=seed)
         raw = values + 50.0
-        learner = q_learning(mdp, PolytopeComparator(4), start=start, rng=seed, learning_rate=0.1)
+        learner = q_learning(
+            mdp, PolytopeComparator(4), exploration=Exploration(0.3, start=start), rng=seed, learning_rate=0.1
+        )
         runs.append((drive(learner, RawTutor(raw), on_conflict="drop"), mdp, values))
     return runs
 
 
 def test_trap_1_totals_differ_from_the_zero_start_and_never_from_the_worst() -> None:
     mdp, values = random_mdp(10, 3, 5, rng=0)
-    zero = drive(q_learning(mdp, PolytopeComparator(5), start="zero"), TruthfulTutor(values))
+    zero = drive(
+        q_learning(mdp, PolytopeComparator(5), exploration=Exploration(0.3, start="zero")), TruthfulTutor(values)
+    )
     worst = drive(q_learning(mdp, PolytopeComparator(5)), TruthfulTutor(values))
     assert np.ptp(zero.q.sum(axis=2)) > 0.1
     np.testing.assert_allclose(worst.q.sum(axis=2), 1.0, rtol=0, atol=1e-13)

@@ -102,7 +102,7 @@ def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] =
     tiers = {tier.name.lower(): 0 for tier in Tier} | decided
     return Result(
         policy=np.zeros(1, np.int64),
-        q=np.zeros((1, 1, 3)),
+        shares=np.zeros((1, 1, 3)),
         status=Status.DONE,
         asked=asked,
         decided=tiers,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,20 +13,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.asking.elicitation import Audit
+from elicit.asking.bags import Bags
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tutor import Tutor
 from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.replay import NotInLog, ReplayTutor
+from elicit.tutors.replay import ReplayTutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Learner, Result, Status, drive
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import messy_mdp
 
@@ -87,89 +89,22 @@ def test_ask_is_idempotent(make: Make) -> None:
         before = snapshot(learner.result())
         assert learner.ask() == queries
         assert learner.ask()[0] is queries[0]
+        assert learner.tell([]) == ()
+        assert learner.ask() == queries
         assert snapshot(learner.result()) == before
         learner.tell([truth(query) for query in queries])
-    assert learner.ask() == ()
-    assert learner.ask() == ()
+    assert learner.ask() == learner.ask() == ()
 
 
-def test_telling_nothing_changes_nothing(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    queries = learner.ask()
-    before = snapshot(learner.result())
-    assert learner.tell([]) == ()
+def test_of_stale_answers_none_counts_and_nothing_changes(make: Make) -> None:
+    learner = make(PolytopeComparator(K), batch=4)
+    told = [truth(query) for query in learner.ask()]
+    learner.tell(told)
+    queries, before = learner.ask(), snapshot(learner.result())
+    with pytest.raises(StaleAnswer):
+        learner.tell([truth(query) for query in queries] + told[:1])
     assert learner.ask() == queries
     assert snapshot(learner.result()) == before
-
-
-def test_unknown_ids_are_stale(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    assert_stale(learner, Answer(Query("nobody", np.eye(K)[0], np.eye(K)[1]), Verdict.BETTER))
-
-
-def test_a_second_answer_is_stale(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    (query,) = learner.ask()
-    learner.tell([truth(query)])
-    assert_stale(learner, truth(query))
-    learner.ask()
-    assert_stale(learner, truth(query))
-
-
-def test_two_answers_at_once_are_stale(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    (query,) = learner.ask()
-    assert_stale(learner, truth(query), truth(query))
-
-
-def test_answers_of_another_run_are_stale(make: Make) -> None:
-    learner, other = make(PolytopeComparator(K)), make(PolytopeComparator(K))
-    other._elicitation._fingerprint += "another problem"
-    learner.ask()
-    (query,) = other.ask()
-    assert_stale(learner, truth(query))
-
-
-def test_one_bad_answer_spoils_the_batch() -> None:
-    learner = value_iteration(PolytopeComparator(K), batch=4)
-    queries = learner.ask()
-    assert len(queries) > 1
-    stray = Answer(Query("nobody", np.eye(K)[0], np.eye(K)[1]), Verdict.BETTER)
-    assert_stale(learner, *[truth(query) for query in queries], stray)
-
-
-def test_an_answer_about_rounded_vectors_is_stale(make: Make) -> None:
-    # a page that shows three decimals must send back the id, or the query, not what it showed
-    learner = make(PolytopeComparator(K))
-    (query,) = learner.ask()
-    rounded = Query(query.id, query.left.round(2), query.right.round(2))
-    assert (rounded.d != query.d).any()
-    assert_stale(learner, Answer(rounded, Verdict.BETTER), match="rounded")
-    equal_copy = Query(query.id, query.left.copy(), query.right.copy(), "the text is for people only")
-    learner.tell([Answer(equal_copy, Verdict.BETTER)])
-    assert learner.result().asked == 1
-
-
-def assert_stale(learner: Any, *answers: Answer, match: str | None = None) -> None:
-    """Told to the learner, the answers raise StaleAnswer and change nothing."""
-    queries = learner.ask()
-    before = snapshot(learner.result())
-    with pytest.raises(StaleAnswer, match=match):
-        learner.tell(answers)
-    assert learner.ask() == queries
-    assert snapshot(learner.result()) == before
-
-
-def test_unknown_is_no_answer(make: Make) -> None:
-    (query,) = make(PolytopeComparator(K)).ask()
-    with pytest.raises(ValueError, match="None"):
-        Answer(query, Verdict.UNKNOWN)
-
-
-def test_a_generator_of_answers_is_as_good_as_a_list(make: Make) -> None:
-    learner = make(PolytopeComparator(K))
-    learner.tell(truth(query) for query in learner.ask())
-    assert learner.result().asked == 1
 
 
 def test_on_conflict_must_be_known(make: Make) -> None:
@@ -180,28 +115,6 @@ def test_on_conflict_must_be_known(make: Make) -> None:
     with pytest.raises(ValueError, match="'Drop'"):
         drive(learner, TruthfulTutor(VALUES), on_conflict="Drop")  # type: ignore[arg-type]
     assert learner.ask() == queries
-
-
-def test_a_contradiction_leaves_the_learner_as_it_was(make: Make) -> None:
-    # with audit=1 every decided pair is put to the tutor; one who always prefers left contradicts himself soon
-    learner = make(PolytopeComparator(K), audit=1.0)
-
-    def left_is_better() -> None:
-        while queries := learner.ask():
-            states.append(snapshot(learner.result()))
-            learner.tell([Answer(query, Verdict.BETTER) for query in queries])
-
-    states: list[tuple[Any, ...]] = []
-    with pytest.raises(InconsistentAnswers) as raised:
-        left_is_better()
-    queries, before = learner.ask(), states[-1]
-    assert queries[0].id in [name for _, name in raised.value.answers]
-    assert len(states) == before[3] + before[4] + 1  # answers told, and the question now open
-    assert snapshot(learner.result()) == before
-    learner.tell([Answer(query, Verdict.WORSE) for query in queries])
-    assert learner.ask() != queries
-    after = learner.result()
-    assert after.asked + after.audited == before[3] + before[4] + 1
 
 
 def test_a_tutor_who_fails_leaves_the_question_open(make: Make) -> None:
@@ -287,103 +200,6 @@ def test_no_pair_is_asked_twice(make: Make, comparator: Comparator) -> None:
         assert learner.result().decided["known"] > 0
 
 
-@pytest.mark.parametrize("comparator", [PolytopeComparator(K), BradleyTerryComparator(K, n_boot=20)])
-def test_a_tie_is_binding(make: Make, comparator: Comparator) -> None:
-    learner = make(comparator)
-    (query,) = learner.ask()
-    learner.tell([Answer(query, Verdict.EQUAL)])
-    for d in (query.d, -query.d):
-        decisions = learner._elicitation.judge(d[None, :])
-        assert (decisions.verdicts[0], decisions.tiers[0]) == (Verdict.EQUAL, Tier.KNOWN)
-    recorded(learner, truth, on_conflict="drop")
-    assert learner.result().answers.y.tolist().count(0) == 1
-
-
-class Convinced(Dominance):
-    """Knows nothing until told of a preference; from then on calls whatever dominance leaves open WORSE."""
-
-    told = False
-
-    def compare(self, d: Any) -> Any:
-        verdicts = super().compare(d)
-        return np.where((verdicts == Verdict.UNKNOWN) & self.told, np.int8(Verdict.WORSE), verdicts)
-
-    def update(self, answers: Answers) -> Convinced:
-        new = Convinced(self.k)
-        object.__setattr__(new, "told", self.told or bool(answers.y.any()))
-        return new
-
-
-@pytest.mark.parametrize("tie", [Verdict.EQUAL, None])
-def test_a_model_may_overrule_an_answer_but_no_tie(make: Make, tie: Verdict | None) -> None:
-    learner = make(Convinced(K))
-    (first,) = learner.ask()
-    learner.tell([Answer(first, tie)])
-    (second,) = learner.ask()
-    learner.tell([Answer(second, Verdict.BETTER)])
-    decisions = learner._elicitation.judge(np.stack([first.d, -first.d, second.d, -second.d]))
-    assert decisions.verdicts.tolist() == [Verdict.EQUAL, Verdict.EQUAL, Verdict.WORSE, Verdict.WORSE]
-    assert decisions.tiers.tolist() == [Tier.KNOWN, Tier.KNOWN, Tier.MODEL, Tier.MODEL]
-
-
-def test_a_model_has_the_last_word_on_an_audit_it_has_learned_from(make: Make) -> None:
-    learner = make(Convinced(K), audit=1.0)
-    (query,) = learner.ask()
-    learner.tell([Answer(query, Verdict.BETTER)])
-    seen: list[tuple[int, int]] = []
-    learner.watch(lambda d, decisions: seen.extend(zip(*(column.tolist() for column in decisions), strict=True)))
-    (audit,) = learner.ask()
-    seen.clear()
-    learner.tell([Answer(audit, Verdict.BETTER)])
-    assert seen == [(Verdict.WORSE, Tier.MODEL)]
-    result = learner.result()
-    assert (result.asked, result.audited) == (1, 1)
-    assert result.audits[0].contradicts
-
-
-def test_a_guess_goes_by_the_latest_values(make: Make) -> None:
-    class Tilted(Dominance):
-        guess = np.linspace(0.0, 1.0, K)
-
-        @property
-        def values(self) -> Floats:
-            return self.guess
-
-        def update(self, answers: Answers) -> Tilted:
-            new = Tilted(self.k)
-            object.__setattr__(new, "guess", np.array([0.0, 0.9, 0.92, 0.94, 1.0]))
-            return new
-
-    learner = make(Tilted(K), max_queries=0)
-    d = np.array([[0.2, -0.3, 0.0, 0.0, 0.1]])
-    for _ in range(2):
-        decisions = learner._elicitation.judge(d)
-        assert decisions.tiers[0] == Tier.GUESS
-        assert decisions.verdicts[0] == np.sign(d[0] @ learner.comparator.values)
-        learner._elicitation.comparator = learner.comparator.update(Answers.none(K))
-    assert np.sign(d[0] @ Tilted(K).values) == -decisions.verdicts[0]
-
-
-def test_indifference_wants_both_bounds_close(make: Make) -> None:
-    up = np.array([0.01, -0.03, 0.0, 0.0, 0.02])
-    assert [float(bound[0]) for bound in Dominance(K).bounds(up)] == pytest.approx([-0.01, 0.02])
-    for share, verdict in ((0.009, 2), (0.0101, 2), (0.0199, 2), (0.0201, 0)):
-        asked_by = make(Dominance(K), indifference=share)._elicitation
-        assert asked_by.judge(np.stack([up, -up])).verdicts.tolist() == [verdict, verdict]
-    assert asked_by.judge(np.stack([up, -up])).tiers.tolist() == [Tier.INDIFFERENT, Tier.INDIFFERENT]
-
-
-def test_a_pair_answered_before_is_known_in_both_directions(make: Make) -> None:
-    learner = make(Dominance(K))
-    (query,) = learner.ask()
-    for d in (query.d, -query.d):
-        assert learner._elicitation.judge(d[None, :]).verdicts[0] == Verdict.UNKNOWN
-    learner.tell([Answer(query, Verdict.WORSE)])
-    for d, verdict in ((query.d, Verdict.WORSE), (-query.d, Verdict.BETTER)):
-        decisions = learner._elicitation.judge(d[None, :])
-        assert (decisions.verdicts[0], decisions.tiers[0]) == (verdict, Tier.KNOWN)
-
-
 @pytest.mark.parametrize("comparator", [Dominance(K), PolytopeComparator(K), BradleyTerryComparator(K, n_boot=20)])
 def test_who_cannot_tell_keeps_the_incumbent(make: Make, comparator: Comparator) -> None:
     learner = make(comparator)
@@ -414,18 +230,6 @@ def test_beyond_the_budget_the_best_guess_decides(make: Make, budget: int, batch
     assert "max_queries" in result.status.value
 
 
-def test_a_guess_is_the_sign_at_the_values_of_the_comparator(make: Make) -> None:
-    learner = make(Dominance(K), max_queries=0)
-    guesses = []
-    learner.watch(lambda d, decisions: guesses.extend(zip(d, *decisions, strict=True)))
-    learner.ask()
-    guessed = [(d, verdict) for d, verdict, tier in guesses if tier == Tier.GUESS]
-    assert guessed
-    for d, verdict in guessed:
-        at_centre = float(tail_sums(d).sum())
-        assert verdict == np.sign(at_centre) or abs(at_centre) < 1e-12
-
-
 def test_a_budget_that_suffices_changes_nothing(make: Make) -> None:
     free = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES))
     exact = drive(make(PolytopeComparator(K), max_queries=free.asked), TruthfulTutor(VALUES))
@@ -452,41 +256,6 @@ def test_audits_are_counted_apart_and_change_nothing_if_true(make: Make) -> None
         assert len(set(pairs)) == len(pairs)
 
 
-def test_audits_are_no_part_of_the_budget(make: Make) -> None:
-    result = drive(make(PolytopeComparator(K), audit=0.5, max_queries=2), TruthfulTutor(VALUES))
-    assert result.asked == 2
-    assert result.audited > 2
-
-
-def test_the_share_of_audits_is_as_stated(make: Make) -> None:
-    every = drive(make(PolytopeComparator(K), audit=1.0), TruthfulTutor(VALUES))
-    fifth = drive(make(PolytopeComparator(K), audit=0.2), TruthfulTutor(VALUES))
-    sd = np.sqrt(every.audited * 0.2 * 0.8)
-    assert abs(fifth.audited - 0.2 * every.audited) < 4 * sd
-    assert set(names(a.query for a in fifth.audits)) <= set(names(a.query for a in every.audits))
-    assert sum(every.decided[tier.name.lower()] for tier in BY_ANSWERS) >= every.audited
-
-
-def test_dominance_and_ties_are_not_audited(make: Make) -> None:
-    result = drive(make(Dominance(K), audit=1.0), TruthfulTutor(VALUES))
-    assert result.audited == 0
-
-
-def test_who_cannot_tell_in_an_audit_overrules_nothing(make: Make) -> None:
-    plain = make(PolytopeComparator(K))
-    open_pairs = set(names(answer.query for answer in recorded(plain, truth)))
-
-    def shy(query: Query) -> Answer:
-        return truth(query) if names([query])[0] in open_pairs else Answer(query, None)
-
-    audited = make(PolytopeComparator(K), audit=1.0)
-    recorded(audited, shy)
-    result = audited.result()
-    assert result.cannot_tell == result.audited > 0
-    assert result.policy.tolist() == plain.result().policy.tolist()
-    assert result.q.tobytes() == plain.result().q.tobytes()
-
-
 @pytest.mark.parametrize("contrary", [Verdict.EQUAL, None, "opposite"])
 def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contrary: Any) -> None:
     # truthful when asked, contrary when audited
@@ -500,8 +269,6 @@ def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contra
 
     learner = make(PolytopeComparator(K), audit=0.3, max_queries=300)
     log = AnswerLog()
-    seen: list[tuple[Verdict, Tier]] = []
-    learner.watch(lambda d, decisions: seen.extend(zip(decisions.verdicts, decisions.tiers, strict=True)))
     result = drive(learner, tutor, log=log, on_conflict="drop")
     assert result.status is not Status.WAITING
     unused = [entry.answer for entry in log if not entry.used]
@@ -513,38 +280,6 @@ def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contra
     assert log.answers().d.tobytes() == result.answers.d.tobytes()
     assert log.answers().y.tolist() == result.answers.y.tolist()
     assert result.decided["known"] >= len(unused)
-    for answer in unused:
-        decisions = learner._elicitation.judge(np.stack([answer.query.d, -answer.query.d]))
-        assert answer.verdict is not None
-        assert decisions.verdicts.tolist() == [answer.verdict, answer.verdict.flipped]
-        assert decisions.tiers.tolist() == [Tier.KNOWN, Tier.KNOWN]
-
-
-def test_of_a_batch_only_what_contradicts_is_dropped() -> None:
-    log, mixed = AnswerLog(), 0
-    learner = value_iteration(PolytopeComparator(K), batch=6, audit=0.3, max_sweeps=15)
-    tutor = FlippingTutor(VALUES, 0.15, seed=2)
-    while queries := learner.ask():
-        answers = [tutor(query) for query in queries]
-        dropped = learner.tell(answers, "drop")
-        mixed += 0 < len(dropped) < len(answers)
-        for answer in answers:
-            log.append(answer, used=answer not in dropped)
-    result = learner.result()
-    assert mixed > 0
-    assert log.answers().ids == result.answers.ids
-    assert log.answers().y.tolist() == result.answers.y.tolist()
-    assert result.asked + result.audited == len(log)
-    relearned = PolytopeComparator(K).update(result.answers)
-    np.testing.assert_allclose(relearned.values, result.comparator.values, atol=1e-9)
-
-
-def test_an_audit_knows_whether_it_contradicts() -> None:
-    query = Query("x", np.eye(3)[0], np.eye(3)[1])
-    assert Audit(query, Verdict.BETTER, Verdict.WORSE).contradicts
-    assert not Audit(query, Verdict.BETTER, Verdict.BETTER).contradicts
-    assert not Audit(query, Verdict.BETTER, Verdict.EQUAL).contradicts
-    assert not Audit(query, Verdict.BETTER, None).contradicts
 
 
 # --- drive ------------------------------------------------------------------------------------------------------
@@ -599,20 +334,6 @@ def test_a_run_may_be_cut_anywhere_and_resumed(make: Make, comparator: str) -> N
         for query in queries:
             log.append(tutor(query))
     assert snapshot(learner.result()) == snapshot(undisturbed.result())
-
-
-def test_a_run_goes_on_where_its_log_ends(make: Make) -> None:
-    undisturbed = AnswerLog()
-    whole = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES), log=undisturbed)
-    log = AnswerLog()
-    for entry in list(undisturbed)[:3]:
-        log.append(entry.answer)
-    learner = make(PolytopeComparator(K))
-    with pytest.raises(NotInLog):
-        drive(learner, ReplayTutor(log))
-    resumed = drive(learner, TruthfulTutor(VALUES), log=log)
-    assert snapshot(resumed) == snapshot(whole)
-    assert [entry.answer.query.id for entry in log] == [entry.answer.query.id for entry in undisturbed]
 
 
 def test_a_learner_can_be_copied_before_every_answer(make: Make) -> None:
@@ -694,30 +415,57 @@ def test_questions_of_a_run_have_ids_of_their_own(make: Make) -> None:
     assert again == ids
 
 
+class Five:
+    """A comparator with the five members of the protocol, and no more: it knows the scale from the start."""
+
+    k = K
+    values = MDP.normalise(VALUES)
+
+    def compare(self, d: Any) -> Any:
+        return TruthfulTutor(VALUES).signs(d)
+
+    def bounds(self, d: Any) -> tuple[Floats, Floats]:
+        x = np.atleast_2d(d) @ self.values
+        return x, x
+
+    def update(self, answers: Answers) -> Five:
+        return self
+
+
 def test_any_function_is_a_tutor_and_any_comparator_will_do(make: Make) -> None:
-    class Mine:
-        """Knows the scale from the start, and has no ``decide``."""
-
-        k = K
-        values = MDP.normalise(VALUES)
-
-        def compare(self, d: Any) -> Any:
-            return TruthfulTutor(VALUES).signs(d)
-
-        def bounds(self, d: Any) -> tuple[Floats, Floats]:
-            x = np.atleast_2d(d) @ self.values
-            return x, x
-
-        def update(self, answers: Answers) -> Mine:
-            return self
-
     def nobody(query: Query) -> Answer:
         raise AssertionError("there is nothing to ask")
 
-    result = drive(make(Mine()), nobody)
+    result = drive(make(Five()), nobody)
     assert result.asked == 0
     assert result.decided["model"] > 0
     assert result.policy.tolist() == drive(make(AlwaysAsk(K), **exact(make)), TruthfulTutor(VALUES)).policy.tolist()
+
+
+@pytest.mark.parametrize(
+    ("learner", "settings"),
+    [
+        (InteractivePolicyIteration, {}),
+        (InteractivePolicyIteration, {"bags": Bags(days=4), "max_queries": 5}),
+        (LateQLearning, {"steps": 400, "max_loss": 0.5}),
+        (LateValueIteration, {"tolerance": 0.01}),
+    ],
+)
+def test_five_members_are_enough_for_every_learner(learner: Any, settings: dict[str, Any]) -> None:
+    result = drive(learner(MDP, Five(), **settings), truth)
+    assert result.status is not Status.WAITING
+    assert 0 <= result.loss_bound <= 1, "over all ordered scales"
+    assert result.confidence == 1
+
+
+def test_what_a_comparator_lacks_is_named() -> None:
+    class Four:
+        k, values = K, Five.values
+        bounds, update = Five.bounds, Five.update
+
+    for wrong, complaint in ((Four(), "which has no compare$"), (Five, "not <class"), (None, "not None")):
+        with pytest.raises(TypeError, match=f"a comparator is wanted.*{complaint}"):
+            q_learning(wrong)  # type: ignore[arg-type]
 
 
 def exact(make: Make) -> dict[str, Any]:
@@ -738,14 +486,6 @@ def test_everything_holds_on_messy_problems(seed: int) -> None:
         assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
 
 
-def test_learners_share_one_protocol() -> None:
-    def methods(cls: type) -> Iterator[str]:
-        return (name for name in vars(cls) if not name.startswith("_"))
-
-    for cls in (InteractiveQLearning, InteractiveValueIteration):
-        assert set(methods(Learner)) <= set(dir(cls))
-
-
 @pytest.mark.parametrize("make", [InteractiveQLearning, InteractiveValueIteration])
 def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move(make: Callable[..., Any]) -> None:
     mdp, values = random_mdp(20, 3, K, rng=5)
@@ -762,13 +502,3 @@ def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move
     numbers = [re.findall(r"\d+", about) for about in unclear]
     places = [(state, *sorted(actions)) for state, *actions in numbers]
     assert len(places) == len(set(places)) == result.cannot_tell > 0
-
-
-def test_what_is_no_answer_is_refused_by_name() -> None:
-    learner = InteractiveValueIteration(random_mdp(20, 3, K, rng=5)[0], PolytopeComparator(K))
-    (query,) = learner.ask()
-    with pytest.raises(TypeError, match=r"must return elicit.Answer.*BETTER"):
-        learner.tell([Verdict.BETTER])  # type: ignore[list-item]
-    with pytest.raises(TypeError, match="into a list"):
-        learner.tell(Answer(query, Verdict.BETTER))  # type: ignore[arg-type]
-    assert learner.ask() == (query,)

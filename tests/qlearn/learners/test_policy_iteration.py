@@ -19,12 +19,13 @@ from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.model.scale import values_of
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
-from qlearn.learners.loss_bound import advantages, drawn_set, loss_bound, loss_over_draws
+from qlearn.learners.loss_bound import advantages, drawn_set, guarantee, loss_bound, loss_over_draws
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.query_strategies import most_even_cut
-from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
 from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values, random_mdp
@@ -91,9 +92,9 @@ def test_the_bound_is_never_below_the_loss_at_any_time_of_any_learner(seed, k, a
     makers = (
         partial(InteractivePolicyIteration, tolerance=1e-4),
         partial(InteractiveValueIteration, tolerance=1e-3),
-        partial(InteractiveValueIteration, tolerance=1e-3, asking="late"),
+        partial(LateValueIteration, tolerance=1e-3),
         partial(InteractiveQLearning, steps=300, epsilon=1.0),
-        partial(InteractiveQLearning, steps=300, epsilon=1.0, asking="late"),
+        partial(LateQLearning, steps=300, epsilon=1.0),
     )
     for make in makers:
         learner, tutor = make(mdp, PolytopeComparator(k)), TruthfulTutor(values)
@@ -254,17 +255,6 @@ def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked():
     assert learner.result().status is Status.CONVERGED
 
 
-def test_settings_that_make_no_sense_are_refused():
-    mdp, _ = random_mdp(6, 2, 3, rng=0)
-    for bad in ({"tolerance": 0.0}, {"tolerance": np.nan}, {"max_loss": -1.0}, {"max_queries": -1}, {"bags": True}):
-        with pytest.raises(ValueError, match=next(iter(bad))):
-            InteractivePolicyIteration(mdp, PolytopeComparator(3), **bad)
-    with pytest.raises(ValueError, match="k = 4"):
-        InteractivePolicyIteration(mdp, PolytopeComparator(4))
-    with pytest.raises(ValueError, match="one number"):
-        InteractivePolicyIteration(mdp, PolytopeComparator(3), tolerance=1e-6, strategy=lambda c: np.zeros(1)).ask()
-
-
 def test_a_bound_can_be_had_for_any_policy():
     mdp, values = random_mdp(15, 3, 4, rng=8)
     worst = value_iteration(mdp, values)[1][::-1].copy()
@@ -274,6 +264,16 @@ def test_a_bound_can_be_had_for_any_policy():
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), strategy=most_even_cut, tolerance=1e-3)
     known = drive(learner, TruthfulTutor(values)).comparator
     assert loss_bound(mdp, worst, known).loss_bound <= found.loss_bound
+
+
+@pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=60)])
+def test_an_error_in_the_values_counts_in_every_step(comparator):
+    mdp, values = random_mdp(15, 3, 4, discount=0.9, rng=8)
+    over = advantages(mdp, value_iteration(mdp, values)[1])
+    assert over.doubt < 1e-12
+    exact, rough = (guarantee(mdp, over._replace(doubt=doubt), comparator).loss_bound for doubt in (over.doubt, 0.002))
+    assert 0 < exact < 0.9
+    assert rough - exact == pytest.approx(0.002 / (1 - 0.9), abs=1e-9)
 
 
 @pytest.mark.slow

@@ -12,14 +12,15 @@ from elicit._support.hashing import key_of
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, Decisions, Tier
-from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.model.comparator import Comparator
+from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.learners import q_learning_kernel as kernel
+from qlearn.learners.exploration import Exploration
 from qlearn.learners.learner import Result, Status, drive
-from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
+from qlearn.learners.q_learning import InteractiveQLearning, QLearningLoop, polynomial_rate, rescaled_linear_rate
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
@@ -41,15 +42,23 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "default": {},
     "zero start, rate 1": {"start": "zero", "learning_rate": 1.0},
     "episodes, constant rate": {"episode_length": 7, "learning_rate": 0.5},
+    "greedy": {"epsilon": 0.0},
     "best start, decaying": {"start": "best", "epsilon": np.linspace(0.9, 0.1, 400)},
 }
 
 
+def learner_of(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveQLearning:
+    """With the settings of the reference, those of exploration beside the others."""
+    chances = settings.pop("epsilon", 0.3)
+    explored = {name: settings.pop(name) for name in ("start", "episode_length") if name in settings}
+    exploration = Exploration(
+        (lambda steps: chances[steps]) if isinstance(chances, np.ndarray) else chances, **explored
+    )
+    return InteractiveQLearning(mdp, comparator, **{"steps": 400, "exploration": exploration, **settings})
+
+
 def learn(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Result:
-    chances = settings.get("epsilon")
-    if isinstance(chances, np.ndarray):
-        settings["epsilon"] = lambda steps: chances[steps]
-    return drive(InteractiveQLearning(mdp, comparator, **{"steps": 400, "epsilon": 0.3, **settings}), tutor)
+    return drive(learner_of(mdp, comparator, **settings), tutor)
 
 
 def reference(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Any:
@@ -91,7 +100,7 @@ def test_agrees_with_the_reference_to_the_last_bit(comparator: str, tutor: str, 
 def test_always_asking_the_truth_is_scalar_q_learning(seed: int) -> None:
     for mdp, values in (random_mdp(15, 4, 6, rng=seed), messy_mdp(seed, n=15, k=5)):
         watched: list[int] = []
-        learner = InteractiveQLearning(mdp, AlwaysAsk(mdp.k), steps=1500, epsilon=0.2, rng=seed)
+        learner = learner_of(mdp, AlwaysAsk(mdp.k), steps=1500, epsilon=0.2, rng=seed)
         learner.watch(lambda d, decisions, seen=watched: seen.extend(decisions.verdicts.tolist()))
         result = drive(learner, TruthfulTutor(values))
         scalar = scalar_q_learning(
@@ -132,53 +141,37 @@ def test_learns_a_good_policy() -> None:
     assert (result.q >= 0).all()
 
 
-def test_terminal_states_keep_their_level_and_inadmissible_actions_are_never_taken() -> None:
-    mdp, values = messy_mdp(7, n=12)
-    result = learn(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), steps=2000, epsilon=0.5)
-    for s in np.flatnonzero(mdp.terminal):
-        assert (result.q[s] == np.eye(mdp.k)[mdp.final_level[s]]).all()
-    live = ~mdp.terminal
-    untouched = np.eye(mdp.k)[0]
-    assert (result.q[~mdp.admissible & live[:, None]] == untouched).all()
-    assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
+def loop_of(
+    mdp: OrdinalMDP, comparator: Comparator, steps: int, exploration: Exploration, budget: int | None = None
+) -> QLearningLoop:
+    return QLearningLoop(
+        mdp, comparator, steps=steps, exploration=exploration, learning_rate=None, rng=9, max_queries=budget,
+        indifference=0.0, audit=0.0, batch=1,
+    )  # fmt: skip
 
 
-def test_questions_compare_two_admissible_actions_of_one_state() -> None:
-    mdp, values = messy_mdp(3)
-    learner = InteractiveQLearning(mdp, Dominance(mdp.k), steps=200, epsilon=0.5)
-    tutor = TruthfulTutor(values)
-    number = 0
-    while queries := learner.ask():
-        (query,) = queries
-        q = learner.result().q
-        s, left, right = (int(word.strip(":?")) for word in query.about.split() if word.strip(":?").isdigit())
-        assert mdp.admissible[s, left]
-        assert mdp.admissible[s, right]
-        assert q[s, left].tolist() == query.left.tolist()
-        assert q[s, right].tolist() == query.right.tolist()
-        learner.tell([tutor(query)])
-        number += 1
-    assert number == learner.result().asked > 0
+def run(loop: QLearningLoop, tutor: Tutor, step: int) -> None:
+    while queries := loop.run(step):
+        loop.take(loop.elicitation.tell([tutor(query) for query in queries], "raise")[0])
 
 
-def trace(learner: InteractiveQLearning, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
+def trace(loop: QLearningLoop, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
     """The successor at each (state, action, visit), seen by letting the loop go one step at a time."""
     seen = {}
     for step in range(1, steps + 1):
-        learner._model = learner._model._replace(steps=step)
-        before, state = learner._state.visits.copy(), int(learner._state.cursor[kernel.STATE])
-        drive(learner, tutor)
-        ((s, a),) = np.argwhere(learner._state.visits != before)
+        before, state = loop.state.visits.copy(), int(loop.state.cursor[kernel.STATE])
+        run(loop, tutor, step)
+        ((s, a),) = np.argwhere(loop.state.visits != before)
         assert s == state
-        seen[int(s), int(a), int(before[s, a])] = int(learner._state.cursor[kernel.STATE])
+        seen[int(s), int(a), int(before[s, a])] = int(loop.state.cursor[kernel.STATE])
     return seen
 
 
 def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
     traces = [
-        trace(InteractiveQLearning(mdp, make(5), steps=300, epsilon=0.3, rng=9), tutor(values), 300)
-        for make in (COMPARATORS["polytope"], COMPARATORS["ensemble"], COMPARATORS["always ask"])
+        trace(loop_of(mdp, COMPARATORS[name](5), 300, Exploration(0.3)), tutor(values), 300)
+        for name in ("polytope", "ensemble", "always ask")
         for tutor in TUTORS.values()
     ]
     for first in traces:
@@ -191,12 +184,12 @@ def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
 
 def test_exploration_does_not_depend_on_the_comparator() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
-    visits = []
-    for make in COMPARATORS.values():
-        learner = InteractiveQLearning(mdp, make(5), steps=300, epsilon=1.0, rng=9)
-        drive(learner, TruthfulTutor(values))
-        visits.append(learner._state.visits.tolist())
-    assert all(v == visits[0] for v in visits)
+    ways = [
+        trace(loop_of(mdp, make(5), 300, Exploration(1.0), budget), TruthfulTutor(values), 300)
+        for make in COMPARATORS.values()
+        for budget in (None, 0)  # with none, guesses decide
+    ]
+    assert all(way == ways[0] for way in ways)
 
 
 def test_same_seed_same_run_and_another_seed_another() -> None:
@@ -240,9 +233,9 @@ def test_episodes_restart_from_the_initial_distribution() -> None:
     at_three = OrdinalMDP(
         mdp.successors, mdp.probabilities, mdp.levels, mdp.discount, mdp.labels, initial=np.arange(6) == 3
     )
-    learner = InteractiveQLearning(at_three, Dominance(4), steps=50, epsilon=1.0, episode_length=1)
-    drive(learner, TruthfulTutor([0, 1, 2, 3]))
-    assert learner._state.visits.sum() == learner._state.visits[3].sum() == 50
+    loop = loop_of(at_three, Dominance(4), 50, Exploration(1.0, episode_length=1))
+    run(loop, TruthfulTutor([0, 1, 2, 3]), 50)
+    assert loop.state.visits.sum() == loop.state.visits[3].sum() == 50
 
 
 def test_draws_never_hit_what_has_no_probability() -> None:
@@ -251,27 +244,6 @@ def test_draws_never_hit_what_has_no_probability() -> None:
         assert kernel.draw(cumulative, u) == index
     counts = np.bincount([kernel.draw(cumulative, u) for u in np.linspace(0.0, 0.95, 950, endpoint=False)], minlength=6)
     np.testing.assert_allclose(counts, [0, 250, 0, 500, 200, 0], atol=1)
-
-
-def test_one_action_needs_no_comparison() -> None:
-    mdp, values = random_mdp(5, 1, 4, rng=0)
-    result = learn(mdp, AlwaysAsk(4), TruthfulTutor(values))
-    assert result.compared == result.asked == 0
-    assert result.status is Status.DONE
-
-
-def test_one_state() -> None:
-    mdp = OrdinalMDP(np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good"))
-    result = learn(mdp, PolytopeComparator(3), TruthfulTutor([0, 1, 2]), epsilon=0.5)
-    assert result.policy.tolist() == [1]
-
-
-def test_two_levels_need_no_tutor() -> None:
-    # with e_1 = 0 and e_2 = 1 nothing is hidden: dominance decides all
-    mdp, values = random_mdp(8, 3, 2, rng=0)
-    result = learn(mdp, PolytopeComparator(2), TruthfulTutor(values))
-    assert result.asked == 0
-    assert result.decided["equal"] + result.decided["dominance"] == result.compared > 0
 
 
 def test_no_steps() -> None:
@@ -283,108 +255,16 @@ def test_no_steps() -> None:
     assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
 
 
-def test_greedy_run_never_explores() -> None:
-    mdp, values = random_mdp(8, 3, 5, rng=0)
-    learner = InteractiveQLearning(mdp, PolytopeComparator(5), steps=300, epsilon=0.0, rng=1)
-    result = drive(learner, TruthfulTutor(values))
-    expected, _, _ = reference(mdp, PolytopeComparator(5), TruthfulTutor(values), steps=300, epsilon=0.0, rng=1)
-    assert result.q.tobytes() == expected.q.tobytes()
-
-
 @pytest.mark.parametrize(
     ("wrong", "text"),
     [
-        ({"steps": -1}, "-1"),
-        ({"steps": 1.5}, "1.5"),
-        ({"epsilon": 1.25}, "1.25"),
-        ({"epsilon": float("nan")}, "nan"),
-        ({"learning_rate": 0.0}, "0.0"),
-        ({"learning_rate": 1.5}, "1.5"),
-        ({"learning_rate": float("nan")}, "nan"),
-        ({"learning_rate": "a"}, "not 'a'"),
-        ({"learning_rate": [0.5]}, r"not \[0.5\]"),
         ({"learning_rate": lambda visits: 1.0 / visits[1:]}, r"\(9,\)"),
         ({"learning_rate": lambda visits: -1.0 - visits}, "-1.0"),
-        ({"episode_length": 0}, "0"),
-        ({"start": "good"}, "good"),
-        ({"exploration": "bold"}, "constant, decaying, restarts, optimistic, uniform, not 'bold'"),
         ({"epsilon": lambda steps: steps - 4.0}, "-4.0"),
         ({"epsilon": lambda steps: 0.1 * steps[1:]}, r"\(9,\)"),
-        ({"indifference": -0.125}, "-0.125"),
-        ({"indifference": float("inf")}, "inf"),
-        ({"max_queries": -2}, "-2"),
-        ({"max_queries": 2.5}, "2.5"),
-        ({"audit": 1.5}, "1.5"),
-        ({"batch": 0}, "0"),
     ],
 )
-def test_bad_settings_are_named(wrong: dict[str, Any], text: str) -> None:
-    mdp, _ = random_mdp(4, 2, 3, rng=0)
+def test_schedules_that_make_no_sense_are_named(wrong: dict[str, Any], text: str) -> None:
     (name,) = wrong
     with pytest.raises(ValueError, match=rf"(?s){name}.*{text}"):
-        InteractiveQLearning(mdp, PolytopeComparator(3), **{"steps": 10, **wrong})
-
-
-def test_levels_must_agree() -> None:
-    mdp, _ = random_mdp(4, 2, 3, rng=0)
-    with pytest.raises(ValueError, match=r"3 levels.*k = 5"):
-        InteractiveQLearning(mdp, PolytopeComparator(5))
-
-
-def test_an_interruption_while_judging_does_no_harm() -> None:
-    # Ctrl-C in the middle of a linear program: asking again must go on as if nothing had happened
-    class Interrupted(Dominance):
-        calls = 0
-
-        def compare(self, d: Any) -> Any:
-            type(self).calls += 1
-            if type(self).calls % 3 == 0:
-                raise KeyboardInterrupt
-            return super().compare(d)
-
-    mdp, values = random_mdp(8, 3, 5, rng=0)
-    learner = InteractiveQLearning(mdp, Interrupted(5), steps=300, epsilon=0.3)
-    tutor = TruthfulTutor(values)
-    while True:
-        try:
-            queries = learner.ask()
-        except KeyboardInterrupt:
-            continue
-        if not queries:
-            break
-        learner.tell([tutor(query) for query in queries])
-    undisturbed = learn(mdp, Dominance(5), TruthfulTutor(values), steps=300)
-    assert learner.result().q.tobytes() == undisturbed.q.tobytes()
-    assert learner.result().decided == undisturbed.decided
-
-
-def test_watching_sees_each_open_comparison_once() -> None:
-    mdp, values = random_mdp(8, 3, 5, rng=0)
-    for settings in ({}, {"audit": 0.3}, {"max_queries": 4}, {"indifference": 0.01}):
-        tiers = np.zeros(len(Tier), dtype=int)
-
-        def watcher(d: Floats, decisions: Decisions, count: Any = tiers) -> None:
-            assert len(d) == len(decisions.verdicts) == len(decisions.tiers) > 0
-            assert not (decisions.verdicts == Verdict.UNKNOWN).any()
-            np.add.at(count, decisions.tiers, 1)
-
-        learner = InteractiveQLearning(mdp, PolytopeComparator(5), steps=400, epsilon=0.3, **settings)
-        learner.watch(watcher)
-        result = drive(learner, TruthfulTutor(values))
-        for tier in Tier:
-            if tier > Tier.DOMINANCE:
-                assert tiers[tier] == result.decided[tier.name.lower()], tier
-        assert tiers[: Tier.SCREEN].sum() == 0
-
-
-def test_a_person_and_the_oracle_comparator() -> None:
-    # AlwaysAsk with a tutor that is only a function: questions come one by one, and no pair twice
-    mdp, values = random_mdp(4, 2, 4, rng=0)
-    truth = TruthfulTutor(values)
-
-    def person(query: Query) -> Answer:
-        return truth(query)
-
-    result = learn(mdp, AlwaysAsk(4), person, steps=100)
-    assert result.asked == len(result.answers)
-    assert result.q.tobytes() == learn(mdp, AlwaysAsk(4), truth, steps=100).q.tobytes()
+        InteractiveQLearning(random_mdp(4, 2, 3, rng=0)[0], PolytopeComparator(3), **{"steps": 10, **wrong})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 
 import numpy as np
 import pytest
@@ -12,14 +11,15 @@ from elicit.asking.bags import entropy
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.query import Answer, Answers, Verdict
+from elicit.model.query import Answer, Answers
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import strategies
+from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.query_strategies import Candidates
-from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
 
@@ -106,7 +106,7 @@ def test_every_strategy_reaches_the_same_promise(name):
     strategy = getattr(strategies, name)
     for learner in (
         InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, strategy=strategy),
-        InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=1e-3, asking="late", strategy=strategy),
+        LateValueIteration(mdp, PolytopeComparator(5), tolerance=1e-3, strategy=strategy),
     ):
         result = drive(learner, TruthfulTutor(values))
         assert result.status is Status.CONVERGED
@@ -125,9 +125,8 @@ def test_value_iteration_that_asks_late_keeps_its_promise_with_fewer_questions()
     asked = np.zeros(2)
     for seed in range(2):
         mdp, values = random_mdp(30, 4, 5, discount=0.85, rng=seed)
-        for i, asking in enumerate(("at once", "late")):
-            learner = InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=1e-3, asking=asking)
-            result = drive(learner, TruthfulTutor(values))
+        for i, learner in enumerate((InteractiveValueIteration, LateValueIteration)):
+            result = drive(learner(mdp, PolytopeComparator(5), tolerance=1e-3), TruthfulTutor(values))
             asked[i] += result.asked
             assert result.status is Status.CONVERGED
             assert policy_loss(mdp, result.policy, values).max() <= 1e-3
@@ -137,12 +136,12 @@ def test_value_iteration_that_asks_late_keeps_its_promise_with_fewer_questions()
 def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
     mdp, values = random_mdp(15, 3, 4, discount=0.8, rng=4)
     comparator = PosteriorComparator(4, lapse=0.2, particles=100)
-    learner = InteractiveValueIteration(mdp, comparator, tolerance=0.01, asking="late")
+    learner = LateValueIteration(mdp, comparator, tolerance=0.01)
     assert drive(learner, FlippingTutor(values, 0.1, seed=0)).status is Status.CONVERGED
-    learner = InteractiveValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, asking="late", max_queries=2)
+    learner = LateValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, max_queries=2)
     spent = drive(learner, TruthfulTutor(values))
     assert (spent.status, spent.asked) == (Status.GUESSED, 2)
-    learner = InteractiveValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, asking="late", batch=3)
+    learner = LateValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, batch=3)
     while queries := learner.ask():
         learner.tell([Answer(query, None) for query in queries])
     assert learner.result().status is Status.UNSURE
@@ -153,7 +152,7 @@ def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
 def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
     for seed in range(3):
         mdp, values = random_mdp(6, 3, 4, rng=seed)
-        learner = InteractiveQLearning(mdp, comparator, steps=3000, rng=seed, asking="late")
+        learner = LateQLearning(mdp, comparator, steps=3000, rng=seed)
         tutor, asked = TruthfulTutor(values), 0
         while queries := learner.ask():
             asked += 1
@@ -162,17 +161,18 @@ def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
         assert learner.result().cannot_tell == (asked + 2) // 3 > 0
 
 
-@pytest.mark.parametrize("asking", ["at once", "late"])
-def test_learners_stop_where_the_loss_is_small_enough(asking):
+@pytest.mark.parametrize(
+    ("sweeping", "learning"), [(InteractiveValueIteration, InteractiveQLearning), (LateValueIteration, LateQLearning)]
+)
+def test_learners_stop_where_the_loss_is_small_enough(sweeping, learning):
     mdp, values = random_mdp(20, 3, 5, discount=0.9, rng=3)
     comparator, tutor = PolytopeComparator(5), TruthfulTutor(values)
-    full = drive(InteractiveValueIteration(mdp, comparator, tolerance=1e-4, asking=asking), tutor)
-    some = drive(InteractiveValueIteration(mdp, comparator, tolerance=1e-4, asking=asking, max_loss=0.1), tutor)
+    full = drive(sweeping(mdp, comparator, tolerance=1e-4), tutor)
+    some = drive(sweeping(mdp, comparator, tolerance=1e-4, max_loss=0.1), tutor)
     assert some.status is Status.CERTIFIED
     assert some.rounds < full.rounds
     assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= 0.1
-    settings = {"steps": 20_000, "epsilon": 1.0, "asking": asking}
-    some = drive(InteractiveQLearning(mdp, comparator, **settings, max_loss=0.15), tutor)
+    some = drive(learning(mdp, comparator, steps=20_000, epsilon=1.0, max_loss=0.15), tutor)
     assert some.status is Status.CERTIFIED
     assert some.rounds < 20_000
     assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= 0.15
@@ -185,13 +185,8 @@ def test_q_learning_that_asks_late_asks_few_and_loses_no_more():
         settings = {"steps": 20_000, "epsilon": 1.0, "rng": seed}
         tutor = FlippingTutor(values, 0.1, seed=seed)
         late, usual = (
-            drive(
-                InteractiveQLearning(
-                    mdp, PosteriorComparator(5, lapse=0.2, particles=150, seed=seed), **settings, asking=asking
-                ),
-                tutor,
-            )
-            for asking in ("late", "at once")
+            drive(learner(mdp, PosteriorComparator(5, lapse=0.2, particles=150, seed=seed), **settings), tutor)
+            for learner in (LateQLearning, InteractiveQLearning)
         )
         few, many = few + late.asked, many + usual.asked
         losses = [policy_loss(mdp, r.policy, values).mean() for r in (late, usual)]
@@ -209,11 +204,13 @@ def test_asking_late_halves_the_questions_on_the_papers_problems(k, exploration)
     few, many, lost = 0, 0, []
     for seed in range(6):
         mdp, values = random_mdp(100, 5, k, rng=seed)
-        learner = partial(InteractiveQLearning, mdp, rng=seed, exploration=exploration)
+        settings = {"rng": seed, "exploration": exploration}
         tutor = FlippingTutor(values, 0.1, seed=seed)
-        late = drive(learner(PosteriorComparator(k, lapse=0.2, seed=seed), asking="late"), tutor)
-        usual = drive(learner(PosteriorComparator(k, lapse=0.2, seed=seed)), tutor)
-        oracle = drive(learner(AlwaysAsk(k)), TruthfulTutor(values))
+        late, usual = (
+            drive(learner(mdp, PosteriorComparator(k, lapse=0.2, seed=seed), **settings), tutor)
+            for learner in (LateQLearning, InteractiveQLearning)
+        )
+        oracle = drive(InteractiveQLearning(mdp, AlwaysAsk(k), **settings), TruthfulTutor(values))
         few, many = few + late.asked, many + usual.asked
         lost.append(policy_loss(mdp, late.policy, values).mean() - policy_loss(mdp, oracle.policy, values).mean())
     assert few <= many / 2
@@ -224,7 +221,7 @@ def test_a_budget_that_nothing_was_refused_for_is_no_guess():
     mdp, values = random_mdp(20, 3, 4, rng=0)
 
     def late(budget):
-        learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=4000, asking="late", max_queries=budget)
+        learner = LateQLearning(mdp, PolytopeComparator(4), steps=4000, max_queries=budget)
         return drive(learner, TruthfulTutor(values))
 
     free = late(None)
@@ -234,11 +231,11 @@ def test_a_budget_that_nothing_was_refused_for_is_no_guess():
 
 def test_an_oracle_is_asked_at_once_all_the_same():
     mdp, values = random_mdp(10, 3, 4, discount=0.8, rng=4)
-    for make in (
-        lambda asking: InteractiveValueIteration(mdp, AlwaysAsk(4), tolerance=0.01, asking=asking),
-        lambda asking: InteractiveQLearning(mdp, AlwaysAsk(4), steps=500, asking=asking),
+    for learners, settings in (
+        ((LateValueIteration, InteractiveValueIteration), {"tolerance": 0.01}),
+        ((LateQLearning, InteractiveQLearning), {"steps": 500}),
     ):
-        late, usual = (drive(make(asking), TruthfulTutor(values)) for asking in ("late", "at once"))
+        late, usual = (drive(learner(mdp, AlwaysAsk(4), **settings), TruthfulTutor(values)) for learner in learners)
         assert (late.policy == usual.policy).all()
         assert late.status is usual.status
         assert late.decided["guess"] == 0
@@ -248,40 +245,45 @@ def test_late_questions_grow_with_the_logarithm_of_the_steps():
     mdp, values = random_mdp(20, 3, 4, discount=0.9, rng=1)
     asked = []
     for steps in (1_000, 8_000, 64_000):
-        learner = InteractiveQLearning(
-            mdp, PosteriorComparator(4, particles=100), steps=steps, epsilon=1.0, asking="late"
-        )
+        learner = LateQLearning(mdp, PosteriorComparator(4, particles=100), steps=steps, epsilon=1.0)
         asked.append(drive(learner, FlippingTutor(values, 0.1, seed=0)).asked)
     checkpoints = [1 + math.ceil(math.log2(steps / (2 * 60))) for steps in (1_000, 8_000, 64_000)]
     assert all(n <= 6 * stops for n, stops in zip(asked, checkpoints, strict=True))
     assert asked[2] < 8 * max(1, asked[0])
 
 
-def test_ways_to_ask_that_there_are_not_are_refused():
-    mdp, _ = random_mdp(6, 2, 3, rng=0)
-    for learner in (InteractiveValueIteration, InteractiveQLearning):
-        with pytest.raises(ValueError, match="asking must be"):
-            learner(mdp, PolytopeComparator(3), asking="never")
-        with pytest.raises(ValueError, match="max_loss must be"):
-            learner(mdp, PolytopeComparator(3), max_loss=0.0)
+class Doubtful(Dominance):
+    """For whom any alternative may be the better one."""
+
+    def simultaneous_bounds(self, d):
+        return np.ones(len(d)), 1.0
 
 
-@pytest.mark.parametrize("wrong", ["x", float("nan"), float("inf")])
-@pytest.mark.parametrize("name", ["strategy", "max_loss", "max_queries", "indifference", "audit", "batch"])
-def test_a_setting_of_no_kind_is_refused_before_the_first_question(name, wrong):
-    mdp, _ = random_mdp(6, 2, 3, rng=0)
-    for learner in (InteractivePolicyIteration, InteractiveValueIteration, InteractiveQLearning):
-        with pytest.raises(ValueError, match=f"{name}.* must .*, not {wrong!r}"):
-            learner(mdp, PolytopeComparator(3), **{name: wrong})
+def test_late_questions_are_about_actions_that_were_tried():
+    mdp, _ = random_mdp(10, 4, 3, rng=0)
+    offered = []
+
+    def strategy(pool):
+        offered.append(set(zip(pool.states.tolist(), pool.actions.tolist(), strict=True)))
+        return strategies.first_come(pool)
+
+    learner = LateQLearning(mdp, Doubtful(3), steps=6, epsilon=1.0, strategy=strategy)
+    while queries := learner.ask():
+        learner.tell([Answer(query, None) for query in queries])
+    assert offered
+    assert all(len(pairs) <= 6 for pairs in offered)  # in six steps no more are tried
 
 
-def test_late_answers_of_q_learning_do_not_settle_the_next_step():
+def test_late_answers_of_q_learning_settle_their_own_pair_alone():
     # the verdict on a question between two steps must not leak into the loop's next comparison
     mdp, values = random_mdp(12, 3, 4, discount=0.9, rng=9)
-    learner = InteractiveQLearning(mdp, PolytopeComparator(4), steps=5_000, epsilon=1.0, asking="late")
-    tutor = TruthfulTutor(values)
+    tutor, known = TruthfulTutor(values), PolytopeComparator(4)
+    learner = LateQLearning(mdp, known, steps=5_000, epsilon=1.0)
     while queries := learner.ask():
+        before = learner.result()
         learner.tell([tutor(query) for query in queries])
-        assert learner._verdict == Verdict.UNKNOWN
-        assert learner.result().status is Status.WAITING
+        after = learner.result()
+        assert after.status is Status.WAITING
+        assert after.compared == before.compared + 1
+        assert (after.policy == before.policy).all()
     assert learner.result().status is Status.DONE

@@ -1,0 +1,127 @@
+"""Q-learning that puts its questions off until they can matter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.hashing import Seed
+from elicit.model.comparator import Comparator
+from elicit.model.query import Query, Verdict
+from elicit.model.scale import Floats, tail_sums
+from qlearn.learners.exploration import Epsilon, Exploration, exploration_of
+from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, pair_of, place
+from qlearn.learners.q_learning import LearningRate, QLearningLoop, first_checkpoint
+from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation, worth_asking
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+MOVED = 0.25  # of the way that a difference has come since the last checkpoint: it may come as far again
+
+
+class LateQLearning(Elicits):
+    """Q-learning on share vectors that asks only at checkpoints, about what could matter.
+
+    Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at doubling numbers of
+    steps, and at each at most ``2 (k - 1)`` questions are asked, so that questions grow with the logarithm of the
+    steps. There a pair is asked about only if some plausible scale puts an alternative above the greedy action by more
+    than the ``indifference``, and by more than the difference is likely to move still; the best by ``strategy`` first
+    (``qlearn.strategies``). At the end nothing moves any more, and what could matter to the policy by more than the
+    indifference is asked about, within the same number.
+
+    What it guesses decides what it sees: explore well, as by default, or it ends elsewhere than where
+    ``InteractiveQLearning`` does. Other keywords as there. One that asks about everything (AlwaysAsk with a simulated
+    tutor) asks at once all the same.
+    """
+
+    def __init__(
+        self,
+        mdp: OrdinalMDP,
+        comparator: Comparator,
+        *,
+        steps: int = 100_000,
+        exploration: str | Exploration | None = None,
+        epsilon: Epsilon | None = None,
+        learning_rate: LearningRate | None = None,
+        rng: Seed = 0,
+        max_queries: int | None = None,
+        indifference: float = 0.0,
+        audit: float = 0.0,
+        strategy: Strategy = telling_violation,
+        max_loss: float | None = None,
+    ) -> None:
+        chosen = exploration_of(exploration, epsilon)
+        self._loop = QLearningLoop(
+            mdp, comparator, steps, chosen, learning_rate, rng, max_queries, indifference, audit, batch=1
+        )
+        self._elicitation = self._loop.elicitation
+        self._strategy, self._max_loss = check_strategy(strategy), check_max_loss(max_loss)
+        self._live = mdp.admissible & ~mdp.terminal[:, None]
+        self._checkpoint = first_checkpoint(mdp, steps)
+        self._before = np.zeros_like(self._loop.state.q)  # Q (S, A, k) at the last checkpoint
+        self._asked = 0  # at this one
+        self._refused = False  # whether a question was worth asking, but the budget was spent
+        self._end: Status | None = None
+
+    def _go_on(self) -> tuple[Query, ...]:
+        while self._end is None:
+            queries = self._loop.run(self._checkpoint, puts_off=True) or self._question()
+            if queries:
+                return queries
+            if self._loop.loses_at_most(self._max_loss):
+                self._end = Status.CERTIFIED
+            elif self._loop.done:
+                self._end = Status.GUESSED if self._refused else Status.DONE
+            else:
+                self._before, self._asked = self._loop.state.q.copy(), 0
+                self._checkpoint = min(self._loop.model.steps, 2 * self._checkpoint)
+        return ()
+
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        self._loop.take(verdicts)
+
+    def result(self) -> Result:
+        """The greedy policy and the counts so far."""
+        return self._loop.result(self._end or Status.WAITING)
+
+    def _question(self) -> tuple[Query, ...]:
+        """Go by what is known now, and ask the next question of this checkpoint, if one is worth it."""
+        elicitation, state = self._elicitation, self._loop.state
+        if elicitation.signs is not None:
+            return ()
+        q, policy = state.q, state.best
+        self._go_by(elicitation.comparator.values, q, policy)
+        if self._asked >= 2 * (q.shape[2] - 1):
+            return ()
+        wanted = self._live & (state.visits > 0)  # a vector that was never updated says nothing of its action
+        wanted[np.arange(len(policy)), policy] = False
+        states, actions = np.nonzero(wanted)
+        own = policy[states]
+        d = q[states, actions] - q[states, own]
+        unsettled = elicitation.indifference + self._moving(states, actions, own)
+        rows = worth_asking(elicitation, d, lambda i: place(states[i], actions[i], own[i]), unsettled)
+        self._refused |= bool(len(rows)) and elicitation.spent
+        if not len(rows) or elicitation.spent:
+            return ()
+        pool = Candidates(d[rows], states[rows], actions[rows], elicitation.indifference, elicitation.comparator)
+        row = rows[best(self._strategy, pool)[0]]
+        self._asked += 1
+        s, a, b = int(states[row]), int(actions[row]), int(own[row])
+        return elicitation.open([pair_of(q[s, a].copy(), q[s, b].copy(), s, a, b)])
+
+    def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
+        """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where they are as good."""
+        worth = np.where(self._live, tail_sums(q) @ np.diff(values), -np.inf)
+        rows = np.flatnonzero(self._live.any(axis=1))
+        better = worth[rows].max(axis=1) > worth[rows, policy[rows]]
+        policy[rows[better]] = worth[rows[better]].argmax(axis=1)
+
+    def _moving(self, states: NDArray[np.int64], actions: NDArray[np.int64], own: NDArray[np.int64]) -> Floats:
+        """(n,) how far each difference is likely to move still, under the central scale: a share of how far it has
+        come since the last checkpoint; 0 at the end."""
+        if self._loop.done:
+            return np.zeros(len(states))
+        way = self._loop.state.q - self._before
+        gaps = np.diff(self._elicitation.comparator.values)
+        return np.asarray(MOVED * np.abs(tail_sums(way[states, actions] - way[states, own]) @ gaps))

@@ -1,0 +1,164 @@
+"""What every compiled loop does with one pair of vectors: its difference, the verdict on it, and a record of both.
+
+Many comparisons differ little from one that was settled before: the same two actions, whose vectors have moved since.
+So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0 for the gaps g of every plausible scale.
+Gaps are not negative, so whatever difference has tail sums t >= f, entry by entry, has t.g >= f.g >= 0 too, and the
+same verdict ("not left, but right", with -t >= f). To look at k - 1 numbers costs a tenth of a proof. Where a verdict
+goes by the weight of drawn scales, f is such that the same draws stay on the same side. A certificate holds while the
+answers stay the same; one that was proven of all scales that fit them holds for ever, for answers only add
+(``elicit.decision.rule.outlasts_answers``).
+"""
+
+from __future__ import annotations
+
+from types import MethodType
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from elicit._support.jit import compiled
+from elicit.asking.elicitation import Elicitation
+from elicit.asking.elicitation_kernel import AskingRule, Judgement
+from elicit.comparators.baselines import AlwaysAsk
+from elicit.decision.judge import certifies
+from elicit.decision.rule import Rule, outlasts_answers, rule_of
+from elicit.lp.sign import BY_SCREEN, BY_SIMPLEX
+from elicit.model.comparator import Decisions, Tier
+from elicit.model.scale import Floats
+from elicit.model.tail_sums_kernel import UNSETTLED, by_dominance
+from elicit.tutors.simulated_kernel import Respondent, nobody
+
+BY_TUTOR = int(Tier.TUTOR)
+_KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
+
+
+class Certificates(NamedTuple):
+    """The last certificate of each pair of state and action, row s*A + a; ``verdicts`` is 0 where there is none."""
+
+    least: NDArray[np.floating[Any]]  # (n, p) f, of the tail sums times the verdict
+    verdicts: NDArray[np.int8]  # (n,)
+    tiers: NDArray[np.int8]  # (n,)
+
+
+class Kept(NamedTuple):
+    """Comparisons for whoever watches; c = 0 where nobody does."""
+
+    d: Floats  # (c, k)
+    verdicts: NDArray[np.int8]  # (c,)
+    tiers: NDArray[np.int8]  # (c,)
+    used: NDArray[np.int64]  # (1,) how many there are
+
+
+class Judging(NamedTuple):
+    """All that a loop goes by when it judges a pair."""
+
+    rule: Rule
+    asking: AskingRule
+    oracle: Respondent  # whom AlwaysAsk asks, where she is to be had as arrays
+    certificates: Certificates
+    kept: Kept
+
+
+@runtime_checkable
+class AnswersInLoops(Protocol):
+    """A tutor who can be had as plain arrays too."""
+
+    @property
+    def respondent(self) -> Respondent:
+        """The arrays, to be asked for anew whenever they have left something UNSETTLED."""
+
+
+class PairJudge:
+    """An elicitation as a compiled loop sees it, the loop's certificates, and what it keeps for a watcher."""
+
+    def __init__(self, elicitation: Elicitation, pairs: int, digits: DTypeLike = np.float64, room: int = 0) -> None:
+        k, room = elicitation.comparator.k, max(room, _KEPT_AT_ONCE)
+        least = np.empty((pairs, k - 1), dtype=digits)
+        self.certificates = Certificates(least, np.zeros(pairs, np.int8), np.zeros(pairs, np.int8))
+        self._elicitation = elicitation
+        self._unwatched, self._watched = (
+            Kept(np.empty((c, k)), np.empty(c, np.int8), np.empty(c, np.int8), np.zeros(1, np.int64)) for c in (0, room)
+        )
+
+    def judging(self, rule: Rule) -> Judging:
+        """How pairs are judged now, the comparator going by this rule."""
+        elicitation, oracle = self._elicitation, nobody()
+        asks_all = isinstance(elicitation.comparator, AlwaysAsk)
+        if asks_all and isinstance(elicitation.signs, MethodType):
+            tutor = elicitation.signs.__self__
+            oracle = tutor.respondent if isinstance(tutor, AnswersInLoops) else oracle
+        return Judging(
+            rule=rule,
+            asking=elicitation.rule(),
+            oracle=oracle,
+            certificates=self.certificates,
+            kept=self._unwatched if elicitation.watch is None else self._watched,
+        )
+
+    def enter(self, tiers: NDArray[np.int64]) -> None:
+        """Count a loop's comparisons (len(Tier),), and show the watcher what was kept."""
+        elicitation, kept = self._elicitation, self._watched
+        elicitation.counts += tiers
+        if elicitation.signs is not None:
+            elicitation.asked = int(elicitation.counts[Tier.TUTOR])
+        n, kept.used[0] = int(kept.used[0]), 0
+        if n and elicitation.watch is not None:
+            elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
+
+    def take_answers(self) -> None:
+        """The comparator has learned something: forget the certificates, unless they were proven."""
+        if not outlasts_answers(rule_of(self._elicitation.comparator)):
+            self.certificates.verdicts[:] = 0
+
+
+@compiled
+def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
+    """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
+    total = -0.0
+    for j in range(len(d) - 1, 0, -1):
+        d[j] = q[s, a, j] - q[s, b, j]
+        total += d[j]
+        t[j - 1] = total
+    d[0] = q[s, a, 0] - q[s, b, 0]
+    return by_dominance(t)
+
+
+@compiled
+def certified(t: Any, row: int, certificates: Certificates) -> bool:
+    """Whether a pair with tail sums t has the verdict of the row's certificate."""
+    verdict = certificates.verdicts[row]
+    return verdict != 0 and certifies(certificates.least[row], verdict, t)
+
+
+@compiled
+def certify(judged: Judgement, least: Any, row: int, certificates: Certificates) -> tuple[int, int]:
+    """Verdict and tier of what ``judge_pair`` has just judged, UNSETTLED of an audit, which is for Python to see to. If
+    it has written a certificate in ``least`` (p,), that is the row's from now on."""
+    verdict, tier = UNSETTLED if judged.audited else judged.verdict, judged.tier
+    certificates.verdicts[row] = 0
+    if judged.certified:
+        round_up(least, certificates.least[row])
+        certificates.verdicts[row] = verdict
+        certificates.tiers[row] = BY_SCREEN if tier == BY_SIMPLEX else tier  # to look it up takes no program
+    return verdict, tier
+
+
+@compiled
+def round_up(numbers: Any, into: Any) -> None:
+    """Copy them to where there may be room for half of their digits only: none may become less."""
+    for j in range(len(numbers)):
+        number = max(numbers[j], -1e38)
+        into[j] = number
+        if into[j] < number:
+            into[j] = number + abs(number) * 2.0**-22 + 2.0**-126
+
+
+@compiled
+def keep(d: Any, verdict: int, tier: int, kept: Kept) -> None:
+    """Keep a comparison; there must be room."""
+    i = kept.used[0]
+    for j in range(len(d)):
+        kept.d[i, j] = d[j]
+    kept.verdicts[i], kept.tiers[i] = verdict, tier
+    kept.used[0] = i + 1

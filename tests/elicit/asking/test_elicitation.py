@@ -1,0 +1,422 @@
+"""The elicitation: what settles a pair and in which order, what is asked, and what is kept of the answers."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elicit.asking.elicitation import Audit, Decisions, Elicitation, Pair
+from elicit.asking.elicitation_kernel import (
+    BOUNDS,
+    COMPARATOR,
+    NO_FACT,
+    PLACE,
+    SAID,
+    AskingRule,
+    Facts,
+    judge_pair,
+    settle,
+)
+from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+from elicit.decision.rule import rule_of
+from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+
+K = 5
+VALUES = np.array([0, 8, 20, 25, 80])
+BETTER, EQUAL, WORSE, UNKNOWN = Verdict.BETTER, Verdict.EQUAL, Verdict.WORSE, Verdict.UNKNOWN
+OPEN, OTHER = np.array([[0.2, -0.3, 0.0, 0.0, 0.1], [-0.1, 0.3, -0.3, 0.0, 0.1]])  # dominance is silent on both
+MORE = np.array([-0.01, 0.0, 0.0, 0.0, 0.01])  # what makes any difference greater
+
+
+def elicitation(comparator: Comparator | None = None, **settings: Any) -> Elicitation:
+    return Elicitation(comparator or Dominance(K), "a test", **settings)
+
+
+def pair(d: Floats = OPEN, **more: Any) -> Pair:
+    return Pair(np.maximum(d, 0.0), np.maximum(-d, 0.0), "left or right?", **more)
+
+
+def put(asked_by: Elicitation, verdict: Verdict | None, d: Floats = OPEN, drop: bool = False, **more: Any) -> Query:
+    """Ask about a difference and tell the answer."""
+    (query,) = asked_by.open([pair(d, **more)])
+    asked_by.tell([Answer(query, verdict)], "drop" if drop else "raise")
+    return query
+
+
+def judged(asked_by: Elicitation, *rows: Floats) -> list[tuple[int, int, bool]]:
+    return list(zip(*(column.tolist() for column in asked_by.judge(np.stack(rows))), strict=True))
+
+
+def differences(n: int, seed: int = 0) -> Floats:
+    rows = np.random.default_rng(seed).dirichlet(np.ones(K), 2 * n)
+    d: Floats = rows[:n] - rows[n:]
+    return d
+
+
+class Convinced(Dominance):
+    """Knows nothing until told of a preference; from then on calls whatever dominance leaves open WORSE."""
+
+    told = False
+
+    def compare(self, d: Any) -> Any:
+        verdicts = super().compare(d)
+        return np.where((verdicts == UNKNOWN) & self.told, np.int8(WORSE), verdicts)
+
+    def update(self, answers: Answers) -> Convinced:
+        new = Convinced(self.k)
+        object.__setattr__(new, "told", self.told or bool(answers.y.any()))
+        return new
+
+
+# --- the policy
+
+
+def policy(
+    verdict: int, tier: int, bound: bool, said: int, drawn: bool, unclear: bool, close: bool, guess: int
+) -> tuple[int, int, bool]:
+    """What settles a pair, in words of one line each: verdict, tier, whether the tutor is to confirm it."""
+    if verdict != UNKNOWN and tier <= Tier.DOMINANCE:
+        return verdict, tier, False
+    if bound and said != UNKNOWN:
+        return said, Tier.KNOWN, False
+    if verdict != UNKNOWN:
+        audited = drawn and said == UNKNOWN and verdict != EQUAL and tier in BY_ANSWERS
+        return (UNKNOWN if audited else verdict), tier, audited
+    if said != UNKNOWN:
+        return said, Tier.KNOWN, False
+    if unclear:
+        return EQUAL, Tier.KNOWN, False
+    if close:
+        return EQUAL, Tier.INDIFFERENT, False
+    return (UNKNOWN, Tier.TUTOR, False) if guess == UNKNOWN else (guess, Tier.GUESS, False)
+
+
+def asking(audit: float = 0.0, guess: int = UNKNOWN, said: bool = False, bound: bool = False) -> AskingRule:
+    """A rule under which the pair OPEN was answered, or not."""
+    rule = elicitation(audit=audit, indifference=1e-6).rule()
+    told = elicitation()
+    put(told, EQUAL)
+    codes, none = told.rule().binding, rule.said
+    gaps = {UNKNOWN: np.empty(0), BETTER: np.eye(K - 1)[3], WORSE: np.eye(K - 1)[0], EQUAL: np.zeros(K - 1)}[guess]
+    binding, answered = codes if bound else none, codes if said or bound else none
+    return rule._replace(key=told.rule().key, unclear=True, guess=gaps, binding=binding, said=answered)
+
+
+def one(rule: AskingRule, **facts: int) -> Any:
+    unknown = dict.fromkeys(Facts._fields, UNSETTLED)
+    with np.errstate(all="ignore"):
+        return settle(tail_sums(OPEN).copy(), np.empty(K - 1), rule, Facts(**unknown | facts))
+
+
+def test_what_settles_a_pair_and_in_which_order() -> None:
+    by_comparator = [(EQUAL, Tier.EQUAL), (BETTER, Tier.DOMINANCE), (UNKNOWN, Tier.DOMINANCE), (UNKNOWN, Tier.MODEL)]
+    by_comparator += [(BETTER, Tier.SCREEN), (WORSE, Tier.MODEL), (EQUAL, Tier.EXACT)]
+    truths = (False, True)
+    for (verdict, tier), bound, said in product(by_comparator, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
+        for drawn, unclear, close, guess in product(truths, truths, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
+            rule = asking(float(drawn), guess, said != UNKNOWN, bound)
+            facts = {"said": int(said), "unclear": int(unclear), "close": int(EQUAL if close else UNKNOWN)}
+            found = one(rule, verdict=int(verdict), tier=int(tier), **facts)
+            wanted = policy(verdict, tier, bound, said, drawn and not bound, unclear, close, guess)
+            assert (found.verdict, found.tier, found.audited) == wanted
+            assert found.needed == NO_FACT
+
+
+@pytest.mark.parametrize(
+    ("rule", "known", "needed"),
+    [
+        (asking(), {}, COMPARATOR),
+        (asking(bound=True), {"verdict": BETTER, "tier": Tier.SCREEN}, SAID),
+        (asking(said=True), {"verdict": UNKNOWN, "tier": Tier.SCREEN}, SAID),
+        (asking(), {"verdict": UNKNOWN, "tier": Tier.SCREEN}, PLACE),
+        (asking(), {"verdict": UNKNOWN, "tier": Tier.SCREEN, "unclear": 0}, BOUNDS),
+    ],
+)
+def test_a_fact_that_is_needed_is_named(rule: AskingRule, known: dict[str, int], needed: int) -> None:
+    found = one(rule, **{name: int(value) for name, value in known.items()})
+    assert (found.verdict, found.needed, found.audited) == (UNSETTLED, needed, False)
+
+
+def learned(comparator: Any) -> Any:
+    d = differences(6, seed=9)
+    return comparator.update(Answers(d, TruthfulTutor(VALUES).signs(d)))
+
+
+COMPARATORS = {
+    "dominance": Dominance(K),
+    "always": AlwaysAsk(K),
+    "polytope": learned(PolytopeComparator(K)),
+    "relaxed": learned(RelaxedPolytopeComparator(K, slack=0.1)),
+    "ensemble": learned(BradleyTerryComparator(K, n_boot=20)),
+    "box": learned(BradleyTerryComparator(K, n_boot=20, region="box")),
+    "posterior": learned(PosteriorComparator(K, particles=50, seed=0)),
+    "of your own": Convinced(K).update(Answers(OPEN, [1])),
+}
+
+
+@pytest.mark.parametrize("name", COMPARATORS)
+@given(
+    seed=st.integers(0, 10_000),
+    audit=st.sampled_from([0.0, 0.3]),
+    indifference=st.sampled_from([0.0, 0.05]),
+    answers=st.lists(st.sampled_from([None, EQUAL, BETTER, WORSE]), max_size=4),
+    spent=st.booleans(),
+)
+@settings(max_examples=12, deadline=None)
+def test_arrays_single_pairs_and_loops_agree(
+    name: str, seed: int, audit: float, indifference: float, answers: list[Verdict | None], spent: bool
+) -> None:
+    d = differences(40, seed)
+    budget = len(answers) if spent else None
+    asked_by = elicitation(COMPARATORS[name], audit=audit, indifference=indifference, max_queries=budget)
+    for row, verdict in enumerate(answers):
+        put(asked_by, verdict, d[row], drop=True, place=row)
+    d = np.concatenate([d, -d[:6]])
+    together = asked_by.judge(d, lambda row: row % 7)
+    rule, asks = rule_of(asked_by.comparator), asked_by.rule()
+    for i, (verdict, tier, audited) in enumerate(zip(*together, strict=True)):
+        alone = asked_by.judge(d[i : i + 1], lambda row, i=i: i % 7)  # type: ignore[misc]
+        assert (alone.verdicts[0], alone.audited[0]) == (verdict, audited)
+        assert same(alone.tiers[0], tier)
+        t = tail_sums(d[i]).copy()
+        if dominance(t) != UNKNOWN:
+            continue
+        with np.errstate(all="ignore"):
+            found = judge_pair(d[i], t, np.empty((2, K - 1)), np.empty(K - 1), rule, asks)
+        if found.verdict != UNSETTLED:
+            assert (found.verdict, found.audited) == (verdict, audited)
+            assert same(found.tier, tier)
+
+
+def same(tier: int, other: int) -> bool:
+    """Which proof came first depends on what was asked before; not so whether it was one."""
+    return tier == other or {tier, other} <= set(BY_ANSWERS)
+
+
+# --- settings
+
+
+@pytest.mark.parametrize(
+    ("wrong", "complaint"),
+    [
+        ({"indifference": -0.1}, "indifference"),
+        ({"max_queries": 1.5}, "max_queries"),
+        ({"audit": 1.1}, "audit"),
+        ({"batch": 0}, "batch"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(wrong: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ValueError, match=f"{complaint}.*{next(iter(wrong.values()))}"):
+        elicitation(**wrong)
+
+
+def test_indifference_wants_both_bounds_close() -> None:
+    up = np.array([0.01, -0.03, 0.0, 0.0, 0.02])
+    assert [float(bound[0]) for bound in Dominance(K).bounds(up)] == pytest.approx([-0.01, 0.02])
+    for share, settled in ((0.009, False), (0.0101, False), (0.0199, False), (0.0201, True)):
+        wanted = (EQUAL, Tier.INDIFFERENT, False) if settled else (UNKNOWN, Tier.TUTOR, False)
+        assert judged(elicitation(indifference=share), up, -up) == [wanted, wanted]
+
+
+class Tilted(Dominance):
+    """Its best guess is another one after every answer."""
+
+    guess = np.linspace(0.0, 1.0, K)
+
+    @property
+    def values(self) -> Floats:
+        return self.guess
+
+    def update(self, answers: Answers) -> Tilted:
+        new = Tilted(self.k)
+        object.__setattr__(new, "guess", np.array([0.0, 0.9, 0.92, 0.94, 1.0]))
+        return new
+
+
+def test_beyond_the_budget_the_latest_guess_decides() -> None:
+    asked_by = elicitation(Tilted(K), max_queries=1)
+    assert judged(asked_by, OPEN) == [(UNKNOWN, Tier.TUTOR, False)]
+    assert not asked_by.spent
+    asked_by.puts_off = True
+    assert judged(asked_by, OPEN) == [(np.sign(OPEN @ Tilted.guess), Tier.GUESS, False)]
+    asked_by.puts_off = False
+    put(asked_by, None, OTHER)
+    assert asked_by.spent
+    assert judged(asked_by, OPEN) == [(np.sign(OPEN @ asked_by.comparator.values), Tier.GUESS, False)]
+    assert np.sign(OPEN @ Tilted.guess) == -np.sign(OPEN @ asked_by.comparator.values)
+
+
+def test_a_batch_holds_no_pair_twice_and_no_more_than_the_budget() -> None:
+    d = differences(4)
+    rows = np.stack([d[0], -d[0], d[1], d[2], d[3]])
+    assert elicitation(batch=3).next_batch(rows) == [0, 2, 3]
+    assert elicitation(batch=9).next_batch(rows) == [0, 2, 3, 4]
+    assert elicitation(batch=9, max_queries=2).next_batch(rows) == [0, 2]
+
+
+# --- answers
+
+
+@pytest.mark.parametrize("verdict", [WORSE, BETTER])
+def test_a_pair_answered_before_is_known_in_both_directions(verdict: Verdict) -> None:
+    asked_by = elicitation()
+    assert judged(asked_by, OPEN, -OPEN) == [(UNKNOWN, Tier.TUTOR, False)] * 2
+    query = put(asked_by, verdict)
+    wanted = [(verdict, Tier.KNOWN, False), (verdict.flipped, Tier.KNOWN, False)]
+    assert judged(asked_by, query.d, -query.d) == wanted
+    rows = np.stack([OPEN, -OPEN, 0.5 * OPEN])
+    assert asked_by.may_ask(rows, lambda row: row).tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize("tie", [EQUAL, None])
+def test_a_model_may_overrule_an_answer_but_no_tie(tie: Verdict | None) -> None:
+    asked_by = elicitation(Convinced(K))
+    put(asked_by, tie)
+    put(asked_by, BETTER, OTHER)
+    tied, model = (EQUAL, Tier.KNOWN, False), (WORSE, Tier.MODEL, False)
+    assert judged(asked_by, OPEN, -OPEN, OTHER, -OTHER) == [tied, tied, model, model]
+    assert asked_by.cannot_tell == (tie is None)
+    assert len(asked_by.answers) == 2 - (tie is None)
+
+
+@pytest.mark.parametrize("undecided", [EQUAL, BETTER])
+def test_where_the_tutor_cannot_tell_the_user_says_what_holds(undecided: Verdict) -> None:
+    asked_by = elicitation(undecided=undecided)
+    put(asked_by, None, place="here")
+    near = OPEN + np.array([0.0, 1e-3, -1e-3, 0.0, 0.0])
+    assert judged(asked_by, OPEN, -OPEN)[0][:2] == (undecided, Tier.KNOWN)
+    at = asked_by.judge(np.stack([near, near]), lambda row: ("here", "there")[row])
+    assert at.verdicts.tolist() == [EQUAL, UNKNOWN]
+    assert at.tiers.tolist() == [Tier.KNOWN, Tier.TUTOR]
+    assert asked_by.may_ask(np.stack([near, near]), lambda row: ("here", "there")[row]).tolist() == [False, True]
+    assert judged(asked_by, near) == [(UNKNOWN, Tier.TUTOR, False)], "of no place"
+
+
+def test_an_answer_dropped_as_contradictory_settles_its_own_pair() -> None:
+    asked_by = elicitation(PolytopeComparator(K))
+    put(asked_by, BETTER)
+    assert judged(asked_by, OPEN + MORE)[0][0] == BETTER
+    with pytest.raises(InconsistentAnswers):
+        put(asked_by, WORSE, OPEN + MORE)
+    assert len(asked_by.pending) == len(asked_by.answers) == asked_by.asked == 1
+    (query,) = asked_by.ask()
+    said, dropped = asked_by.tell([Answer(query, WORSE)], "drop")
+    assert (said, dropped[0].query) == ({query.id: WORSE}, query)
+    assert judged(asked_by, query.d, -query.d) == [(WORSE, Tier.KNOWN, False), (BETTER, Tier.KNOWN, False)]
+    assert judged(asked_by, OPEN + 2 * MORE)[0][0] == BETTER, "nothing else is settled by it"
+    assert (asked_by.asked, len(asked_by.answers)) == (2, 1)
+
+
+def test_of_several_answers_only_what_contradicts_is_dropped() -> None:
+    asked_by = elicitation(PolytopeComparator(K))
+    queries = asked_by.open([pair(), pair(OPEN + MORE), pair(OTHER)])
+    _, dropped = asked_by.tell([Answer(q, v) for q, v in zip(queries, (BETTER, WORSE, BETTER), strict=True)], "drop")
+    assert [answer.query for answer in dropped] == [queries[1]]
+    assert asked_by.answers.ids == (queries[0].id, queries[2].id)
+
+
+def test_answers_of_another_run_are_stale() -> None:
+    ours, theirs = elicitation(), Elicitation(Dominance(K), "another problem")
+    ours.open([pair()])
+    (query,) = theirs.open([pair()])
+    with pytest.raises(StaleAnswer, match="another run"):
+        ours.tell([Answer(query, BETTER)], "raise")
+    assert (ours.asked, len(ours.pending)) == (0, 1)
+
+
+def test_a_copy_goes_its_own_way() -> None:
+    asked_by = elicitation(PolytopeComparator(K), audit=1.0)
+    put(asked_by, None, place="here")
+    before = (judged(asked_by, OPEN), asked_by.counts.tolist(), asked_by.rule().said.tolist())
+    twin = asked_by.copy()
+    put(twin, BETTER, OTHER)
+    put(twin, BETTER, 0.5 * OTHER, audited=True, tier=int(Tier.SCREEN))
+    assert (twin.asked, len(twin.audits)) == (2, 1)
+    assert (judged(asked_by, OPEN), asked_by.counts.tolist(), asked_by.rule().said.tolist()) == before
+    assert (asked_by.asked, asked_by.audits) == (1, [])
+
+
+# --- audits
+
+
+def test_the_share_of_audits_is_as_stated_and_answered_pairs_are_left_out() -> None:
+    comparator, d = COMPARATORS["polytope"], differences(3000)
+    counts = {}
+    for share in (0.0, 0.2, 1.0):
+        settled = elicitation(comparator, audit=share).judge(d)
+        counts[share] = settled.audited
+        assert (settled.verdicts[settled.audited] == UNKNOWN).all()
+        assert np.isin(settled.tiers[settled.audited], BY_ANSWERS).all()
+    every, fifth = counts[1.0].sum(), counts[0.2].sum()
+    assert not counts[0.0].any()
+    assert abs(fifth - 0.2 * every) < 4 * np.sqrt(0.16 * every)
+    assert not (counts[0.2] & ~counts[1.0]).any()
+    asked_by, row = elicitation(comparator, audit=1.0), d[np.flatnonzero(counts[1.0])[0]]
+    (_, tier, _), expected = judged(asked_by, row)[0], Verdict(comparator.compare(row)[0])
+    put(asked_by, expected, row, audited=True, tier=tier)
+    assert judged(asked_by, row, -row) == [(expected, tier, False), (expected.flipped, tier, False)]
+    assert (asked_by.asked, asked_by.counts[tier], len(asked_by.audits)) == (0, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("answer", "verdict", "tier"),
+    [(WORSE, WORSE, Tier.MODEL), (BETTER, WORSE, Tier.MODEL), (EQUAL, EQUAL, Tier.KNOWN), (None, WORSE, Tier.MODEL)],
+)
+def test_an_audit_s_answer_counts_but_the_model_has_the_last_word(
+    answer: Verdict | None, verdict: Verdict, tier: Tier
+) -> None:
+    asked_by = elicitation(Convinced(K), audit=1.0)
+    put(asked_by, BETTER, OTHER)
+    assert judged(asked_by, OPEN) == [(UNKNOWN, Tier.MODEL, True)]
+    seen: list[tuple[int, int]] = []
+    asked_by.watch = lambda d, decisions: seen.extend(zip(*(column.tolist() for column in decisions), strict=True))
+    put(asked_by, answer, audited=True, tier=int(Tier.MODEL))
+    assert seen == [(verdict, tier)]
+    assert (asked_by.asked, asked_by.audits[0].answer, asked_by.audits[0].expected) == (1, answer, WORSE)
+    assert asked_by.audits[0].contradicts == (answer is BETTER)
+
+
+def test_an_audit_knows_whether_it_contradicts() -> None:
+    query = Query("x", np.eye(3)[0], np.eye(3)[1])
+    said = {answer: Audit(query, BETTER, answer).contradicts for answer in (BETTER, EQUAL, WORSE, None)}
+    assert said == {BETTER: False, EQUAL: False, WORSE: True, None: False}
+
+
+# --- counts
+
+
+def test_what_the_user_acted_on_is_counted_and_shown() -> None:
+    asked_by, seen = elicitation(), []
+    asked_by.watch = lambda d, decisions: seen.append((d.tolist(), decisions.verdicts.tolist()))
+    found = asked_by.judge(np.stack([OPEN, np.eye(K)[4] - np.eye(K)[0], np.zeros(K)]))
+    assert asked_by.counts.sum() == 0
+    asked_by.commit(np.stack([np.eye(K)[4] - np.eye(K)[0]]), Decisions(found.verdicts[1:2], found.tiers[1:2]))
+    asked_by.commit(np.empty((0, K)), Decisions(found.verdicts[:0], found.tiers[:0]))
+    put(asked_by, WORSE)
+    assert {Tier(i): int(n) for i, n in enumerate(asked_by.counts) if n} == {Tier.DOMINANCE: 1, Tier.TUTOR: 1}
+    assert [verdicts for _, verdicts in seen] == [[BETTER], [WORSE]]
+
+
+def test_an_oracle_answers_what_is_left_without_limit() -> None:
+    asked_by, tutor = elicitation(indifference=1.0, max_queries=0), FlippingTutor(VALUES, 0.2, seed=0)
+    asked_by.signs = tutor.signs
+    d = differences(50)
+    open_rows = Dominance(K).compare(d) == UNKNOWN
+    found = asked_by.judge(d)
+    assert (found.verdicts[open_rows] == FlippingTutor(VALUES, 0.2, seed=0).signs(d[open_rows])).all()
+    assert (found.tiers[open_rows] == Tier.TUTOR).all()
+    asked_by.commit(d, Decisions(found.verdicts, found.tiers))
+    assert asked_by.asked == open_rows.sum()
