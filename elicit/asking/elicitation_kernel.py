@@ -107,6 +107,8 @@ def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: 
     for j in range(len(t)):
         sums[j] = t[j]
     verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
+    if asking.plain and verdict != UNKNOWN and verdict != UNSETTLED:  # then the policy has nothing to add
+        return Judgement(verdict, tier, certified, False, NO_FACT)
     found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, UNSETTLED))
     if found.needed == BOUNDS:
         for j in range(len(t)):

@@ -116,6 +116,9 @@ def respond(t: Any, work: Any, tutor: Respondent) -> int:
     sign, size = truth(t, tutor.gaps)
     if sign == UNSETTLED or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
         return UNSETTLED
+    if tutor.kind == TRUTHFUL:  # without handing all of the tutor on
+        tutor.tally[GIVEN] += 1
+        return sign
     return answer(t, sign, size, work, tutor)
 
 
