@@ -185,7 +185,7 @@ def on_a_learner(pairs: str, setting: Setting, k: int, number: int, seed: int, s
         learner: InteractiveQLearning | InteractiveValueIteration
         if pairs == "Q-learning":
             settings = {"steps": size.steps, "max_queries": size.budget, "rng": key}
-            learner = InteractiveQLearning(mdp, comparator, exploration="constant", **settings)
+            learner = InteractiveQLearning(mdp, comparator, epsilon="constant", **settings)
         else:
             learner = InteractiveValueIteration(
                 mdp, comparator, tolerance=0.02, max_sweeps=size.sweeps, max_queries=size.budget

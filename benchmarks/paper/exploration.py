@@ -62,7 +62,7 @@ def measure(problem: Problem, choice: Exploration, steps: int, seed: int, ask: b
     mdp, values = problem(seed)
     tutor = TruthfulTutor(values)
     always, *others = (
-        drive(InteractiveQLearning(mdp, comparator, exploration=choice, steps=steps, rng=seed), tutor)
+        drive(InteractiveQLearning(mdp, comparator, epsilon=choice, steps=steps, rng=seed), tutor)
         for comparator in (AlwaysAsk(mdp.k), PolytopeComparator(mdp.k))[: 1 + ask]
     )
     loss = policy_loss(mdp, always.policy, values)

@@ -109,8 +109,7 @@ CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the in
 
 
 def _q_learning(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
-    epsilon = settings.epsilon if settings.exploration is None else None
-    how: dict[str, Any] = {"steps": settings.steps, "exploration": settings.exploration, "epsilon": epsilon}
+    how: dict[str, Any] = {"steps": settings.steps, "epsilon": settings.exploration or settings.epsilon}
     return InteractiveQLearning(mdp, comparator, **how, **common)
 
 

@@ -80,16 +80,18 @@ EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
 """The choices that have a name; ``python -m benchmarks.paper.exploration`` measures what each leads to."""
 
 
-def exploration_of(choice: str | Exploration | None, epsilon: Epsilon | None) -> Exploration:
-    """The choice of that name, with this epsilon if one is given. Of neither "optimistic", of an epsilon alone
-    "constant". Raises ValueError where there is no such choice."""
-    if choice is None:
-        choice = "optimistic" if epsilon is None else "constant"
-    if isinstance(choice, str) and choice in EXPLORATIONS:
-        choice = EXPLORATIONS[choice]
-    if not isinstance(choice, Exploration):
-        raise ValueError(f"exploration must be an Exploration or one of {', '.join(EXPLORATIONS)}, not {choice!r}")
-    return choice if epsilon is None else replace(choice, epsilon=epsilon)
+def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
+    """An exploration itself, the one of that name, or "constant" with that epsilon; of None "optimistic". Raises
+    ValueError where there is no such name."""
+    choice = "optimistic" if choice is None else choice
+    if isinstance(choice, str):
+        if choice not in EXPLORATIONS:
+            raise ValueError(
+                "epsilon must be a number in 0..1, a function of steps, an Exploration, or one of the names "
+                f"{', '.join(EXPLORATIONS)}, not {choice!r}"
+            )
+        return EXPLORATIONS[choice]
+    return choice if isinstance(choice, Exploration) else replace(EXPLORATIONS["constant"], epsilon=choice)
 
 
 def epsilons(epsilon: Epsilon, steps: int) -> Floats:

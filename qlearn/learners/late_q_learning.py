@@ -13,10 +13,12 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.exploration import Epsilon, Exploration, exploration_of
 from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, pair_of, place
-from qlearn.learners.q_learning import LearningRate, QLearningLoop, first_checkpoint
+from qlearn.learners.loss_bound import loses_at_most
+from qlearn.learners.q_learning import LearningRate, QLearningLoop
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation, worth_asking
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
+FIRST = 2  # checkpoint, in visits for each pair of state and action
 MOVED = 0.25  # of the way that a difference has come since the last checkpoint: it may come as far again
 
 
@@ -31,8 +33,9 @@ class LateQLearning(Elicits):
     indifference is asked about, within the same number.
 
     What it guesses decides what it sees: explore well, as by default, or it ends elsewhere than where
-    ``InteractiveQLearning`` does. Other keywords as there. One that asks about everything (AlwaysAsk with a simulated
-    tutor) asks at once all the same.
+    ``InteractiveQLearning`` does. ``max_loss``: stop at a checkpoint where no plausible scale lets the greedy policy
+    lose more. Other keywords as there. One that asks about everything (AlwaysAsk with a simulated tutor) asks at once
+    all the same.
     """
 
     def __init__(
@@ -41,8 +44,7 @@ class LateQLearning(Elicits):
         comparator: Comparator,
         *,
         steps: int = 100_000,
-        exploration: str | Exploration | None = None,
-        epsilon: Epsilon | None = None,
+        epsilon: Epsilon | Exploration | str | None = None,
         learning_rate: LearningRate | None = None,
         rng: Seed = 0,
         max_queries: int | None = None,
@@ -51,14 +53,14 @@ class LateQLearning(Elicits):
         strategy: Strategy = telling_violation,
         max_loss: float | None = None,
     ) -> None:
-        chosen = exploration_of(exploration, epsilon)
+        chosen = exploration_of(epsilon)
         self._loop = QLearningLoop(
             mdp, comparator, steps, chosen, learning_rate, rng, max_queries, indifference, audit, batch=1
         )
         self._elicitation = self._loop.elicitation
         self._strategy, self._max_loss = check_strategy(strategy), check_max_loss(max_loss)
-        self._live = mdp.admissible & ~mdp.terminal[:, None]
-        self._checkpoint = first_checkpoint(mdp, steps)
+        self._mdp, self._live = mdp, mdp.admissible & ~mdp.terminal[:, None]
+        self._checkpoint = min(int(steps), int(FIRST * self._live.sum()))
         self._before = np.zeros_like(self._loop.state.q)  # Q (S, A, k) at the last checkpoint
         self._asked = 0  # at this one
         self._refused = False  # whether a question was worth asking, but the budget was spent
@@ -69,7 +71,7 @@ class LateQLearning(Elicits):
             queries = self._loop.run(self._checkpoint, puts_off=True) or self._question()
             if queries:
                 return queries
-            if self._loop.loses_at_most(self._max_loss):
+            if self._certified():
                 self._end = Status.CERTIFIED
             elif self._loop.done:
                 self._end = Status.GUESSED if self._refused else Status.DONE
@@ -77,6 +79,12 @@ class LateQLearning(Elicits):
                 self._before, self._asked = self._loop.state.q.copy(), 0
                 self._checkpoint = min(self._loop.model.steps, 2 * self._checkpoint)
         return ()
+
+    def _certified(self) -> bool:
+        """Whether no plausible scale lets the greedy policy lose more than ``max_loss``."""
+        if self._max_loss is None:
+            return False
+        return loses_at_most(self._mdp, self._loop.state.best, self._elicitation.comparator, self._max_loss)
 
     def _take(self, verdicts: Mapping[str, Verdict]) -> None:
         self._loop.take(verdicts)

@@ -18,12 +18,11 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of
-from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, pair_of, result_of
-from qlearn.learners.loss_bound import loses_at_most, loss_bound
+from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, result_of
+from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.pair_judge import PairJudge
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-_FIRST = 2  # checkpoint, in visits for each pair of state and action
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
 
@@ -42,18 +41,15 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
 class InteractiveQLearning(Elicits):
     """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
 
-    ``exploration``: how it comes to see enough, one of ``EXPLORATIONS`` by name, or an ``Exploration``; by default
-    "optimistic", chosen by measurement (docs/exploration.md). ``epsilon``, the chance of a uniformly drawn action (a
-    constant, a ``Decay``, or a function from steps to chances), replaces what the named one says or, where none is
-    named, what "constant" does.
+    ``epsilon``: how it comes to see enough. The chance of a uniformly drawn action (a constant, a ``Decay``, or a
+    function from steps to chances); or an ``Exploration``, or the name of one of ``EXPLORATIONS``, which says too where
+    vectors start and when episodes end. By default "optimistic", chosen by measurement (docs/exploration.md).
     ``learning_rate``: a constant in (0, 1], or a function from the number of earlier visits of (s, a) to rates; by
     default ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie within
     it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
     share of the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
-    run of Q-learning has one pair in question at a time.
-    ``max_loss``: stop at a checkpoint (they come at doubling numbers of steps) where no plausible scale lets the greedy
-    policy lose more. Only for that, and for ``Result.loss_bound``, are the MDP's transition probabilities read:
-    learning itself samples them.
+    run of Q-learning has one pair in question at a time. Only for ``Result.loss_bound`` are the MDP's transition
+    probabilities read: learning itself samples them.
     """
 
     def __init__(
@@ -62,41 +58,28 @@ class InteractiveQLearning(Elicits):
         comparator: Comparator,
         *,
         steps: int = 100_000,
-        exploration: str | Exploration | None = None,
-        epsilon: Epsilon | None = None,
+        epsilon: Epsilon | Exploration | str | None = None,
         learning_rate: LearningRate | None = None,
         rng: Seed = 0,
         max_queries: int | None = None,
         indifference: float = 0.0,
         audit: float = 0.0,
         batch: int = 1,
-        max_loss: float | None = None,
     ) -> None:
-        chosen = exploration_of(exploration, epsilon)
+        chosen = exploration_of(epsilon)
         self._loop = QLearningLoop(
             mdp, comparator, steps, chosen, learning_rate, rng, max_queries, indifference, audit, batch
         )
         self._elicitation = self._loop.elicitation
-        self._max_loss, self._certified = check_max_loss(max_loss), False
-        self._checkpoint = int(steps) if max_loss is None else first_checkpoint(mdp, steps)
 
     def _go_on(self) -> tuple[Query, ...]:
-        while not self._certified:
-            if queries := self._loop.run(self._checkpoint):
-                return queries
-            self._certified = self._loop.loses_at_most(self._max_loss)
-            if self._checkpoint >= self._loop.model.steps:
-                break
-            self._checkpoint = min(self._loop.model.steps, 2 * self._checkpoint)
-        return ()
+        return self._loop.run(self._loop.model.steps)
 
     def _take(self, verdicts: Mapping[str, Verdict]) -> None:
         self._loop.take(verdicts)
 
     def result(self) -> Result:
         """The greedy policy and the counts so far."""
-        if self._certified:
-            return self._loop.result(Status.CERTIFIED)
         if self._elicitation.pending or not self._loop.done:
             return self._loop.result(Status.WAITING)
         return self._loop.result(Status.GUESSED if self._elicitation.counts[Tier.GUESS] else Status.DONE)
@@ -199,12 +182,6 @@ class QLearningLoop:
             guarantee=partial(loss_bound, self._mdp, policy.copy(), self.elicitation.comparator),
         )
 
-    def loses_at_most(self, share: float | None) -> bool:
-        """Whether no plausible scale lets the greedy policy lose more; never, of no share."""
-        if share is None:
-            return False
-        return loses_at_most(self._mdp, self.state.best, self.elicitation.comparator, share)
-
     @property
     def done(self) -> bool:
         """Whether all steps are done."""
@@ -219,11 +196,6 @@ class QLearningLoop:
         challenger, incumbent = self.model.actions[s, position], self.state.best[s]
         q = self.state.q[s]
         return pair_of(q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
-
-
-def first_checkpoint(mdp: OrdinalMDP, steps: int) -> int:
-    """The number of steps after which to stop and look first; then at twice as many, and so on to the last."""
-    return min(int(steps), int(_FIRST * (mdp.admissible & ~mdp.terminal[:, None]).sum()))
 
 
 def _rates(learning_rate: LearningRate, steps: int) -> Floats:

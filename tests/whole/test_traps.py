@@ -78,7 +78,7 @@ def runs_with_raw_rewards(start: Start) -> list[tuple[Result, OrdinalMDP, Floats
         mdp, values = random_mdp(8, 3, 4, discount=0.9, rng=seed)
         raw = values + 50.0
         learner = q_learning(
-            mdp, PolytopeComparator(4), exploration=Exploration(0.3, start=start), rng=seed, learning_rate=0.1
+            mdp, PolytopeComparator(4), epsilon=Exploration(0.3, start=start), rng=seed, learning_rate=0.1
         )
         runs.append((drive(learner, RawTutor(raw), on_conflict="drop"), mdp, values))
     return runs
@@ -86,9 +86,7 @@ def runs_with_raw_rewards(start: Start) -> list[tuple[Result, OrdinalMDP, Floats
 
 def test_trap_1_totals_differ_from_the_zero_start_and_never_from_the_worst() -> None:
     mdp, values = random_mdp(10, 3, 5, rng=0)
-    zero = drive(
-        q_learning(mdp, PolytopeComparator(5), exploration=Exploration(0.3, start="zero")), TruthfulTutor(values)
-    )
+    zero = drive(q_learning(mdp, PolytopeComparator(5), epsilon=Exploration(0.3, start="zero")), TruthfulTutor(values))
     worst = drive(q_learning(mdp, PolytopeComparator(5)), TruthfulTutor(values))
     assert np.ptp(zero.q.sum(axis=2)) > 0.1
     np.testing.assert_allclose(worst.q.sum(axis=2), 1.0, rtol=0, atol=1e-13)

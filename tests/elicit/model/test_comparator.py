@@ -9,7 +9,7 @@ import pytest
 
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.decision.decide import decide
-from elicit.model.comparator import Comparator, Decisions, Tier, check_levels, verdicts_from
+from elicit.model.comparator import Comparator, Tier, check_levels, verdicts_from
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import as_vectors, dominance, dot, tail_sums
 from elicit.testing import check_comparator, sample_differences
@@ -41,15 +41,6 @@ def test_what_they_decide():
         low, high = comparator.bounds(d)
         assert low.tolist() == [0, 0, 1, -1, -1]
         assert high.tolist() == [0, 0, 1, 0, 1]
-
-
-def test_a_comparator_may_know_its_own_tiers():
-    class Knowing(Dominance):
-        def decide(self, d):
-            verdicts = self.compare(d)
-            return Decisions(verdicts, np.full(len(verdicts), Tier.SCREEN, dtype=np.int8))
-
-    assert decide(Knowing(3), [[-1, 0, 1]]).tiers.tolist() == [Tier.SCREEN]
 
 
 def test_answers_teach_them_nothing():

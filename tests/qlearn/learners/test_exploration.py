@@ -49,13 +49,12 @@ def test_an_exploration_that_is_none_is_refused(wrong: dict[str, Any]) -> None:
 
 
 def test_a_name_stands_for_its_settings_and_settings_replace_them() -> None:
-    runs = [learned(exploration=name) for name in EXPLORATIONS]
+    runs = [learned(epsilon=name) for name in EXPLORATIONS]
     assert not any(same(one, other) for i, one in enumerate(runs) for other in runs[:i])
     for run, choice in zip(runs, EXPLORATIONS.values(), strict=True):
-        assert same(run, learned(exploration=choice))
-    assert same(learned(exploration="optimistic", epsilon=1.0), learned(exploration=Exploration(1.0, start="best")))
-    assert same(learned(), learned(exploration="optimistic"))
-    assert same(learned(epsilon=0.3), learned(exploration="constant", epsilon=0.3))
+        assert same(run, learned(epsilon=choice))
+    assert same(learned(), learned(epsilon="optimistic"))
+    assert same(learned(epsilon=0.3), learned(epsilon=Exploration(0.3)))
 
 
 def test_a_constant_schedule_is_the_constant() -> None:

@@ -162,20 +162,21 @@ def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
 
 
 @pytest.mark.parametrize(
-    ("sweeping", "learning"), [(InteractiveValueIteration, InteractiveQLearning), (LateValueIteration, LateQLearning)]
+    ("learner", "settings", "enough"),
+    [
+        (InteractiveValueIteration, {"tolerance": 1e-4}, 0.1),
+        (LateValueIteration, {"tolerance": 1e-4}, 0.1),
+        (LateQLearning, {"steps": 20_000, "epsilon": 1.0}, 0.15),
+    ],
 )
-def test_learners_stop_where_the_loss_is_small_enough(sweeping, learning):
+def test_learners_stop_where_the_loss_is_small_enough(learner, settings, enough):
     mdp, values = random_mdp(20, 3, 5, discount=0.9, rng=3)
     comparator, tutor = PolytopeComparator(5), TruthfulTutor(values)
-    full = drive(sweeping(mdp, comparator, tolerance=1e-4), tutor)
-    some = drive(sweeping(mdp, comparator, tolerance=1e-4, max_loss=0.1), tutor)
+    full = drive(learner(mdp, comparator, **settings), tutor)
+    some = drive(learner(mdp, comparator, **settings, max_loss=enough), tutor)
     assert some.status is Status.CERTIFIED
     assert some.rounds < full.rounds
-    assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= 0.1
-    some = drive(learning(mdp, comparator, steps=20_000, epsilon=1.0, max_loss=0.15), tutor)
-    assert some.status is Status.CERTIFIED
-    assert some.rounds < 20_000
-    assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= 0.15
+    assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= enough
 
 
 def test_q_learning_that_asks_late_asks_few_and_loses_no_more():
