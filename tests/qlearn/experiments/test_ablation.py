@@ -26,12 +26,7 @@ from qlearn.learners.learner import drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
-
-TINY: dict[str, Any] = {
-    "problems": ["random"], "states": 8, "actions": 3, "levels": 4, "seeds": 1, "steps": 200, "tolerance": 0.05,
-    "max_sweeps": 80, "max_queries": 40, "n_boot": 10, "error_rates": (0.0, 0.15),
-    "audit_steps": 20, "audit_sweeps": 8,
-}  # fmt: skip
+from tests.sweep_cases import TINY
 
 
 def text_of(frame: pd.DataFrame) -> str:

@@ -21,7 +21,7 @@ import pytest
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.compile_ahead import parts
 from qlearn.experiments.parallel import Interrupted, sweep
-from tests.sweep_cases import CELLS, deadly, row, where
+from tests.sweep_cases import CELLS, TINY, deadly, row, where
 
 ROOT = Path(__file__).parents[3]
 
@@ -229,12 +229,12 @@ def test_a_journal_that_was_tampered_with_is_refused_until_it_is_emptied(bad: by
     assert journal.read_bytes() == whole
 
 
-@pytest.mark.parametrize("fresh", [False, True])
 @pytest.mark.parametrize("content", [b"name,age\n", b"shopping list", b'{"key": 1}\n', b"\x00\xff\n"])
-def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(content: bytes, fresh: bool, tmp_path: Path) -> None:
+def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(content)
-    with pytest.raises(ValueError, match="file is no journal, it begins"):
-        sweep(row, CELLS, journal=tmp_path / "file", jobs=1, fresh=fresh)
+    for fresh in (False, True):
+        with pytest.raises(ValueError, match="file is no journal, it begins"):
+            sweep(row, CELLS, journal=tmp_path / "file", jobs=1, fresh=fresh)
     assert (tmp_path / "file").read_bytes() == content
 
 
@@ -325,11 +325,7 @@ def test_when_a_worker_is_killed_the_next_start_computes_what_is_missing(tmp_pat
 
 
 def test_an_ablation_on_dask_is_that_of_one_process_byte_for_byte(cluster: Any, tmp_path: Path) -> None:
-    tiny: dict[str, Any] = {
-        "problems": ["random"], "comparators": ["ensemble", "polytope"], "states": 6, "actions": 2, "levels": 3,
-        "seeds": 1, "steps": 60, "tolerance": 0.05, "max_sweeps": 30, "max_queries": 10, "n_boot": 5,
-        "error_rates": (0.0, 0.15),
-    }  # fmt: skip
+    tiny = TINY | {"comparators": ["ensemble", "polytope"], "steps": 60}
     with joblib.parallel_config(backend="dask"):
         on_dask = ablate(**tiny, journal=tmp_path / "journal")
     here = ablate(**tiny, jobs=1)
