@@ -114,22 +114,18 @@ def audit(d: Floats, expected: int, answer: int | None) -> Audit:
 
 
 @pytest.mark.parametrize(
-    ("expected", "answer", "guilty"), [(1, -1, "audit"), (-1, 1, "answers")], ids=["audit", "answers"]
+    ("d", "expected", "answer", "guilty"),
+    [(DIFFERENCES[0], 1, -1, "audit"), (DIFFERENCES[0], -1, 1, "answers"), (TIE[0], 1, -1, "neither")],
+    ids=["audit", "answers", "neither"],
 )
-def test_the_first_contradiction_is_blamed_on_who_was_wrong(expected: int, answer: int, guilty: str) -> None:
+def test_the_first_contradiction_is_blamed_on_who_was_wrong(d: Floats, expected: int, answer: int, guilty: str) -> None:
     better = DIFFERENCES[0]
-    checked = (audit(better, 1, 1), audit(better, 1, None), audit(better, expected, answer), audit(better, 1, -1))
-    row = audits(result({}, checked=checked), VALUES)
+    agreed = (audit(better, 1, 1), audit(better, 1, None))
+    row = audits(result({}, checked=(*agreed, audit(d, expected, answer), audit(better, 1, -1))), VALUES)
     assert row == {"audited": 4, "audits_to_contradiction": 3, "contradiction_due_to": guilty}
-
-
-def test_no_contradiction_and_a_tie() -> None:
-    row = audits(result({}, checked=(audit(DIFFERENCES[0], 1, 1),)), VALUES)
-    assert row["audited"] == 1
-    assert math.isnan(row["audits_to_contradiction"])
-    assert row["contradiction_due_to"] == ""
-    tie = (audit(np.array([0.75, -1.0, 0.25]), 1, -1),)
-    assert audits(result({}, checked=tie), VALUES)["contradiction_due_to"] == "neither"
+    row = audits(result({}, checked=agreed), VALUES)
+    assert math.isnan(row.pop("audits_to_contradiction"))
+    assert row == {"audited": 2, "contradiction_due_to": ""}
 
 
 def small_mdp() -> OrdinalMDP:

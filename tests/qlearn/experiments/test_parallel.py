@@ -258,36 +258,26 @@ def test_ctrl_c_keeps_what_has_finished(jobs: int, tmp_path: Path) -> None:
     assert (computed(log) - before).total() == 5
 
 
-def killed_when(ready: Callable[[], bool], code: str) -> list[psutil.Process]:
-    """Start a process with this code, kill it as soon as it is ready, and return its workers."""
-    imports = (
-        "from pathlib import Path; from qlearn.experiments.parallel import sweep; from tests.sweep_cases import *\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", imports + code], cwd=ROOT) as child:
-        while not ready():
-            assert child.poll() is None
-            time.sleep(0.01)
-        workers = psutil.Process(child.pid).children(recursive=True)
-        child.send_signal(signal.SIGKILL)
-    return workers
-
-
-def wait_for_end(processes: list[psutil.Process]) -> None:
-    deadline = time.monotonic() + 30
-    while any(process.is_running() and process.status() != psutil.STATUS_ZOMBIE for process in processes):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
 def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_workers(tmp_path: Path) -> None:
     journal, log = tmp_path / "journal", tmp_path / "log"
     cells = [{"x": x, "name": "k"} for x in range(30)]
     shared = {"log": str(log), "pause": 0.05}
-    code = f"sweep(row, {cells!r}, shared={shared!r}, journal=Path({str(journal)!r}), jobs=2)"
-    workers = killed_when(lambda: lines(journal) >= 5, code)
+    code = (
+        "from pathlib import Path; from qlearn.experiments.parallel import sweep; from tests.sweep_cases import row; "
+        f"sweep(row, {cells!r}, shared={shared!r}, journal=Path({str(journal)!r}), jobs=2)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) as child:
+        while lines(journal) < 5:
+            assert child.poll() is None
+            time.sleep(0.01)
+        workers = psutil.Process(child.pid).children(recursive=True)
+        child.send_signal(signal.SIGKILL)
     kept = lines(journal)
     assert 5 <= kept < 30
-    wait_for_end(workers)
+    deadline = time.monotonic() + 30
+    while any(worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE for worker in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
     assert computed(log).total() - kept <= 6  # what two workers were at, and what waited for them
 
     seen: list[tuple[int, int]] = []
