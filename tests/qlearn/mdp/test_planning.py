@@ -178,26 +178,19 @@ def test_a_tolerance_below_rounding_is_refused() -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(seed=st.integers(0, 10**6), g=st.floats(0, 0.995))
-def test_evaluate_policy_against_a_dense_solve(seed: int, g: float) -> None:
-    mdp, _ = messy_mdp(seed, discount=g)
+def test_equation_3_and_proposition_1(seed: int, g: float) -> None:
+    """The vector value of a policy is eq. (3), and times the scale its scalar value, eq. (1)."""
+    mdp, values = messy_mdp(seed, discount=g)
     policy = random_policy(mdp, seed)
     shares = evaluate_policy(mdp, policy)
     np.testing.assert_allclose(shares, dense_shares(mdp, policy), rtol=0, atol=1e-11)
     np.testing.assert_allclose(shares.sum(axis=1), 1, rtol=0, atol=1e-14)
     assert (shares >= 0).all()
     np.testing.assert_array_equal(shares[mdp.terminal], np.eye(mdp.k)[mdp.final_level[mdp.terminal]])
-
-
-@settings(deadline=None, max_examples=30)
-@given(seed=st.integers(0, 10**6), g=st.floats(0, 0.995))
-def test_proposition_1(seed: int, g: float) -> None:
-    """The scalar value of a policy, eq. (1), is its vector value times the scale."""
-    mdp, values = messy_mdp(seed, discount=g)
-    policy = random_policy(mdp, seed)
     e, n, m = mdp.normalise(values), mdp.n_states, mdp.n_actions
     chain = np.einsum("sa,sat->st", policy, mdp.transitions.toarray().reshape(n, m, n))
     scalar = np.linalg.solve(np.eye(n) - g * chain, (1 - g) * (policy * e[mdp.levels]).sum(axis=1))
-    np.testing.assert_allclose(evaluate_policy(mdp, policy) @ e, scalar, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(shares @ e, scalar, rtol=0, atol=1e-11)
 
 
 def test_a_hand_computed_case() -> None:
