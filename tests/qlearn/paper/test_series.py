@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from qlearn.cli import main as cli
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.settings import FiguresSettings
 from qlearn.paper.claims import MEASURES, claims, claims_page, series_of, summarise_series
@@ -165,36 +163,3 @@ def test_the_summary_has_means_and_half_widths(frame: pd.DataFrame) -> None:
     assert (line.asked, line.runs) == (asked.mean(), 2)
     assert line.asked_half == pytest.approx(stats.t.ppf(0.975, 1) * asked.std() / math.sqrt(2))
     assert series_of(frame, "levels").comparator.unique().tolist() == ["always", *FiguresSettings().comparators]
-
-
-# --- the command
-
-
-COMMAND = (
-    "figures --jobs 1 --levels 3 4 --at-states 6 --states 6 9 --at-levels 4 --actions 2 --seeds 2 --steps 60 "
-    "--n-boot 5 --particles 20"
-)
-PICTURES = [f"figure{i}.{kind}" for i in (2, 3, 4) for kind in ("png", "svg")]
-
-
-def test_the_command_writes_the_same_bytes_again_and_on_two_cores(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    one, two = tmp_path / "new" / "one", tmp_path / "two"
-    assert cli.main([*COMMAND.split(), "--out", str(one)]) == 0
-    shown = capsys.readouterr().out
-    assert "polytope" in shown
-    assert "below 1%" in shown
-    names = sorted(path.name for path in one.iterdir())
-    assert names == sorted(
-        [*PICTURES, "claims.csv", "claims.md", "journal.jsonl", "runs.csv", "summary.csv", "times.csv"]
-    )
-    assert cli.main([*COMMAND.replace("--jobs 1", "--jobs 2").split(), "--out", str(two)]) == 0
-    for name in names:
-        if name not in ("times.csv", "journal.jsonl"):
-            assert (one / name).read_bytes() == (two / name).read_bytes(), name
-    runs = pd.read_csv(one / "runs.csv")
-    assert "seconds" not in runs.columns
-    assert len(runs) == 3 * 5 * 2
-    svg = (one / "figure4.svg").read_text(encoding="utf-8")
-    assert "<dc:date>" not in svg
