@@ -1,10 +1,12 @@
-"""The benchmarks' reports: run one quickly, and read its tables."""
+"""What people read: a benchmark's report, run quickly, and its tables; the intervals in a picture."""
 
 from __future__ import annotations
 
 import subprocess
 import sys
 from pathlib import Path
+
+from matplotlib.axes import Axes
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -24,3 +26,10 @@ def table_rows(text: str) -> list[list[str]]:
     """The cells of every line of a Markdown table, heads included, rules not."""
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]
     return [row for row in rows if not set(row[0]) <= set("-:")]
+
+
+def bars(axes: Axes) -> list[tuple[float, float]]:
+    """The ends of the error bars."""
+    return [
+        (float(low), float(high)) for (_, low), (_, high) in (s for c in axes.collections for s in c.get_segments())
+    ]

@@ -39,14 +39,11 @@ def ablate(
 
     ``changes`` are fields of ``AblationSettings`` by name, in place of those of ``settings`` (default: the defaults).
 
-    The problems are "random" (``random_mdp`` of ``states``, ``actions``, ``levels``, ``discount``), "icu"
-    (``icu_sepsis``), "frozen-lake" and "deep-sea-treasure" (``qlearn.gym_environments``), the last three with hidden
-    values from ``draw_values``; comparators "always" (asks about everything), "polytope", "relaxed" (the polytope with
-    slack), "posterior", "posterior-close" (Q-learning alone: with an indifference of ``close``), "ensemble" and "box"
-    (Bradley-Terry). An error rate of 0 is a truthful tutor. ``audit`` > 0 adds a second, audited run to each cell of
-    the polytope, which only so notices an error; "relaxed", which differs from it only where answers contradict each
-    other, then has no other. "always" with a truthful tutor is always run: it is the oracle that the others are paired
-    with, all but the audited ones, which are shorter (their paired columns are nan).
+    What the names of problems, learners and comparators stand for is said by ``run.PROBLEMS``, ``run.LEARNERS`` and
+    ``run.COMPARATORS``; "posterior-close" is for Q-learning alone. ``audit`` > 0 adds a second, audited run to each
+    cell of the polytope, which only so notices an error; "relaxed", which differs from it only where answers contradict
+    each other, then has no other. "always" with a truthful tutor is always run: it is the oracle that the others are
+    paired with, all but the audited ones, which are shorter (their paired columns are nan).
 
     The rows do not depend on ``jobs`` (processes; None: as an outer ``joblib.parallel_config`` says, a Dask cluster
     say, else one a core), nor on whether a run is read from ``journal``, the file in which finished runs are kept and

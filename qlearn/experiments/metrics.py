@@ -63,21 +63,18 @@ class Watch:
         self._gaps = gaps(values)
         self._indifference = indifference
         self._erred = erred
-        self._d: list[Floats] = []
-        self._said: list[NDArray[np.int8]] = []
-        self._after: list[bool] = []
-        self._waiting = 0
+        self._waiting: list[tuple[Floats, NDArray[np.int8], NDArray[np.int64]]] = []
+        self._rows = 0
         self._counts = np.zeros((2, 2), dtype=np.int64)  # before or after; judged, wrong
 
     def __call__(self, d: Floats, decisions: Decisions) -> None:
         """Take the differences d (n, k) that a learner compared, and how each was decided."""
         counted = _BY_ANSWERS[decisions.tiers] & (np.abs(decisions.verdicts) == 1)
         if counted.any():
-            self._d.append(d[counted])
-            self._said.append(decisions.verdicts[counted])
-            self._after.append(self._erred())
-            self._waiting += len(self._d[-1])
-        if self._waiting >= _BUFFER:
+            rows = d[counted]
+            self._waiting.append((rows, decisions.verdicts[counted], np.full(len(rows), int(self._erred()))))
+            self._rows += len(rows)
+        if self._rows >= _BUFFER:
             self._judge()
 
     @property
@@ -87,15 +84,14 @@ class Watch:
         return VerdictCounts(*self._counts.ravel().tolist())
 
     def _judge(self) -> None:
-        if not self._d:
+        if not self._waiting:
             return
-        d, said = np.concatenate(self._d), np.concatenate(self._said)
-        after = np.repeat(np.array(self._after, dtype=np.int64), [len(rows) for rows in self._d])
+        d, said, after = (np.concatenate(part) for part in zip(*self._waiting, strict=True))
         true = self._truth.signs(d)
         matters = (true != 0) & (np.abs(dot(tail_sums(d), self._gaps)) > self._indifference)
         for column, chosen in enumerate((matters, matters & (true != said))):
             self._counts[:, column] += np.bincount(after[chosen], minlength=2)
-        self._d, self._said, self._after, self._waiting = [], [], [], 0
+        self._waiting, self._rows = [], 0
 
 
 def counts(result: Result) -> dict[str, Any]:

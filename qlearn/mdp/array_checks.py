@@ -42,16 +42,12 @@ def clean(
         reject("successors", whole, (whole < 0) | (whole >= n), f"must be a state in 0..{n - 1}", start)
         p = distributions("probabilities", p, needed=admissible[part], start=start)
         if p is not before[1] and not np.array_equal(p, before[1]):
-            probabilities = _writeable(probabilities)
+            probabilities = probabilities if probabilities.flags.writeable else probabilities.copy()
             probabilities[part] = p
         if whole is not before[0] and not np.array_equal(whole, before[0]):
-            targets = _writeable(targets)
+            targets = targets if targets.flags.writeable else targets.copy()
             targets[part] = whole
     return targets.astype(np.int32, copy=False), probabilities
-
-
-def _writeable(array: NDArray[Any]) -> NDArray[Any]:
-    return array if array.flags.writeable else array.copy()
 
 
 def reject(name: str, array: NDArray[Any], bad: Flags, rule: str, start: int = 0) -> None:
@@ -67,8 +63,7 @@ def numbers(name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, w
     type that is read-only and owns its memory is taken as it is. Raises TypeError, ValueError."""
     kind: Any = np.float64
     if whole and isinstance(given, np.ndarray) and given.dtype.kind in "iu":
-        fits = given.dtype.itemsize < 4 or given.dtype == np.int32
-        fits = fits or not given.size or (given.min() >= -(2**31) and given.max() < 2**31)
+        fits = not given.size or (given.min() >= -(2**31) and given.max() < 2**31)
         kind = np.int32 if fits else np.float64
     if isinstance(given, np.ndarray) and given.dtype == kind and given.base is None:
         array: NDArray[Any] = given if _frozen(given) else given.copy(order="C")

@@ -224,11 +224,9 @@ class OrdinalMDP:
         n, m, b = self.probabilities.shape
         p, column = self.probabilities.reshape(-1), self.successors.reshape(-1)
         used = p != 0
-        if used.all():  # the arrays themselves: at a million states a copy would be a gigabyte
-            ends = np.arange(0, p.size + 1, b, dtype=np.int32 if p.size < 2**31 else np.int64)
-        else:
-            counts = np.count_nonzero(used.reshape(n * m, b), axis=1)
-            ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32 if p.size < 2**31 else np.int64)
+        counts = np.count_nonzero(used.reshape(n * m, b), axis=1)
+        ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32 if p.size < 2**31 else np.int64)
+        if not used.all():  # else the arrays themselves: at a million states a copy would be a gigabyte
             p, column = p[used], column[used]
         matrix = sparse.csr_array((p, column.astype(ends.dtype, copy=False), ends), shape=(n * m, n))
         if not matrix.has_canonical_format:

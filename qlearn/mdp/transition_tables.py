@@ -61,33 +61,27 @@ def from_pairs(
     level = checks.indices("levels", levels, (count,), k)
     m = int(action.max()) + 1
     place = state.astype(np.int64) * m + action
-    order = np.argsort(place, kind="stable")
-    twice = np.flatnonzero(np.diff(place[order]) == 0)
-    if len(twice):
-        row = int(order[twice[0] + 1])
+    first = np.unique(place, return_index=True)[1]
+    if len(first) < count:
+        row = int(np.setdiff1d(np.arange(count), first)[0])
         raise ValueError(f"pair {row} is (state {state[row]}, action {action[row]}), which came before: list it once")
     admissible, table_of_levels = np.zeros(n * m, dtype=np.bool_), np.zeros(n * m, dtype=np.int32)
     admissible[place], table_of_levels[place] = True, level
-    counts = np.zeros(n * m, dtype=np.int64)
-    counts[place] = np.diff(matrix.indptr)
-    listed = matrix[order]
-    ends = np.concatenate([[0], np.cumsum(counts)])
-    full = sparse.csr_array((listed.data, listed.indices, ends), shape=(n * m, n))
+    rows = np.repeat(place, np.diff(matrix.indptr))
+    full = sparse.csr_array((matrix.data, (rows, matrix.indices)), shape=(n * m, n))
     return full, table_of_levels.reshape(n, m), admissible.reshape(n, m)
 
 
 def padded(matrix: sparse.csr_array, read: Flags) -> tuple[Indices, Floats]:
     """Successors and probabilities (S, A, b) of the entries that are not zero in the rows to be ``read`` (S, A)."""
+    p = np.where(np.repeat(read.ravel(), np.diff(matrix.indptr)), matrix.data, 0.0)
+    matrix = sparse.csr_array((p, matrix.indices, matrix.indptr), shape=matrix.shape, copy=True)
+    matrix.eliminate_zeros()
     counts = np.diff(matrix.indptr)
-    used = (matrix.data != 0) & np.repeat(read.ravel(), counts)
-    successor, p = matrix.indices, matrix.data
-    if not used.all():
-        owner = np.repeat(np.arange(len(counts)), counts)[used]
-        counts, successor, p = np.bincount(owner, minlength=len(counts)), successor[used], p[used]
     b = max(1, int(counts.max()))
     successors, probabilities = np.zeros((*read.shape, b), dtype=np.int32), np.zeros((*read.shape, b))
     filled = (np.arange(b) < counts[:, None]).reshape(successors.shape)
-    successors[filled], probabilities[filled] = successor, p
+    successors[filled], probabilities[filled] = matrix.indices, matrix.data
     successors.flags.writeable = probabilities.flags.writeable = False  # handed over, not copied
     return successors, probabilities
 

@@ -120,18 +120,12 @@ def _trend(figure: int, name: str, arm: Any, rows: pd.DataFrame, measure: str) -
         slopes = table.to_numpy() @ centred / (centred @ centred) * _STEP[name]
         ranks = np.array([_spearman(x, row) for row in table.to_numpy()])
     mean, low, high = _interval(slopes)
-    answer = "rises" if low > 0 else "falls" if high < 0 else "not told"
     return {
-        **_head(figure, arm, measure),
-        "statistic": f"slope per {_STEP[name]} {name}",
-        "estimate": mean,
-        "low": low,
-        "high": high,
-        "runs": len(slopes),
+        **_claim(figure, arm, measure, f"slope per {_STEP[name]} {name}", slopes),
         "agreeing": int((np.sign(slopes) == np.sign(mean)).sum()),
         "spearman": float(np.mean(ranks)),
         "worst": np.nan,
-        "answer": answer,
+        "answer": "rises" if low > 0 else "falls" if high < 0 else "not told",
     }
 
 
@@ -141,26 +135,24 @@ def _spearman(x: Floats, y: Floats) -> float:
 
 def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
     table = rows.pivot(index="seed", columns="states", values=measure).to_numpy()
-    mean, low, high = _interval(table.mean(axis=1))
+    means_of_seeds = table.mean(axis=1)
     ends = np.array([_interval(column)[1:] for column in table.T])
     worst = float(np.abs(ends).max())
     beyond = (ends > _BOUND).all() or (ends < -_BOUND).all()
     return {
-        **_head(4, arm, measure),
-        "statistic": "mean over sizes",
-        "estimate": mean,
-        "low": low,
-        "high": high,
-        "runs": len(table),
-        "agreeing": int((np.abs(table.mean(axis=1)) < _BOUND).sum()),
+        **_claim(4, arm, measure, "mean over sizes", means_of_seeds),
+        "agreeing": int((np.abs(means_of_seeds) < _BOUND).sum()),
         "spearman": np.nan,
         "worst": worst,
         "answer": "below 1%" if worst < _BOUND else "above 1%" if beyond else "not told",
     }
 
 
-def _head(figure: int, arm: Any, measure: str) -> dict[str, Any]:
-    return {"figure": figure, "comparator": arm[0], "error_rate": arm[1], "measure": measure}
+def _claim(figure: int, arm: Any, measure: str, statistic: str, by_seed: Floats) -> dict[str, Any]:
+    """What is claimed of which runs, and the mean over seeds with its interval."""
+    head = {"figure": figure, "comparator": arm[0], "error_rate": arm[1], "measure": measure, "statistic": statistic}
+    interval = zip(("estimate", "low", "high"), _interval(by_seed), strict=True)
+    return head | dict(interval) | {"runs": len(by_seed)}
 
 
 def _interval(x: Floats) -> tuple[float, float, float]:

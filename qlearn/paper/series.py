@@ -40,11 +40,8 @@ def figures(
 
     ``changes`` are fields of ``FiguresSettings`` by name, in place of those of ``settings`` (default: the defaults).
 
-    The first series has ``levels`` k with ``at_states`` states, the second ``states`` with ``at_levels`` levels; a
-    problem in both is run once. ``error_rate`` is that of the tutor of all but the polytope: his precision is set so
-    that he errs in that share of the comparisons of an optimal policy's actions with the others that dominance leaves
-    open (``metrics.reference_differences``); 0 is a truthful tutor. ``both_tutors`` puts them to a truthful tutor too.
-    The oracle always runs.
+    A problem in both series is run once. The comparisons by which a tutor's precision is set are those of
+    ``metrics.reference_differences``; an ``error_rate`` of 0 is a truthful tutor. The oracle always runs.
 
     Beside the columns of a run (see ``run_all``): ``warnings`` (how often a comparator warned that it is not to be
     relied on: particles that are worth too few draws, a fit that found no maximum) and ``asked_percent_fresh``
@@ -85,10 +82,7 @@ def run_one(cell: Cell, **shared: Any) -> Run:
 def _shown(frame: pd.DataFrame) -> pd.DataFrame:
     """The columns of the figures."""
     fresh = frame.compared - frame.equal - frame.dominance - frame.known
-    frame.insert(
-        list(frame.columns).index("paper_loss_percent"),
-        "asked_percent_fresh",
-        100 * frame.asked / fresh.where(fresh > 0),
-    )
+    place = list(frame.columns).index("paper_loss_percent")
+    frame.insert(place, "asked_percent_fresh", 100 * frame.asked / fresh.where(fresh > 0))
     frame = frame.drop(columns=_NOT_SHOWN)
     return frame[[*KEYS, *(name for name in frame.columns if name not in KEYS)]]

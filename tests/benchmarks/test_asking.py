@@ -21,14 +21,7 @@ def small(monkeypatch):
 
 @pytest.mark.parametrize("method", questions.METHODS)
 def test_every_method_is_measured_the_same_way(method, small):
-    cell = {
-        "environment": "k = 4",
-        "method": method,
-        "error": 0.1,
-        "comparator": "posterior",
-        "bounds": True,
-        "seed": 1,
-    }
+    cell = {"environment": "", "method": method, "error": 0.1, "comparator": "posterior", "bounds": True, "seed": 1}
     row = questions.run(cell)
     assert row == questions.run(cell)
     assert len(row["loss"]) == len(row["bound"]) == 3
@@ -49,17 +42,8 @@ def test_the_report_says_how_many_questions():
     todo = questions.cells(["k = 5"], 2, ["certify, telling violation"])
     assert {cell["comparator"] for cell in todo if cell["error"]} == {"posterior", "ensemble"}
     n = len(questions.GRID)
-    rows = [
-        {
-            "asked": 10 + 2 * cell["seed"],
-            "status": "DONE",
-            "end": 0.0,
-            "kept": True,
-            "loss": [0.01] * n,
-            "bound": [0.02] * n,
-        }
-        for cell in todo
-    ]
+    same = {"status": "DONE", "end": 0.0, "kept": True, "loss": [0.01] * n, "bound": [0.02] * n}
+    rows = [same | {"asked": 10 + 2 * cell["seed"]} for cell in todo]
     text = questions.report(list(zip(todo, rows, strict=True)))
     assert "How many questions will my expert have to answer?" in text
     assert "| k = 5 | 10% | posterior | no | 11 | 12 | 100% |" in text

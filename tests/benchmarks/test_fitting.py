@@ -91,16 +91,6 @@ def test_the_references_are_the_optima(data, tight, problem):
         assert accuracy.doubt(problem, data, moved) >= accuracy.distances(moved, gamma, data.top)[0] > 0
 
 
-def test_fits_that_fail_or_should_are_told_apart():
-    exact = np.array([[1.0, 2.0], [1.0, 2.0], [np.nan, np.nan], [np.nan, np.nan], [0.0, 0.0]])
-    gamma = np.array([[1.5, 1.0], [np.nan, np.nan], [1.0, 1.0], [np.nan, np.nan]])
-    off = accuracy.distances(gamma, exact, 2.0)
-    assert off[0] == 0.25  # theta is off by .5 and by -.5
-    assert np.isnan(off[[1, 3]]).all()
-    assert off[2] == np.inf
-    assert np.array_equal(accuracy.completed(gamma, exact), [*gamma, exact[4]], equal_nan=True)
-
-
 def test_without_a_ridge_a_truthful_tutor_leaves_no_fit_and_no_verdict(separable):
     tight = accuracy.references(separable)
     assert np.isnan(tight[FREE]).all()

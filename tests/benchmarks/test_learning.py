@@ -83,15 +83,8 @@ def test_the_loop_that_knows_refuses_a_learner_that_has_begun(problem):
 
 def test_a_rival_stops_when_it_has_enough(problem):
     mdp, values = problem
-    run = plain.q_learning(
-        mdp,
-        plain.Careful(4),
-        TruthfulTutor(values),
-        steps=STEPS,
-        epsilon=0.1,
-        key=key_of(3),
-        enough=lambda run: run.opened >= 5,
-    )
+    how = {"steps": STEPS, "epsilon": 0.1, "key": key_of(3), "enough": lambda run: run.opened >= 5}
+    run = plain.q_learning(mdp, plain.Careful(4), TruthfulTutor(values), **how)
     assert 5 <= run.opened < 5 + mdp.n_actions
     assert run.steps < STEPS
 

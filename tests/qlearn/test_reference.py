@@ -83,16 +83,8 @@ def test_zero_start_is_line_4_of_the_paper() -> None:
 def test_long_runs_reach_the_known_optimum(start: str) -> None:
     # staying in state 1 for ever is worth (0, 0, 1); state 0 does best to go there: (1/2, 0, 1/2)
     mdp = two_state_mdp()
-    learned, _, _ = interactive_q_learning(
-        mdp,
-        PolytopeComparator(3),
-        TruthfulTutor([0, 4, 10]),
-        steps=400,
-        epsilon=0.5,
-        rates=np.full(400, 0.5),
-        key=1,
-        start=start,
-    )
+    how: dict[str, Any] = {"steps": 400, "epsilon": 0.5, "rates": np.full(400, 0.5), "key": 1, "start": start}
+    learned, _, _ = interactive_q_learning(mdp, PolytopeComparator(3), TruthfulTutor([0, 4, 10]), **how)
     assert learned.best == [1, 0]
     best = learned.q[[0, 1], learned.best]
     np.testing.assert_allclose(best[:, 1:], [[0.0, 0.5], [0.0, 1.0]], atol=1e-6)
@@ -151,14 +143,8 @@ def test_draws_have_the_stated_distribution() -> None:
 def test_vectors_and_scalars_tell_the_same_story(seed: int, episode_length: int | None, start: str) -> None:
     # proposition 1 all along a run: always asking a truthful tutor is ordinary Q-learning on the true values
     for mdp, values in (random_mdp(8, 3, 4, rng=seed), messy_mdp(seed)):
-        settings: dict[str, Any] = {
-            "steps": 300,
-            "epsilon": 0.3,
-            "rates": np.full(300, 0.3),
-            "key": key_of(seed),
-            "episode_length": episode_length,
-            "start": start,
-        }
+        settings: dict[str, Any] = {"steps": 300, "epsilon": 0.3, "rates": np.full(300, 0.3), "key": key_of(seed)}
+        settings |= {"episode_length": episode_length, "start": start}
         scalar = scalar_q_learning(mdp, values, **settings)
         vector, _, told = interactive_q_learning(mdp, AlwaysAsk(mdp.k), TruthfulTutor(values), **settings)
         assert vector.comparisons == scalar.comparisons
@@ -171,12 +157,10 @@ def test_vectors_and_scalars_tell_the_same_story(seed: int, episode_length: int 
 def test_reference_value_iteration_finds_an_optimal_policy(discount: float) -> None:
     for seed in range(4):
         mdp, values = messy_mdp(seed, discount=discount)
-        learned, _, told = interactive_value_iteration(
-            mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=0.001
+        (learned, _, told), (everything, _, all_told) = (
+            interactive_value_iteration(mdp, comparator, TruthfulTutor(values), tolerance=0.001)
+            for comparator in (PolytopeComparator(mdp.k), AlwaysAsk(mdp.k))
         )
         assert policy_loss(mdp, learned.best, values).max() <= 0.001
-        everything, _, all_told = interactive_value_iteration(
-            mdp, AlwaysAsk(mdp.k), TruthfulTutor(values), tolerance=0.001
-        )
         assert everything.best == learned.best
         assert len(told.answers) <= len(all_told.answers)

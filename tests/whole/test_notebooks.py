@@ -18,6 +18,7 @@ from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 from notebooks import execute
 
 NOTEBOOKS = sorted(execute.HERE.glob("*.ipynb"))
+assert NOTEBOOKS
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 READS_THE_SETTING = 'import os\nprint(os.environ.get("NOTEBOOK_SETTING", "full"))'
 
@@ -62,10 +63,6 @@ def put(folder, name, *sources):
     return path
 
 
-def test_there_are_notebooks():
-    assert NOTEBOOKS
-
-
 @each_notebook
 def test_it_runs_at_the_small_setting_without_a_warning(path, tmp_path):
     committed = path.read_bytes()
@@ -80,7 +77,7 @@ def test_it_runs_at_the_small_setting_without_a_warning(path, tmp_path):
 
 
 @each_notebook
-def test_the_committed_one_was_run_in_full_in_order_and_with_this_code(path):
+def test_the_committed_one_was_run_in_full_in_order_with_this_code_and_names_no_place_of_a_machine(path):
     notebook = execute.read(path)
     nbformat.validate(notebook)
     cells = code_cells(notebook)
@@ -92,19 +89,9 @@ def test_the_committed_one_was_run_in_full_in_order_and_with_this_code(path):
     assert notebook == execute.clean(execute.read(path), "full")  # no times, no names of kernels
     ids = [cell.id for cell in notebook.cells]
     assert len(set(ids)) == len(ids)
-
-
-@each_notebook
-def test_the_committed_one_names_no_place_of_a_machine(path):
-    notebook = execute.read(path)
     assert machine_paths("\n".join(cell.source for cell in notebook.cells)) == []
     assert machine_paths(json.dumps(said(notebook))) == []
-
-
-@each_notebook
-def test_the_first_code_cell_reads_the_setting_and_cells_stay_short(path):
-    notebook = execute.read(path)
-    assert 'os.environ.get("NOTEBOOK_SETTING", "full")' in code_cells(notebook)[0].source
+    assert 'os.environ.get("NOTEBOOK_SETTING", "full")' in cells[0].source
     assert max(len(cell.source.splitlines()) for cell in notebook.cells) < 60
     assert notebook.cells[0].cell_type == "markdown"
 
@@ -167,6 +154,12 @@ def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(tmp
     assert sorted(os.listdir(tmp_path)) == ["01_good.ipynb", "02_bad.ipynb"]
 
 
+def test_machine_paths_are_told_from_fractions():
+    assert machine_paths("10 / 20 / 30 and 1/2 and https://doi.org/home/x and (1 - y)/usage") == []
+    for place in ("see /home/ann/x.py", "/Users/ann/x", json.dumps("C:\\Users\\ann"), str(execute.HERE)):
+        assert machine_paths(place)
+
+
 def test_what_it_cannot_do_it_says(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(execute, "HERE", tmp_path)
     with pytest.raises(SystemExit):
@@ -194,11 +187,3 @@ def test_other_code_has_another_hash_but_other_prose_has_not():
     two.cells[2].source = "b = 3"
     assert execute.code_hash(one) != execute.code_hash(two)
     assert execute.code_hash(notebook_of("ab", "c")) != execute.code_hash(notebook_of("a", "bc"))
-
-
-def test_machine_paths_are_told_from_fractions():
-    assert machine_paths("10 / 20 / 30 and 1/2 and https://doi.org/home/x and (1 - y)/usage") == []
-    assert machine_paths("see /home/ann/x.py")
-    assert machine_paths("/Users/ann/x")
-    assert machine_paths(json.dumps("C:\\Users\\ann"))
-    assert machine_paths(str(execute.HERE))

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from qlearn.experiments.ablation import summarise
 from qlearn.experiments.ablation_plot import plot_ablation
 from qlearn.experiments.palette import NAMES, STYLES
+from tests.report_cases import bars
 
 DATA = Path(__file__).parents[3] / "notebooks" / "data"
 
@@ -73,10 +74,3 @@ def test_no_interval_of_questions_reaches_below_none(summary: pd.DataFrame) -> N
     for axes in np.array(plot_ablation(wide).axes).reshape(-1, 2, 2)[:, 0].flat:
         assert {low for low, _ in bars(axes)} == {0.0}
         assert axes.get_ylim()[0] == 0
-
-
-def bars(axes: Axes) -> list[tuple[float, float]]:
-    """The ends of the error bars."""
-    return [
-        (float(low), float(high)) for (_, low), (_, high) in (s for c in axes.collections for s in c.get_segments())
-    ]

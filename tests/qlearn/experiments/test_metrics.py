@@ -43,7 +43,7 @@ def decided(verdicts: Sequence[int], tier: Tier = Tier.MODEL) -> Decisions:
 DIFFERENCES = np.array([[0.0, -0.5, 0.5], [0.0, 0.5, -0.5], [0.08, -0.1, 0.02]])
 
 
-PROVEN = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
+PROVEN = ("SCREEN", "SIMPLEX", "LP", "EXACT", "MODEL")
 TIE = np.array([[0.75, -1.0, 0.25]])  # d.e is .25 * 1 - 1 * .25 = 0
 
 
@@ -55,16 +55,7 @@ TIE = np.array([[0.75, -1.0, 0.25]])  # d.e is .25 * 1 - 1 * .25 = 0
         (DIFFERENCES, [1, -1, 1], 0.01, Tier.MODEL, (2, 0)),  # the third is within the indifference
         (TIE, [1], 0.0, Tier.MODEL, (0, 0)),
         (DIFFERENCES, [Verdict.EQUAL, Verdict.UNKNOWN, Verdict.BETTER], 0.0, Tier.LP, (1, 1)),
-        *(
-            (
-                DIFFERENCES,
-                [-1, 1, 1],
-                0.0,
-                tier,
-                (3, 3) if tier.name in ("SCREEN", "SIMPLEX", "LP", "EXACT", "MODEL") else (0, 0),
-            )
-            for tier in Tier
-        ),
+        *((DIFFERENCES, [-1, 1, 1], 0.0, tier, (3, 3) if tier.name in PROVEN else (0, 0)) for tier in Tier),
     ],
 )
 def test_watch_counts_what_the_answers_decided_against_the_hidden_scale(
@@ -99,19 +90,10 @@ def test_watch_judges_many_small_calls_like_one() -> None:
 
 
 def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] = ()) -> Result:
+    nothing: dict[str, Any] = {"policy": np.zeros(1, np.int64), "shares": np.zeros((1, 1, 3)), "cannot_tell": 0}
+    nothing |= {"comparator": AlwaysAsk(3), "answers": Answers.none(3), "status": Status.DONE, "rounds": 7}
     tiers = {tier.name.lower(): 0 for tier in Tier} | decided
-    return Result(
-        policy=np.zeros(1, np.int64),
-        shares=np.zeros((1, 1, 3)),
-        status=Status.DONE,
-        asked=asked,
-        decided=tiers,
-        comparator=AlwaysAsk(3),
-        answers=Answers.none(3),
-        audits=checked,
-        cannot_tell=0,
-        rounds=7,
-    )
+    return Result(asked=asked, decided=tiers, audits=checked, **nothing)
 
 
 def test_counts_name_every_denominator() -> None:
@@ -132,22 +114,18 @@ def audit(d: Floats, expected: int, answer: int | None) -> Audit:
 
 
 @pytest.mark.parametrize(
-    ("expected", "answer", "guilty"), [(1, -1, "audit"), (-1, 1, "answers")], ids=["audit", "answers"]
+    ("d", "expected", "answer", "guilty"),
+    [(DIFFERENCES[0], 1, -1, "audit"), (DIFFERENCES[0], -1, 1, "answers"), (TIE[0], 1, -1, "neither")],
+    ids=["audit", "answers", "neither"],
 )
-def test_the_first_contradiction_is_blamed_on_who_was_wrong(expected: int, answer: int, guilty: str) -> None:
+def test_the_first_contradiction_is_blamed_on_who_was_wrong(d: Floats, expected: int, answer: int, guilty: str) -> None:
     better = DIFFERENCES[0]
-    checked = (audit(better, 1, 1), audit(better, 1, None), audit(better, expected, answer), audit(better, 1, -1))
-    row = audits(result({}, checked=checked), VALUES)
+    agreed = (audit(better, 1, 1), audit(better, 1, None))
+    row = audits(result({}, checked=(*agreed, audit(d, expected, answer), audit(better, 1, -1))), VALUES)
     assert row == {"audited": 4, "audits_to_contradiction": 3, "contradiction_due_to": guilty}
-
-
-def test_no_contradiction_and_a_tie() -> None:
-    row = audits(result({}, checked=(audit(DIFFERENCES[0], 1, 1),)), VALUES)
-    assert row["audited"] == 1
-    assert math.isnan(row["audits_to_contradiction"])
-    assert row["contradiction_due_to"] == ""
-    tie = (audit(np.array([0.75, -1.0, 0.25]), 1, -1),)
-    assert audits(result({}, checked=tie), VALUES)["contradiction_due_to"] == "neither"
+    row = audits(result({}, checked=agreed), VALUES)
+    assert math.isnan(row.pop("audits_to_contradiction"))
+    assert row == {"audited": 2, "contradiction_due_to": ""}
 
 
 def small_mdp() -> OrdinalMDP:

@@ -21,7 +21,7 @@ import pytest
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.compile_ahead import parts
 from qlearn.experiments.parallel import Interrupted, sweep
-from tests.sweep_cases import CELLS, deadly, row, where
+from tests.sweep_cases import CELLS, TINY, deadly, row, where
 
 ROOT = Path(__file__).parents[3]
 
@@ -229,12 +229,12 @@ def test_a_journal_that_was_tampered_with_is_refused_until_it_is_emptied(bad: by
     assert journal.read_bytes() == whole
 
 
-@pytest.mark.parametrize("fresh", [False, True])
 @pytest.mark.parametrize("content", [b"name,age\n", b"shopping list", b'{"key": 1}\n', b"\x00\xff\n"])
-def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(content: bytes, fresh: bool, tmp_path: Path) -> None:
+def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(content)
-    with pytest.raises(ValueError, match="file is no journal, it begins"):
-        sweep(row, CELLS, journal=tmp_path / "file", jobs=1, fresh=fresh)
+    for fresh in (False, True):
+        with pytest.raises(ValueError, match="file is no journal, it begins"):
+            sweep(row, CELLS, journal=tmp_path / "file", jobs=1, fresh=fresh)
     assert (tmp_path / "file").read_bytes() == content
 
 
@@ -258,36 +258,26 @@ def test_ctrl_c_keeps_what_has_finished(jobs: int, tmp_path: Path) -> None:
     assert (computed(log) - before).total() == 5
 
 
-def killed_when(ready: Callable[[], bool], code: str) -> list[psutil.Process]:
-    """Start a process with this code, kill it as soon as it is ready, and return its workers."""
-    imports = (
-        "from pathlib import Path; from qlearn.experiments.parallel import sweep; from tests.sweep_cases import *\n"
-    )
-    with subprocess.Popen([sys.executable, "-c", imports + code], cwd=ROOT) as child:
-        while not ready():
-            assert child.poll() is None
-            time.sleep(0.01)
-        workers = psutil.Process(child.pid).children(recursive=True)
-        child.send_signal(signal.SIGKILL)
-    return workers
-
-
-def wait_for_end(processes: list[psutil.Process]) -> None:
-    deadline = time.monotonic() + 30
-    while any(process.is_running() and process.status() != psutil.STATUS_ZOMBIE for process in processes):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-
-
 def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_workers(tmp_path: Path) -> None:
     journal, log = tmp_path / "journal", tmp_path / "log"
     cells = [{"x": x, "name": "k"} for x in range(30)]
     shared = {"log": str(log), "pause": 0.05}
-    code = f"sweep(row, {cells!r}, shared={shared!r}, journal=Path({str(journal)!r}), jobs=2)"
-    workers = killed_when(lambda: lines(journal) >= 5, code)
+    code = (
+        "from pathlib import Path; from qlearn.experiments.parallel import sweep; from tests.sweep_cases import row; "
+        f"sweep(row, {cells!r}, shared={shared!r}, journal=Path({str(journal)!r}), jobs=2)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) as child:
+        while lines(journal) < 5:
+            assert child.poll() is None
+            time.sleep(0.01)
+        workers = psutil.Process(child.pid).children(recursive=True)
+        child.send_signal(signal.SIGKILL)
     kept = lines(journal)
     assert 5 <= kept < 30
-    wait_for_end(workers)
+    deadline = time.monotonic() + 30
+    while any(worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE for worker in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
     assert computed(log).total() - kept <= 6  # what two workers were at, and what waited for them
 
     seen: list[tuple[int, int]] = []
@@ -325,11 +315,7 @@ def test_when_a_worker_is_killed_the_next_start_computes_what_is_missing(tmp_pat
 
 
 def test_an_ablation_on_dask_is_that_of_one_process_byte_for_byte(cluster: Any, tmp_path: Path) -> None:
-    tiny: dict[str, Any] = {
-        "problems": ["random"], "comparators": ["ensemble", "polytope"], "states": 6, "actions": 2, "levels": 3,
-        "seeds": 1, "steps": 60, "tolerance": 0.05, "max_sweeps": 30, "max_queries": 10, "n_boot": 5,
-        "error_rates": (0.0, 0.15),
-    }  # fmt: skip
+    tiny = TINY | {"comparators": ["ensemble", "polytope"], "steps": 60}
     with joblib.parallel_config(backend="dask"):
         on_dask = ablate(**tiny, journal=tmp_path / "journal")
     here = ablate(**tiny, jobs=1)

@@ -43,10 +43,7 @@ def test_stores_what_it_is_given() -> None:
     assert {type(label) for label in small(labels=np.array(LABELS)).labels} == {str}
     np.testing.assert_array_equal(mdp.probabilities[0], [[0.5, 0.5], [0.25, 0.75]])
     np.testing.assert_array_equal(mdp.final_level, [-1, -1, 2])
-
-
-def test_defaults() -> None:
-    np.testing.assert_allclose(small().initial, [0.5, 0.5, 0])  # uniform over the states that are not terminal
+    np.testing.assert_allclose(mdp.initial, [0.5, 0.5, 0])  # uniform over the states that are not terminal
     plain = small(terminal=None, admissible=None)
     np.testing.assert_allclose(plain.initial, np.full(3, 1 / 3))
     assert not plain.terminal.any()
@@ -56,12 +53,6 @@ def test_defaults() -> None:
 def test_transitions_are_the_table_by_hand() -> None:
     expected = np.array([[0.5, 0.5, 0], [0, 0.25, 0.75], [1, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]])
     np.testing.assert_array_equal(small().transitions.toarray(), expected)
-
-
-def test_duplicated_successors_add() -> None:
-    mdp = small(successors=[[[1, 1], [1, 2]], [[0, 2], [0, 0]], [[2, 2], [2, 2]]])
-    np.testing.assert_array_equal(mdp.transitions.toarray()[0], [0, 1, 0])
-    assert mdp.transitions.has_canonical_format
 
 
 def test_rows_never_read_need_nothing_valid() -> None:
@@ -86,31 +77,16 @@ def test_padding_repeats_the_last_real_successor() -> None:
     np.testing.assert_array_equal(trailing.successors[0, 0], [1, 0, 0, 0])
 
 
-def test_rewards_are_the_values_as_given() -> None:
-    np.testing.assert_array_equal(small().rewards([-3, 10, 40]), [[-3, 10], [10, -3], [40, 40]])
-
-
 def test_vector_rewards_are_one_hot_and_agree_with_rewards() -> None:
     mdp, values = small(), np.array([-3.0, 10, 40])
     one_hot = mdp.vector_rewards()
     assert one_hot.shape == (3, 2, 3)
     np.testing.assert_array_equal(one_hot.sum(axis=2), np.ones((3, 2)))
-    np.testing.assert_array_equal(one_hot @ values, mdp.rewards(values))
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ([0, 1], "3 numbers, one a level, not 2"),
-        ([0, 2, 1], "must increase"),
-        ([0, 0, 1], "must increase"),
-        ([0, np.nan, 1], "finite"),
-        ([[0, 1, 2]], "shape"),
-    ],
-)
-def test_bad_values(values: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        small().rewards(values)
+    np.testing.assert_array_equal(one_hot @ values, [[-3, 10], [10, -3], [40, 40]])
+    np.testing.assert_array_equal(mdp.rewards(values), one_hot @ values)
+    for bad, message in (([0, 1], "3 numbers, one a level, not 2"), ([0, 0, 1], "must increase")):
+        with pytest.raises(ValueError, match=message):
+            mdp.rewards(bad)
 
 
 def test_arrays_are_copies_and_read_only() -> None:
@@ -153,7 +129,8 @@ def test_transitions_share_the_arrays_where_no_row_is_padded() -> None:
     assert np.shares_memory(mdp.transitions.data, mdp.probabilities)
     assert np.shares_memory(mdp.transitions.indices, mdp.successors)
     doubled = OrdinalMDP(np.zeros((1, 1, 2)), [[[0.5, 0.5]]], [[0]], 0.9, ("a", "b"))
-    assert doubled.transitions.nnz == 1
+    assert doubled.transitions.toarray() == [[1.0]]  # what appears twice adds
+    assert doubled.transitions.has_canonical_format
     assert doubled.probabilities.tolist() == [[[0.5, 0.5]]]
 
 
@@ -185,12 +162,6 @@ def test_rounding_of_rows() -> None:
     once = small(probabilities=[scaled, *tail])
     assert abs(once.probabilities[0, 0].sum() - 1) < 1e-15
     assert replace(once).fingerprint == once.fingerprint  # scaling is done once, not at every copy
-
-
-def test_replace_keeps_the_rest() -> None:
-    other = replace(small(), discount=0.5)
-    assert other.discount == 0.5
-    assert replace(other, discount=0.9).fingerprint == small().fingerprint
 
 
 @pytest.mark.parametrize(
@@ -247,7 +218,6 @@ P = parts()["probabilities"]
         ({"probabilities": [[[0.5, 0.5], [0.25, 0.7499]], *P[1:]]}, ValueError, r"probabilities\[0, 1\] sums to"),
         ({"probabilities": [[[0.5, 0.5], [-0.25, 1.25]], *P[1:]]}, ValueError, r"\[0, 1, 0\] is -0.25.*negative"),
         ({"probabilities": [[[0.5, np.nan], [0.25, 0.75]], *P[1:]]}, ValueError, r"\[0, 0, 1\] is nan.*finite"),
-        ({"probabilities": [[[0.5, np.inf], [0.25, 0.75]], *P[1:]]}, ValueError, r"\[0, 0, 1\] is inf.*finite"),
         ({"probabilities": "many"}, TypeError, "probabilities must be an array of numbers"),
         ({"successors": [[0, 1]]}, ValueError, r"successors must have shape \(3, 2, 2\), not \(1, 2\)"),
         ({"successors": np.full((3, 2, 2), 3)}, ValueError, r"successors\[0, 0, 0\] is 3, but must be a state in 0..2"),
@@ -256,15 +226,11 @@ P = parts()["probabilities"]
         ({"successors": np.full((3, 2, 2), 2.0**40)}, ValueError, "32-bit whole"),
         ({"levels": [0, 1, 2]}, ValueError, r"levels must have shape \(3, 2\), not \(3,\)"),
         ({"levels": [[0, 1], [1, 0], [3, 3]]}, ValueError, r"levels\[2, 0\] is 3, but must be in 0..2"),
-        ({"levels": [[0, -1], [1, 0], [2, 2]]}, ValueError, r"levels\[0, 1\] is -1"),
         ({"levels": [[0, np.nan], [1, 0], [2, 2]]}, ValueError, r"levels\[0, 1\] is nan"),
         ({"levels": [[0, 1], [1, 0], [2, 1]]}, ValueError, r"terminal state 2 has levels \[2, 1\]"),
         ({"discount": 1.0}, ValueError, r"discount must be a number in \[0, 1\), not 1.0"),
         ({"discount": "a"}, ValueError, r"discount must be a number in \[0, 1\), not 'a'"),
-        ({"discount": None}, ValueError, "discount must be .* not None"),
         ({"discount": -0.1}, ValueError, "not -0.1"),
-        ({"discount": True}, ValueError, "not True"),
-        ({"discount": float("nan")}, ValueError, "not nan"),
         ({"labels": ("only",)}, ValueError, "at least 2 levels"),
         ({"labels": ("a", "b", "a")}, ValueError, "'a' appears twice"),
         ({"labels": "abc"}, TypeError, "sequence of strings"),
@@ -272,7 +238,6 @@ P = parts()["probabilities"]
         ({"initial": [0.5, 0.6, 0]}, ValueError, "initial sums to 1.1"),
         ({"initial": [-0.5, 1.5, 0]}, ValueError, r"initial\[0\] is -0.5"),
         ({"initial": [0.5, 0.4, 0.1]}, ValueError, r"initial\[2\] is 0.1.*terminal"),
-        ({"initial": [1.0]}, ValueError, r"initial must have shape \(3,\)"),
         ({"terminal": [2]}, ValueError, r"terminal must have shape \(3,\)"),
         ({"terminal": [0, 1, 2]}, ValueError, r"terminal\[2\] is 2.*indices"),
         ({"terminal": [True] * 3, "levels": np.zeros((3, 2))}, ValueError, "all 3 states are terminal"),

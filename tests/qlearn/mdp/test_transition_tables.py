@@ -44,18 +44,15 @@ def test_every_table_is_the_problem_it_was_made_from(form: str) -> None:
         assert again.successors.shape[2] == np.diff(p.indptr).max()
 
 
-def test_from_dense_ignores_rows_never_read() -> None:
+def test_from_dense_ignores_rows_never_read_and_refuses_other_shapes() -> None:
     table = np.full((2, 1, 2), np.nan)
     table[0, 0] = [0, 1]
     mdp = OrdinalMDP.from_dense(table, [[0], [1]], 0.9, ("a", "b"), terminal=[False, True])
     np.testing.assert_array_equal(mdp.transitions.toarray(), [[0, 1], [0, 1]])
     assert mdp.successors.shape == (2, 1, 1)
-
-
-@pytest.mark.parametrize("shape", [(2, 2), (2, 1, 3), (0, 1, 0)])
-def test_from_dense_shape(shape: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match=r"\(S, A, S\)"):
-        OrdinalMDP.from_dense(np.ones(shape), [[0]], 0.9, ("a", "b"))
+    for shape in ((2, 2), (2, 1, 3), (0, 1, 0)):
+        with pytest.raises(ValueError, match=r"\(S, A, S\)"):
+            OrdinalMDP.from_dense(np.ones(shape), [[0]], 0.9, ("a", "b"))
 
 
 def test_from_sparse_leaves_its_argument_alone_and_drops_zeros() -> None:
@@ -90,13 +87,6 @@ def pairs(**changed: Any) -> dict[str, Any]:
         "s_indices": [0, 1, 1], "a_indices": [0, 0, 1], "discount": 0.9, "labels": ABC,
     }  # fmt: skip
     return given | changed
-
-
-def test_pairs_by_hand() -> None:
-    mdp = OrdinalMDP.from_pairs(**pairs())
-    np.testing.assert_array_equal(mdp.admissible, [[True, False], [True, True]])
-    np.testing.assert_array_equal(mdp.transitions.toarray(), [[0, 1], [0, 0], [1, 0], [0.5, 0.5]])
-    assert mdp.levels[1].tolist() == [1, 2]
 
 
 @pytest.mark.parametrize(
@@ -151,13 +141,9 @@ def slippery() -> Any:
     return table
 
 
-class Wrapped:
+def wrapped(table: Any, **beside: Any) -> Any:
     """An environment behind a wrapper."""
-
-    def __init__(self, table: Any, start: Any = None) -> None:
-        self.unwrapped = SimpleNamespace(P=table)
-        if start is not None:
-            self.unwrapped.initial_state_distrib = start
+    return SimpleNamespace(unwrapped=SimpleNamespace(P=table, **beside))
 
 
 def assert_means_the_same(env: Any, discount: float, numbers: list[float]) -> OrdinalMDP:
@@ -177,7 +163,7 @@ def assert_means_the_same(env: Any, discount: float, numbers: list[float]) -> Or
 
 
 def test_an_environment_by_hand() -> None:
-    mdp = assert_means_the_same(Wrapped(fork(), [1.0, 0.0]), 0.9, [-1.0, 0.0, 1.0])
+    mdp = assert_means_the_same(wrapped(fork(), initial_state_distrib=[1.0, 0.0]), 0.9, [-1.0, 0.0, 1.0])
     assert mdp.n_states == 3
     assert mdp.terminal.tolist() == [False, False, True]
     assert mdp.final_level[2] == 1  # after the end: reward 0
@@ -187,7 +173,7 @@ def test_an_environment_by_hand() -> None:
 
 def test_rewards_that_depend_on_the_next_state_are_counted_on_arrival() -> None:
     for discount in (0.5, 0.9):
-        mdp = assert_means_the_same(Wrapped(slippery()), discount, [-1.0, 0.0, 1.0])
+        mdp = assert_means_the_same(wrapped(slippery()), discount, [-1.0, 0.0, 1.0])
         np.testing.assert_allclose(mdp.initial[:2], 0.5)
         # 0 and 1 after -1, 1 after 0, the end after -1 and after 1, the end
         assert mdp.levels[:, 0].tolist() == [0, 0, 1, 0, 2, 1]
@@ -202,7 +188,7 @@ def test_an_environment_without_end_has_no_terminal_state() -> None:
 
 
 def test_the_caller_orders_the_rewards() -> None:
-    env = Wrapped(fork((-5.0, 3.0, 2.0)))
+    env = wrapped(fork((-5.0, 3.0, 2.0)))
     order = [3.0, -5.0, 0.0, 2.0]
     mdp = OrdinalMDP.from_environment(env, 0.9, levels=order, labels=("w", "x", "y", "z"))
     assert mdp.labels == ("w", "x", "y", "z")
@@ -220,16 +206,16 @@ def test_the_caller_orders_the_rewards() -> None:
     ("env", "keywords", "error", "message"),
     [
         (SimpleNamespace(), {}, TypeError, "SimpleNamespace carries no tables"),
-        (Wrapped(fork()), {"levels": [0.0, 1.0]}, ValueError, r"no level for the rewards \[-1.0\]"),
-        (Wrapped(fork()), {"levels": [-1.0, 1.0]}, ValueError, r"no level for the rewards \[0.0\]"),
-        (Wrapped(fork()), {"levels": [0.0, 1.0, -1.0, 1.0]}, ValueError, "each reward once"),
-        (Wrapped(fork()), {"labels": ("a", "b")}, ValueError, "labels must name 3 levels"),
-        (Wrapped(fork()), {"levels": {0.0: "x", 1.0: "y", -1.0: "z"}, "labels": ("x", "y")}, ValueError, "'z'"),
-        (Wrapped(fork()), {"initial": [1.0]}, ValueError, r"initial must have shape \(2,\)"),
-        (Wrapped({0: {0: [(1.0, 4, 0.0, False)]}}), {}, ValueError, "leads to state 4"),
-        (Wrapped({0: {0: [(0.0, 0, 0.0, False)]}}), {}, ValueError, "no next state"),
-        (Wrapped({0: {}}), {}, ValueError, "no action"),
-        (Wrapped({0: {0: [(1.0, 0, 1.0, False)]}}), {}, ValueError, "at least 2 levels"),
+        (wrapped(fork()), {"levels": [0.0, 1.0]}, ValueError, r"no level for the rewards \[-1.0\]"),
+        (wrapped(fork()), {"levels": [-1.0, 1.0]}, ValueError, r"no level for the rewards \[0.0\]"),
+        (wrapped(fork()), {"levels": [0.0, 1.0, -1.0, 1.0]}, ValueError, "each reward once"),
+        (wrapped(fork()), {"labels": ("a", "b")}, ValueError, "labels must name 3 levels"),
+        (wrapped(fork()), {"levels": {0.0: "x", 1.0: "y", -1.0: "z"}, "labels": ("x", "y")}, ValueError, "'z'"),
+        (wrapped(fork()), {"initial": [1.0]}, ValueError, r"initial must have shape \(2,\)"),
+        (wrapped({0: {0: [(1.0, 4, 0.0, False)]}}), {}, ValueError, "leads to state 4"),
+        (wrapped({0: {0: [(0.0, 0, 0.0, False)]}}), {}, ValueError, "no next state"),
+        (wrapped({0: {}}), {}, ValueError, "no action"),
+        (wrapped({0: {0: [(1.0, 0, 1.0, False)]}}), {}, ValueError, "at least 2 levels"),
     ],
 )
 def test_from_environment_refuses(env: Any, keywords: Any, error: type[Exception], message: str) -> None:

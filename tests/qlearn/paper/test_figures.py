@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,26 +12,9 @@ from matplotlib.markers import CARETDOWN
 
 from qlearn.paper.claims import summarise_series
 from qlearn.paper.figures import plot_asked, plot_loss
+from tests.report_cases import bars
 
 DATA = Path(__file__).parents[3] / "notebooks" / "data"
-
-
-def series(rows: dict[str, list[float]], measures: dict[str, Any]) -> pd.DataFrame:
-    """A summary as of ``summarise_series``, of one comparator at two sizes in both series."""
-    parts = [
-        {"series": name, "comparator": "polytope", "error_rate": 0.0, "x": x, "runs": 2}
-        | {key: value[i] for key, value in {**measures, **rows}.items()}
-        for name in ("levels", "states")
-        for i, x in enumerate((5, 10))
-    ]
-    return pd.DataFrame(parts)
-
-
-def bars(axes: Axes) -> list[tuple[float, float]]:
-    """The ends of the error bars."""
-    return [
-        (float(low), float(high)) for (_, low), (_, high) in (s for c in axes.collections for s in c.get_segments())
-    ]
 
 
 ASKED = ("asked_percent_all", "asked_percent_open", "asked_percent_fresh")
@@ -39,7 +22,12 @@ LOSSES = ("paper_loss_percent", "paper_abs_percent", "excess_loss_percent")
 
 
 def of(names: tuple[str, ...], mean: list[float], half: list[float]) -> pd.DataFrame:
-    return series(dict.fromkeys(names, mean), {f"{name}_half": half for name in names})
+    """A summary as of ``summarise_series``, of one comparator at two sizes in both series."""
+    parts = []
+    for name, (i, x) in product(("levels", "states"), enumerate((5, 10))):
+        measures = dict.fromkeys(names, mean[i]) | {f"{measure}_half": half[i] for measure in names}
+        parts.append({"series": name, "comparator": "polytope", "error_rate": 0.0, "x": x, "runs": 2, **measures})
+    return pd.DataFrame(parts)
 
 
 def carets(axes: Axes) -> list[tuple[float, float]]:

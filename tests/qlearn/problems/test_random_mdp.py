@@ -28,26 +28,17 @@ def test_random_mdp_invariants(n: int, m: int, k: int, seed: int, weights: Any) 
     assert (np.diff(mdp.successors, axis=2) > 0).all()  # distinct
     np.testing.assert_allclose(mdp.probabilities.sum(axis=2), 1, atol=1e-12)
     assert (mdp.probabilities > 0).all()
-    assert mdp.levels.shape == (n, m)
-    assert mdp.k == k == len(mdp.labels)
-    assert mdp.discount == 0.95
+    assert (mdp.levels.shape, mdp.k, len(mdp.labels), mdp.discount) == ((n, m), k, k, 0.95)
     assert not mdp.terminal.any()
     assert mdp.admissible.all()
     assert values.shape == (k,)
     assert (np.diff(values) >= 1).all()
-    assert values[0] >= 0
-    assert values[-1] <= 99
-    assert (values == np.floor(values)).all()
+    assert set(values) <= set(range(100))
 
 
 @pytest.mark.parametrize(("n", "b"), [(1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (100, 7), (128, 7), (129, 8), (500, 9)])
 def test_branching_is_the_ceiling_of_log2(n: int, b: int) -> None:
     assert random_mdp(n, 2, 5, rng=0)[0].successors.shape == (n, 2, b)
-
-
-def test_one_state_loops() -> None:
-    mdp, _ = random_mdp(1, 3, 4, rng=1)
-    np.testing.assert_array_equal(mdp.transitions.toarray(), np.ones((3, 1)))
 
 
 def test_the_seed_decides() -> None:
