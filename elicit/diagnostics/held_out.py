@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,8 +96,8 @@ def held_out(
     contradict the ones before, and counted.
 
     The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what a
-    comparator that ``Foretells`` says. Raises ValueError on other
-    numbers of folds than 2 up to that of the pairs, on a level outside (0, 1), and on answers about other levels.
+    comparator that ``Foretells`` says. Raises ValueError on other numbers of folds than 2 up to that of the pairs, on a
+    level outside (0, 1), and on answers about other levels.
     """
     check_level(level)
     return _score(comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed))
@@ -107,30 +107,29 @@ def _score(
     comparator: Comparator, rows: Answers, folds: int | Literal["sequential"], level: float, key: int
 ) -> HeldOut:
     y, n = rows.y, len(rows)
-    told = _Foretold(np.empty(n, dtype=np.int8), np.empty(n), np.full(n, math.nan))
+    told = np.empty((3, n))
     contradicted = dropped = 0
     if folds == "sequential":
         for i in range(n):
-            told.put(np.array([i]), comparator, rows.d[i : i + 1])
+            told[:, [i]] = _foretell(comparator, rows.d[i : i + 1])
             comparator, lost = _learn(comparator, rows[i : i + 1])
             dropped += lost
         contradicted = int(dropped > 0)
     else:
         fold_of = _deal(pairs_of(rows.d), folds, key)
         for number in range(folds):
-            test = np.flatnonzero(fold_of == number)
-            train = np.flatnonzero(fold_of != number)
+            test = fold_of == number
+            train = np.flatnonzero(~test)
             learned, lost = _learn(comparator, Answers(rows.d[train], y[train], [rows.ids[i] for i in train]))
             contradicted, dropped = contradicted + (lost > 0), dropped + lost
-            told.put(test, learned, rows.d[test])
+            told[:, test] = _foretell(learned, rows.d[test])
     clear = y != 0
-    said, verdicts = y[clear], told.verdicts[clear]
+    said, (verdicts, scores, chance) = y[clear], told[:, clear]
     decided = verdicts != Verdict.UNKNOWN
     right, wrong = int((verdicts == said).sum()), int((verdicts == -said).sum())
-    agree = np.sign(told.scores[clear]) * said
-    chance = np.where(said > 0, told.chance[clear], 1.0 - told.chance[clear])
+    agree = np.sign(scores) * said
     with np.errstate(divide="ignore"):
-        logs = np.log(chance)
+        logs = np.log(np.where(said > 0, chance, 1.0 - chance))
     m, sure = len(said), int(decided.sum())
     return HeldOut(
         scored=m,
@@ -174,25 +173,18 @@ def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
     return Estimate(share, max(0.0, middle - half), min(1.0, middle + half))
 
 
-class _Foretold(NamedTuple):
-    """Verdicts (n,), d.e at ``.values`` (n,), and the probability (n,) that left is said to be better."""
-
-    verdicts: NDArray[np.int8]
-    scores: Floats
-    chance: Floats
-
-    def put(self, rows: NDArray[np.intp], comparator: Comparator, d: Floats) -> None:
-        """What the comparator says of d (m, k), into these rows (m,)."""
-        t = tail_sums(d)
-        self.verdicts[rows] = comparator.compare(d)
-        self.scores[rows] = dot(t, np.diff(comparator.values))
-        if isinstance(comparator, PosteriorComparator):
-            draws = comparator.draws
-            each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(t @ draws.gaps * draws.precision)
-            self.chance[rows] = each @ draws.weights
-        elif isinstance(comparator, Foretells):
-            found = comparator.probability(d)
-            self.chance[rows] = found[-1] if isinstance(found, tuple) else found
+def _foretell(comparator: Comparator, d: Floats) -> Floats:
+    """What the comparator says of d (n, k), as rows (3, n): verdicts, d.e at ``.values``, and the probability that left
+    is said to be better, nan without one."""
+    t, chance = tail_sums(d), np.full(len(d), math.nan)
+    if isinstance(comparator, PosteriorComparator):
+        draws = comparator.draws
+        each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(t @ draws.gaps * draws.precision)
+        chance = each @ draws.weights
+    elif isinstance(comparator, Foretells):
+        found = comparator.probability(d)
+        chance = found[-1] if isinstance(found, tuple) else found
+    return np.array([comparator.compare(d), dot(t, np.diff(comparator.values)), chance])
 
 
 def _learn(comparator: Comparator, answers: Answers) -> tuple[Comparator, int]:

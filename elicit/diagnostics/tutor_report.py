@@ -20,7 +20,6 @@ from scipy.stats import binomtest
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
-from elicit.lp.hit_and_run import Draws
 from elicit.lp.inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.query import Answer, Answers
@@ -113,9 +112,8 @@ class TutorReport:
         if not math.isnan(self.error_rate_repeated.value):
             lines[""] = f"{self.error_rate_repeated.percent} by questions asked again, if errors are independent"
         if self.by_order:
-            lines["order"] = (
-                f"{self.against_order} of {self.by_order} answers that the order of the levels settles defy it"
-            )
+            settled = f"{self.by_order} answers that the order of the levels settles"
+            lines["order"] = f"{self.against_order} of {settled} defy it"
         if self.couples:
             agree = f"{self.consistency.percent} of {self.couples} couples of answers agree"
             lines["repeats"] = f"{self.repeated} questions were asked again; {agree}"
@@ -190,11 +188,8 @@ def tutor_report(
         repeated=repeated,
         couples=len(couples),
         consistency=exact_share(int(agree.sum()), len(couples), level),
-        error_rate_repeated=_error_rate(differ) if clear.any() else NOTHING,
-        error_rate=model.error_rate,
-        precision=model.precision,
-        lapse=model.lapse,
-        doubtful=model.doubtful,
+        error_rate_repeated=Estimate(*((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ)),
+        **model._asdict(),
         sided=sided,
         exchanged=exchanged,
         left_share=exact_share(left, sided, level),
@@ -208,11 +203,6 @@ def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
         return NOTHING
     interval = binomtest(count, n).proportion_ci(level, method="exact")
     return Estimate(count / n, float(interval.low), float(interval.high))
-
-
-def _error_rate(differ: Estimate) -> Estimate:
-    """e of 2 e (1 - e) = q; 1/2 where couples differ more often than the toss of a coin would have them."""
-    return Estimate(*((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ))
 
 
 class _Record(NamedTuple):
@@ -256,15 +246,12 @@ def read_log(log: Told, k: int | None) -> _Record:
 
 def _orientation(d: Floats) -> NDArray[np.int8]:
     """+1 or -1 (n,), opposite for d and -d; 0 for d = 0."""
-    first = (d != 0).argmax(axis=1)
-    signs: NDArray[np.int8] = np.sign(d[np.arange(len(d)), first]).astype(np.int8)
-    return signs
+    first = np.take_along_axis(d, (d != 0).argmax(axis=1)[:, None], axis=1)[:, 0]
+    return np.sign(first).astype(np.int8)
 
 
 def pairs_of(d: Floats) -> NDArray[np.intp]:
     """A number (n,) for the unordered pair behind each row: the same for d and -d."""
-    if not len(d):
-        return np.empty(0, dtype=np.intp)
     numbers: NDArray[np.intp] = np.unique(d * _orientation(d)[:, None] + 0.0, axis=0, return_inverse=True)[1].ravel()
     return numbers
 
@@ -272,12 +259,10 @@ def pairs_of(d: Floats) -> NDArray[np.intp]:
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
     """Rows (m, 2) that answer the same pair, no row twice, so that couples are independent; and how many pairs were
     answered more than once. A vector against itself is no question."""
-    rows: dict[int, list[int]] = {}
-    pairs = pairs_of(answers.d)
-    for row in np.flatnonzero(np.any(answers.d != 0, axis=1)).tolist():
-        rows.setdefault(int(pairs[row]), []).append(row)
-    again = [(mine[i], mine[i + 1]) for mine in rows.values() for i in range(0, len(mine) - 1, 2)]
-    return np.array(again, dtype=np.intp).reshape(-1, 2), sum(len(mine) > 1 for mine in rows.values())
+    pairs, asked = pairs_of(answers.d), np.any(answers.d != 0, axis=1)
+    rows = [np.flatnonzero(asked & (pairs == pair)) for pair in dict.fromkeys(pairs[asked].tolist())]
+    couples = [mine[: len(mine) // 2 * 2].reshape(-1, 2) for mine in rows]
+    return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(len(mine) > 1 for mine in rows)
 
 
 class _Model(NamedTuple):
@@ -295,8 +280,7 @@ def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int 
     key, lapses, m = key_of(seed), _ROOTS**2, max(300, 50 * (answers.k - 1)) if particles is None else particles
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
     tied = answers.y == 0
-    every: list[Draws] = []
-    slopes, shares, doubts = [], [], []
+    every, slopes, shares, doubts = [], [], [], []
     for lapse in lapses.tolist():
         draws = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key).update(answers).draws
         every.append(draws)
