@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,15 +101,6 @@ class Answer:
         object.__setattr__(self, "verdict", Verdict(self.verdict))
 
 
-@dataclass
-class _Room:
-    """Arrays longer than the answers in them."""
-
-    d: Floats
-    y: NDArray[np.int8]
-    used: int = 0
-
-
 @dataclass(frozen=True, eq=False)
 class Answers:
     """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row."""
@@ -150,13 +141,11 @@ class Answers:
     def of(answers: Sequence[Answer], k: int) -> Answers:
         """The decided ones of a list of answers; "cannot tell" teaches a comparator nothing."""
         told = [a for a in answers if a.verdict is not None]
-        if not told:
-            return Answers.none(k)
         for answer in told:
             if len(answer.query.left) != k:
                 found = len(answer.query.left)
                 raise ValueError(f"query {answer.query.id} is about {found} levels, but the answers are about {k}")
-        d = as_vectors(np.array([a.query.d for a in told]))
+        d = as_vectors(np.array([a.query.d for a in told]).reshape(len(told), k))
         y = np.array([a.verdict for a in told], dtype=np.int8)  # an Answer's verdict is one of these
         return object.__new__(Answers)._keep(d, y, tuple(a.query.id for a in told))
 
@@ -192,20 +181,8 @@ class Answers:
     def __add__(self, other: Answers) -> Answers:
         if other.k != self.k:
             raise ValueError(f"these answers are about {other.k} levels, not {self.k}")
-        # The parts are valid, so checking the whole again would only cost time. A sum keeps room behind its rows, which
-        # the next sum fills if it comes first: to add answers one by one takes time in proportion to them, not squared.
-        n, m = len(self), len(other)
-        room: _Room | None = self.__dict__.get("_room")
-        if room is None or room.used != n or n + m > len(room.d):
-            room = _Room(np.empty((2 * (n + m), self.k)), np.empty(2 * (n + m), np.int8))
-            room.d[:n], room.y[:n] = self.d, self.y
-        room.d[n : n + m], room.y[n : n + m], room.used = other.d, other.y, n + m
-        both = object.__new__(Answers)._keep(room.d[: n + m], room.y[: n + m], self.ids + other.ids)
-        object.__setattr__(both, "_room", room)
-        return both
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_room"}
+        d, y = np.concatenate([self.d, other.d]), np.concatenate([self.y, other.y])
+        return object.__new__(Answers)._keep(d, y, self.ids + other.ids)  # the parts were checked
 
     def __getitem__(self, rows: slice) -> Answers:
         return Answers(self.d[rows], self.y[rows], self.ids[rows])
@@ -218,11 +195,9 @@ class Answers:
         if isinstance(ids, str):
             raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
         out = {str(name) for name in ids}
-        if unknown := sorted(out.difference(self.ids)):
-            raise ValueError(
-                f"no answer here has the id {', '.join(map(repr, unknown))}: it was left out already, or belongs to "
-                "another problem; `ids` lists those that are here"
-            )
+        if unknown := ", ".join(map(repr, sorted(out.difference(self.ids)))):
+            reason = "it was left out already, or belongs to another problem; `ids` lists those that are here"
+            raise ValueError(f"no answer here has the id {unknown}: {reason}")
         stay = [row for row, name in enumerate(self.ids) if name not in out]
         return Answers(self.d[stay], self.y[stay], [self.ids[row] for row in stay])
 
@@ -247,10 +222,7 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
                 "what ask() returns now"
             )
         asked = waiting[name]
-        same = answer.query is asked or (
-            np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)
-        )
-        if not same:
+        if not (np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)):
             raise StaleAnswer(
                 f"the answer with the id {name!r} is about other vectors than the pending query of that id; answer the "
                 "very query that ask() returned (were its numbers rounded on the way?)"

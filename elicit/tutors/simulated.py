@@ -44,12 +44,13 @@ class _Simulated:
 
     _kind = TRUTHFUL
 
-    def __init__(self, values: ArrayLike, seed: Seed = 0) -> None:
+    def __init__(self, values: ArrayLike, seed: Seed = 0, rate: float = 0.0) -> None:
         self._e = normalise(values)
         self._g = gaps(values)
         self._key = np.uint64(fold(key_of(seed), _PURPOSE))
         self._pairs, self._times = np.zeros(1024, np.uint64), np.zeros(1024, np.int64)
         self._tally = np.zeros(3, dtype=np.int64)
+        self._rate = rate  # the parameter of the error law
 
     @property
     def k(self) -> int:
@@ -60,11 +61,6 @@ class _Simulated:
     def values(self) -> Floats:
         """(k,) the hidden scale, from 0 to 1."""
         return self._e.copy()
-
-    @property
-    def _rate(self) -> float:
-        """The parameter of the error law."""
-        return 0.0
 
     @property
     def realised_error_rate(self) -> float:
@@ -127,9 +123,9 @@ class FlippingTutor(_Simulated):
     _kind = FLIPPING
 
     def __init__(self, values: ArrayLike, error_rate: float, seed: Seed = 0) -> None:
-        super().__init__(values, seed)
         require(is_number(error_rate, 0, 1), "error_rate", "a number between 0 and 1", error_rate)
         self.error_rate = float(error_rate)
+        super().__init__(values, seed, self.error_rate)
 
     @classmethod
     def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> FlippingTutor:
@@ -138,10 +134,6 @@ class FlippingTutor(_Simulated):
         unless 0 < rate < 1/2 and the reference allows it."""
         size = _reference_sizes(values, rate, reference)
         return cls(values, rate / float(np.mean(size > 0)), seed)
-
-    @property
-    def _rate(self) -> float:
-        return self.error_rate
 
 
 class BradleyTerryTutor(_Simulated):
@@ -157,9 +149,9 @@ class BradleyTerryTutor(_Simulated):
     _kind = LOGISTIC
 
     def __init__(self, values: ArrayLike, precision: float, seed: Seed = 0) -> None:
-        super().__init__(values, seed)
         require(is_number(precision, 0), "precision", "a finite number of at least 0", precision)
         self.precision = float(precision)
+        super().__init__(values, seed, self.precision)
 
     @classmethod
     def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> BradleyTerryTutor:
@@ -181,10 +173,6 @@ class BradleyTerryTutor(_Simulated):
         while excess(low) < 0:
             low, high = low / 2.0, low
         return cls(values, brentq(excess, low, high, xtol=1e-14 * low), seed)
-
-    @property
-    def _rate(self) -> float:
-        return self.precision
 
 
 def _truth(t: Floats, g: Floats) -> tuple[int, float]:
