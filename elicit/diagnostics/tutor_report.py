@@ -117,19 +117,17 @@ class TutorReport:
         if self.couples:
             agree = f"{self.consistency.percent} of {self.couples} couples of answers agree"
             lines["repeats"] = f"{self.repeated} questions were asked again; {agree}"
-        lines["sides"] = self._sides()
+        lines["sides"] = "which side was shown left is not known: give the log, not bare Answers"
+        if self.sided:
+            lines["sides"] = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
+            bias = ": a bias" if self.left_p < 1 - self.level else ": no sign of a bias"
+            lines["sides"] += (
+                ", but sides were never exchanged at random: that may be what was asked, not a bias"
+                if math.isnan(self.left_p)
+                else f" ({self.exchanged} shown exchanged), p = {self.left_p:.2g}{bias}"
+            )
         title = f"Tutor report, {100 * self.level:g}% intervals in brackets"
         return "\n".join([title, *(f"  {name:<10}{text}" for name, text in lines.items())])
-
-    def _sides(self) -> str:
-        if not self.sided:
-            return "which side was shown left is not known: give the log, not bare Answers"
-        text = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
-        if math.isnan(self.left_p):
-            return f"{text}, but sides were never exchanged at random: that may be what was asked, not a bias"
-        return f"{text} ({self.exchanged} shown exchanged), p = {self.left_p:.2g}" + (
-            ": a bias" if self.left_p < 1 - self.level else ": no sign of a bias"
-        )
 
 
 def tutor_report(
