@@ -132,9 +132,8 @@ def scale_intervals(
     """Each level's value: the interval that ``bounds`` gives for it and the single best guess, for any comparator
     and any k.
 
-    comparators: one, several, or several by name, drawn beside each other. labels (k,): the levels' names,
-    worst first. values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the
-    comparators differ in k.
+    comparators: one, several, or several by name, drawn beside each other. labels (k,): the levels' names, worst first.
+    values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the comparators differ in k.
     """
     named = _named(comparators)
     k = named[0][1].k
@@ -166,7 +165,7 @@ def scale_intervals(
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(handles) > 1 or isinstance(comparators, Mapping):
         ax.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, handlelength=3.5
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, handlelength=3.5
         )
     return ax
 

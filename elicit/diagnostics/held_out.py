@@ -18,6 +18,7 @@ from elicit.model.comparator import Comparator, Foretells
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, dot, tail_sums
 
+Folds = int | Literal["sequential"]
 _RESAMPLES = 1000
 
 
@@ -37,7 +38,7 @@ class HeldOut:
 
     scored: int
     ties: int
-    folds: int | Literal["sequential"]
+    folds: Folds
     level: float
     decided: Estimate
     accuracy: Estimate
@@ -75,12 +76,7 @@ class HeldOutTable(dict[str, HeldOut]):
 
 
 def held_out(
-    comparator: Comparator,
-    answers: Told,
-    folds: int | Literal["sequential"] = 10,
-    *,
-    level: float = 0.95,
-    seed: Seed = 0,
+    comparator: Comparator, answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed = 0
 ) -> HeldOut:
     """Scores of a comparator on answers of a log that it has not learned from. No learner, no hidden scale.
 
@@ -89,11 +85,10 @@ def held_out(
     answers to one pair into the same, and each fold is foretold from the others, in told order. "sequential": each
     answer is foretold from those before it, repeated pairs included.
 
-    Answers are not the truth: of a tutor who errs in a tenth of all answers no comparator agrees with more than
-    nine tenths, but by luck.
-    A log that a learner asked for holds questions its comparator could not decide, harder than fresh pairs. Where
-    training answers contradict each other (InconsistentAnswers) they are taken one by one, without those that
-    contradict the ones before, and counted.
+    Answers are not the truth: of a tutor who errs in a tenth of all answers no comparator agrees with more than nine
+    tenths, but by luck. A log that a learner asked for holds questions its comparator could not decide, harder than
+    fresh pairs. Where training answers contradict each other (InconsistentAnswers) they are taken one by one, without
+    those that contradict the ones before, and counted.
 
     The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what a
     comparator that ``Foretells`` says. Raises ValueError on other numbers of folds than 2 up to that of the pairs, on a
@@ -103,9 +98,7 @@ def held_out(
     return _score(comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed))
 
 
-def _score(
-    comparator: Comparator, rows: Answers, folds: int | Literal["sequential"], level: float, key: int
-) -> HeldOut:
+def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, key: int) -> HeldOut:
     y, n = rows.y, len(rows)
     told = np.empty((3, n))
     contradicted = dropped = 0
@@ -147,12 +140,7 @@ def _score(
 
 
 def compare_held_out(
-    comparators: Mapping[str, Comparator],
-    answers: Told,
-    folds: int | Literal["sequential"] = 10,
-    *,
-    level: float = 0.95,
-    seed: Seed = 0,
+    comparators: Mapping[str, Comparator], answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed = 0
 ) -> HeldOutTable:
     """``held_out`` of each comparator, by name, over the same folds; ``print`` shows an aligned table."""
     check_level(level)

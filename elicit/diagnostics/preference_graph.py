@@ -71,12 +71,11 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
     are left out. EQUAL makes an edge in either direction, and so do opposite answers to one pair. "Cannot
     tell" makes none. dominance=True adds what the order of the levels settles: n (n - 1) / 2 comparisons.
 
-    Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute ``vector`` (k,);
-    vectors that differ at level 1 only are worth the same, and one node. Edges have ``ids``, the
-    answers that say that the start is at least as good as the end (those that say "better" first);
-    ``kind``, "better" where some do, else "equal", or "dominance" where there are none; and ``dominates``,
-    whether the order of the levels says that the start is better. Raises ValueError where the answers are
-    about different numbers of levels.
+    Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute ``vector`` (k,); vectors
+    that differ at level 1 only are worth the same, and one node. Edges have ``ids``, the answers that say that the
+    start is at least as good as the end (those that say "better" first); ``kind``, "better" where some do, else
+    "equal", or "dominance" where there are none; and ``dominates``, whether the order of the levels says that the start
+    is better. Raises ValueError where the answers are about different numbers of levels.
     """
     graph = nx.DiGraph()
     nodes: dict[bytes, int] = {}
@@ -128,12 +127,11 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
     "equal". Minimal: no part of the answers makes a circle. Empty: by transitivity alone, the answers
     contradict neither each other nor the order of the levels.
 
-    For each such step that lies on a circle, the one through it with the fewest answers, then the fewest
-    steps, or a smaller one that is part of it. A comparator for reliable tutors takes all vectors on a cycle
-    as equally good, if a scale allows that (with dominance on the cycle it needs equal levels, which a
-    margin above 0 forbids). From a person it most likely means that one of these answers is wrong; one
-    that is on many cycles is the first to ask about. Sorted, fewest answers first. One shortest-path
-    search a node and a cycle; no more cycles than edges.
+    For each such step that lies on a circle, the one through it with the fewest answers, then the fewest steps, or a
+    smaller one that is part of it. A comparator for reliable tutors takes all vectors on a cycle as equally good, if a
+    scale allows that (with dominance on the cycle it needs equal levels, which a margin above 0 forbids). From a person
+    it most likely means that one of these answers is wrong; one that is on many cycles is the first to ask about.
+    Sorted, fewest answers first. One shortest-path search a node and a cycle; no more cycles than edges.
     """
     minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in _circles(graph)}
     return [Cycle(_steps(graph, (*nodes, nodes[0]))) for _, nodes in sorted(minimal, key=_fewest_first)]

@@ -221,13 +221,12 @@ def read_log(log: Told, k: int | None) -> _Record:
         if k not in (None, log.k):
             raise ValueError(f"these answers are about {log.k} levels, not k = {k}")
         return _Record(log, None)
-    entries = []
     if not isinstance(log, Iterable):
         raise TypeError(f"a log is an AnswerLog, its entries, or Answers, not {log!r}")
-    for item in log:
-        if not isinstance(item, (Entry, Answer)):
+    entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
+    for item in entries:
+        if not isinstance(item, Entry):
             raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
-        entries.append(item if isinstance(item, Entry) else Entry(item))
     standing = [entry for entry in entries if not entry.retracted]
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
     levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)

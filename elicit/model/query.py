@@ -94,11 +94,10 @@ class Answer:
     swapped: bool = False
 
     def __post_init__(self) -> None:
-        if self.verdict is None:
-            return
         if self.verdict == Verdict.UNKNOWN:
             raise ValueError("an answer cannot be UNKNOWN: use None where the tutor cannot tell")
-        object.__setattr__(self, "verdict", Verdict(self.verdict))
+        if self.verdict is not None:
+            object.__setattr__(self, "verdict", Verdict(self.verdict))
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +126,8 @@ class Answers:
     def _keep(self, d: Floats, y: NDArray[np.int8], ids: tuple[str, ...]) -> Answers:
         """Hold valid parts as they are."""
         d.flags.writeable = y.flags.writeable = False
-        object.__setattr__(self, "d", d)
-        object.__setattr__(self, "y", y)
-        object.__setattr__(self, "ids", ids)
+        for name, value in (("d", d), ("y", y), ("ids", ids)):
+            object.__setattr__(self, name, value)
         return self
 
     @staticmethod
@@ -141,10 +139,9 @@ class Answers:
     def of(answers: Sequence[Answer], k: int) -> Answers:
         """The decided ones of a list of answers; "cannot tell" teaches a comparator nothing."""
         told = [a for a in answers if a.verdict is not None]
-        for answer in told:
-            if len(answer.query.left) != k:
-                found = len(answer.query.left)
-                raise ValueError(f"query {answer.query.id} is about {found} levels, but the answers are about {k}")
+        for query in (answer.query for answer in told):
+            if len(query.left) != k:
+                raise ValueError(f"query {query.id} is about {len(query.left)} levels, but the answers are about {k}")
         d = as_vectors(np.array([a.query.d for a in told]).reshape(len(told), k))
         y = np.array([a.verdict for a in told], dtype=np.int8)  # an Answer's verdict is one of these
         return object.__new__(Answers)._keep(d, y, tuple(a.query.id for a in told))

@@ -140,9 +140,8 @@ class AnswerLog:
         self._entries.append(_entry(json.loads(line)))
 
     def retract(self, id: str, **metadata: Any) -> None:
-        """Take back all answers so far to the query of this id, by adding a line: they stay in the log,
-        marked, but are no longer among ``answers()``. On the disk when this returns; when it raises, nothing
-        has changed.
+        """Take back all answers so far to the query of this id, by adding a line: they stay in the log, marked, but are
+        no longer among ``answers()``. On the disk when this returns; when it raises, nothing has changed.
 
         metadata: any JSON, such as the reason. Raises ValueError where no answer of this id stands, and
         otherwise like ``append``.

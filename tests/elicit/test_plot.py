@@ -21,8 +21,9 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryCo
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.diagnostics.preference_graph import cycles, preference_graph
 from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.model.scale import tail_sums
+from elicit.model.scale import dominance, tail_sums
 from elicit.tutors.simulated import TruthfulTutor
+from tests.noisy_cases import differences
 
 matplotlib.use("Agg")
 LEVELS = ["critical", "stable", "well", "recovered"]
@@ -39,14 +40,9 @@ def _nothing_global(monkeypatch):
     plt.close("all")
 
 
-def questions(rng, n, k=4):
-    return rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
-
-
 def taught(n, seed=0, **kwargs):
-    d = questions(np.random.default_rng(seed), 99)
-    t = tail_sums(d)
-    d = d[(t.min(axis=1) < 0) & (t.max(axis=1) > 0)][:n]  # those that dominance leaves open
+    d = differences(np.random.default_rng(seed), 4, 99)
+    d = d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n]
     return PolytopeComparator(4, **kwargs).update(Answers(d, TruthfulTutor(VALUES).signs(d)))
 
 
@@ -233,7 +229,7 @@ def drawn_intervals(ax):
 def test_intervals_are_the_bounds(k):
     rng = np.random.default_rng(k)
     values = np.cumsum(rng.random(k))
-    d = questions(rng, 40, k)
+    d = differences(rng, k, 40)
     answers = Answers(d, TruthfulTutor(values).signs(d))
     named = {
         "polytope": PolytopeComparator(k).update(answers),

@@ -98,17 +98,13 @@ def test_floats_survive_to_the_last_bit(numbers):
     assert np.concatenate([stored.left, stored.right]).tobytes() == np.array(numbers).tobytes()
 
 
-def test_the_file_is_plain_json_lines(path):
+def test_an_existing_file_of_plain_json_lines_is_continued(path):
     filled(path, header={"levels": ["bad", "fair", "good"]})
-    lines = [json.loads(line) for line in path.read_text("ascii").splitlines()]
+    before = path.read_bytes()
+    lines = [json.loads(line) for line in before.decode("ascii").splitlines()]
     assert lines[0] == {"format": "elicit answers", "version": 1, "k": 3, "levels": ["bad", "fair", "good"]}
     expected = json.loads(told(id="c", verdict=0, swapped=True))
     assert lines[3] == {**expected, "who": {"nurse": [1, 2.5, None]}}
-
-
-def test_an_existing_file_is_continued(path):
-    filled(path, header={"levels": ["bad", "fair", "good"]})
-    before = path.read_bytes()
     log = AnswerLog(path, k=3, header={"levels": ("bad", "fair", "good")})
     assert path.read_bytes() == before, "opening must not change the file"
     log.append(answer("d"))
@@ -333,23 +329,23 @@ def test_reading_does_not_write(tmp_path, path):
 
 
 @pytest.mark.parametrize(
-    ("text", "complaint", "line"),
+    ("text", "complaint"),
     [
-        ("hello", "no answer log", 1),
-        ("hello\n", "no answer log", 1),
-        ("[1, 2]\n", "no answer log", 1),
-        ('{"format": "other"}\n', "no answer log", 1),
-        ('{"format": "elicit answers", "version": 2, "k": 3}\n', "version 2; this program reads version 1", 1),
-        ('{"format": "elicit answers", "version": 1}\n', "k = None", 1),
-        ('{"format": "elicit answers", "version": 1, "k": "3"}\n', "k = '3'", 1),
+        ("hello", "no answer log"),
+        ("hello\n", "no answer log"),
+        ("[1, 2]\n", "no answer log"),
+        ('{"format": "other"}\n', "no answer log"),
+        ('{"format": "elicit answers", "version": 2, "k": 3}\n', "version 2; this program reads version 1"),
+        ('{"format": "elicit answers", "version": 1}\n', "k = None"),
+        ('{"format": "elicit answers", "version": 1, "k": "3"}\n', "k = '3'"),
     ],
 )
-def test_files_that_are_no_log(path, text, complaint, line):
+@pytest.mark.parametrize("open_log", [AnswerLog, AnswerLog.read])
+def test_files_that_are_no_log(path, text, complaint, open_log):
     path.write_text(text)
-    for open_log in (AnswerLog, AnswerLog.read):
-        with pytest.raises(BadLog, match=complaint) as caught:
-            open_log(path)
-        assert caught.value.line == line
+    with pytest.raises(BadLog, match=complaint) as caught:
+        open_log(path)
+    assert caught.value.line == 1
     assert path.read_text() == text
 
 
@@ -389,8 +385,7 @@ def test_a_damaged_line_in_the_middle(path, line, complaint):
     with pytest.raises(BadLog, match=complaint) as caught:
         AnswerLog(path)
     assert caught.value.line == 5
-    assert "line 5" in str(caught.value)
-    assert str(path) in str(caught.value)
+    assert f"line 5 of {path}" in str(caught.value)
 
 
 def test_another_log_than_the_one_expected(path):

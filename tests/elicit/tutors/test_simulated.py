@@ -19,6 +19,7 @@ from elicit.model.tutor import Tutor
 from elicit.testing import check_tutor
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
+from tests.noisy_cases import differences
 
 HIDDEN = np.array([3, 10, 11, 40, 99])
 
@@ -34,10 +35,6 @@ def by_fractions(d, values):
     return (total > 0) - (total < 0)
 
 
-def shares(rng, n, k):
-    return rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
-
-
 NOISY = [lambda seed: FlippingTutor(HIDDEN, 0.3, seed), lambda seed: BradleyTerryTutor(HIDDEN, 4.0, seed)]
 
 
@@ -50,7 +47,7 @@ def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
     rng = np.random.default_rng(k)
     values = np.sort(rng.random(k))
     g = gaps(values)
-    d = shares(rng, 60, k)
+    d = differences(rng, k, 60)
     d[:, 1] -= (tail_sums(d) @ g) / g[0]
     rows = np.repeat(d, 5, axis=0)
     rows[:, 1] += np.tile(range(-2, 3), 60) * np.spacing(rows[:, 1])
@@ -87,15 +84,18 @@ def test_values_are_normalised_and_their_unit_does_not_matter():
     assert tutor.k == 5
     tutor.values[0] = 5.0  # of a copy
     assert tutor.values == pytest.approx((HIDDEN - 3) / 96)
-    d = shares(np.random.default_rng(0), 50, 5)
+    d = differences(np.random.default_rng(0), 5, 50)
     assert (TruthfulTutor(HIDDEN * 7.0 - 5).signs(d) == tutor.signs(d)).all()
 
 
+MAKERS = [TruthfulTutor, lambda values: FlippingTutor(values, 0.1), lambda values: BradleyTerryTutor(values, 1.0)]
+
+
 @pytest.mark.parametrize("values", [[0, 0, 1], [1, 0], [0], [0, np.nan], [[0, 1]]])
-def test_bad_values(values):
-    for make in (TruthfulTutor, lambda v: FlippingTutor(v, 0.1, 0), lambda v: BradleyTerryTutor(v, 1.0, 0)):
-        with pytest.raises(ValueError, match="values"):
-            make(values)
+@pytest.mark.parametrize("make", MAKERS)
+def test_bad_values(make, values):
+    with pytest.raises(ValueError, match="values"):
+        make(values)
 
 
 @pytest.mark.parametrize("tutor", [TruthfulTutor(HIDDEN), *(make(1) for make in NOISY)])
@@ -113,7 +113,7 @@ def test_a_query_about_other_levels(tutor):
 @pytest.mark.parametrize("make", [lambda s: TruthfulTutor(HIDDEN), *NOISY])
 def test_many_at_once_is_one_by_one(make):
     rng = np.random.default_rng(0)
-    d = shares(rng, 60, 5)
+    d = differences(rng, 5, 60)
     d = np.concatenate([d, -d[:20], d[:20], np.zeros((2, 5)), [[0, 0, 7, -8, 1]]])
     together, apart = make(3), make(3)
     signs = together.signs(d)
@@ -127,19 +127,18 @@ def test_many_at_once_is_one_by_one(make):
 
 @pytest.mark.parametrize("make", NOISY)
 def test_errors_do_not_depend_on_the_order_of_asking(make):
-    d = shares(np.random.default_rng(1), 100, 5)
+    d = differences(np.random.default_rng(1), 5, 100)
     shuffled = np.random.default_rng(2).permutation(100)
     assert (make(5).signs(d)[shuffled] == make(5).signs(d[shuffled])).all()
     late = make(5)
-    asked = [late.signs(d), late.signs(shares(np.random.default_rng(3), 1500, 5)), late.signs(d)]
-    assert [*asked[0], *asked[2]] == make(5).signs(np.concatenate([d, d])).tolist(), (
-        "however many others are in between"
-    )
+    asked = [late.signs(d), late.signs(differences(np.random.default_rng(3), 5, 1500)), late.signs(d)]
+    together = make(5).signs(np.concatenate([d, d])).tolist()
+    assert [*asked[0], *asked[2]] == together, "however many others are in between"
 
 
 @pytest.mark.parametrize("make", NOISY)
 def test_the_mirrored_pair_gets_the_mirrored_answer(make):
-    d = shares(np.random.default_rng(1), 200, 5)
+    d = differences(np.random.default_rng(1), 5, 200)
     straight, turned = make(5), make(5)
     assert (straight.signs(-d) == -turned.signs(d)).all()
     # also as the second asking, whichever way round the first was
@@ -148,7 +147,7 @@ def test_the_mirrored_pair_gets_the_mirrored_answer(make):
 
 @pytest.mark.parametrize("make", NOISY)
 def test_seeds(make):
-    d = shares(np.random.default_rng(1), 200, 5)
+    d = differences(np.random.default_rng(1), 5, 200)
     assert (make(5).signs(d) == make(5).signs(d)).all()
     assert (make(5).signs(d) != make(6).signs(d)).any()
     assert (make(np.random.default_rng(4)).signs(d) == make(np.random.default_rng(4)).signs(d)).all()
@@ -166,7 +165,7 @@ def test_asking_again_draws_again_and_signed_zeros_are_one_pair(make):
 
 def test_errors_grow_with_the_error_rate():
     """A pair answered wrongly by a careful tutor is answered wrongly by a careless one of the same seed."""
-    d = shares(np.random.default_rng(1), 2000, 5)
+    d = differences(np.random.default_rng(1), 5, 2000)
     truth = TruthfulTutor(HIDDEN).signs(d)
     for tutors in (
         [FlippingTutor(HIDDEN, r, 1) for r in (0.05, 0.1, 0.3)],
@@ -179,7 +178,7 @@ def test_errors_grow_with_the_error_rate():
 
 
 def test_a_precise_tutor_is_truthful():
-    d = shares(np.random.default_rng(1), 4000, 5)
+    d = differences(np.random.default_rng(1), 5, 4000)
     assert (BradleyTerryTutor(HIDDEN, 1e9, 1).signs(d) == TruthfulTutor(HIDDEN).signs(d)).all()
 
 
@@ -211,7 +210,7 @@ def test_a_tie_in_floats_that_is_none_can_be_answered_wrongly():
     """Where float sums say 0 but the exact product does not, there is a wrong answer, and it is counted."""
     values = [0.0, 0.1, 0.3, 0.6, 1.0]
     g = gaps(values)
-    d = shares(np.random.default_rng(0), 4000, 5)
+    d = differences(np.random.default_rng(0), 5, 4000)
     d[:, 1] -= (tail_sums(d) @ g) / g[0]
     t = tail_sums(d)
     hard = d[[(row * g).sum() == 0 and exact_dot(row, g) != 0 for row in t]]
@@ -224,7 +223,7 @@ def test_a_tie_in_floats_that_is_none_can_be_answered_wrongly():
 def test_realised_error_rate_counts_every_answer():
     tutor = FlippingTutor(HIDDEN, 0.25, 2)
     assert math.isnan(tutor.realised_error_rate)
-    d = shares(np.random.default_rng(1), 400, 5)
+    d = differences(np.random.default_rng(1), 5, 400)
     truth = TruthfulTutor(HIDDEN).signs(d)
     wrong = sum(tutor(query(row)).verdict != y for row, y in zip(d[:100], truth[:100], strict=True))
     assert tutor.realised_error_rate == wrong / 100
@@ -238,7 +237,7 @@ def test_realised_error_rate_counts_every_answer():
 
 @pytest.mark.parametrize("make", [lambda s: TruthfulTutor(HIDDEN), *NOISY])
 def test_a_respondent_says_what_its_tutor_says(make):
-    d = shares(np.random.default_rng(3), 1500, 5)
+    d = differences(np.random.default_rng(3), 5, 1500)
     tie = [[0.0, 5.0, -5.0 - 1 / 29, 1 / 29, 0.0]]
     d = np.concatenate([d, d[:50], -d[:50], d[:20], tie])  # asked again, and the other way round
     asked, told, said, left = make(5), make(5), [], 0
@@ -270,7 +269,7 @@ def test_a_class_with_signs_of_its_own_is_no_respondent():
 def test_the_expected_error_rate_is_the_one_asked_for(k, rate):
     rng = np.random.default_rng(k)
     values = np.sort(rng.choice(100, k, replace=False))
-    reference = shares(rng, 500, k)
+    reference = differences(rng, k, 500)
     tutor = BradleyTerryTutor.from_error_rate(values, rate, reference)
     de = tail_sums(reference) @ gaps(values)
     assert expit(-tutor.precision * np.abs(de)).mean() == pytest.approx(rate, rel=1e-6)
@@ -283,7 +282,7 @@ def test_the_expected_error_rate_is_the_one_asked_for(k, rate):
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-6, 1e6])
 def test_the_length_of_the_reference_sets_the_precision(scale):
-    reference = shares(np.random.default_rng(8), 300, 5)
+    reference = differences(np.random.default_rng(8), 5, 300)
     plain = BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference).precision
     assert BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference * scale).precision * scale == pytest.approx(plain)
 
@@ -304,23 +303,20 @@ def test_ties_in_the_reference_are_no_errors():
 
 
 @pytest.mark.parametrize("rate", [0, 0.5, -0.1, 1, np.nan, "a", None])
-def test_bad_error_rates(rate):
-    reference = shares(np.random.default_rng(8), 30, 5)
-    for make in (FlippingTutor, BradleyTerryTutor):
-        with pytest.raises(ValueError, match="error rate"):
-            make.from_error_rate(HIDDEN, rate, reference)
-
-
-def test_bad_settings():
-    with pytest.raises(ValueError, match=r"1\.5"):
-        FlippingTutor(HIDDEN, 1.5, 0)
-    with pytest.raises(ValueError, match=r"error_rate must be .* not 'a'"):
-        FlippingTutor(HIDDEN, "a", 0)
-    for precision in (-1, np.nan, np.inf, "a", None):
-        with pytest.raises(ValueError, match="precision"):
-            BradleyTerryTutor(HIDDEN, precision, 0)
+@pytest.mark.parametrize("make", [FlippingTutor, BradleyTerryTutor])
+def test_bad_error_rates(make, rate):
+    with pytest.raises(ValueError, match="error rate"):
+        make.from_error_rate(HIDDEN, rate, differences(np.random.default_rng(8), 5, 30))
     with pytest.raises(ValueError, match="reference"):
-        BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, [[1, -1]])
+        make.from_error_rate(HIDDEN, 0.1, [[1, -1]])
+
+
+@pytest.mark.parametrize("value", [-1, np.nan, np.inf, "a", None])
+def test_bad_settings(value):
+    with pytest.raises(ValueError, match=f"error_rate must be .* not {value!r}"):
+        FlippingTutor(HIDDEN, value)
+    with pytest.raises(ValueError, match=f"precision must be .* not {value!r}"):
+        BradleyTerryTutor(HIDDEN, value)
 
 
 # --- contract
@@ -330,8 +326,8 @@ def test_bad_settings():
 def test_all_tutors_conform(k):
     values = np.arange(k) ** 2
     check_tutor(TruthfulTutor(values), k, truthful=True)
-    check_tutor(FlippingTutor(values, 0.2, 0), k)
-    check_tutor(BradleyTerryTutor(values, 3.0, 0), k)
+    for make in MAKERS:
+        check_tutor(make(values), k)
     assert isinstance(TruthfulTutor(values), Tutor)
     with pytest.raises(AssertionError, match=r"truthful|every scale"):
         check_tutor(FlippingTutor(values, 0.5, 0), k, truthful=True)
@@ -352,7 +348,7 @@ def test_bad_tutors_are_found_out(answer, complaint):
 
 def test_a_tutor_can_be_copied():
     tutor = FlippingTutor(HIDDEN, 0.4, 0)
-    d = shares(np.random.default_rng(0), 50, 5)
+    d = differences(np.random.default_rng(0), 5, 50)
     tutor.signs(d)
     twin = copy.deepcopy(tutor)
     assert (tutor.signs(d) == twin.signs(d)).all()
