@@ -37,9 +37,7 @@ def test_what_they_decide():
     assert decide(Dominance(3), d).tiers.tolist()[:4] == [Tier.EQUAL, Tier.EQUAL, Tier.DOMINANCE, Tier.DOMINANCE]
     for comparator in (Dominance(3), AlwaysAsk(3)):
         assert comparator.values.tolist() == [0, 0.5, 1]
-        low, high = comparator.bounds(d)
-        assert low.tolist() == [0, 0, 1, -1, -1]
-        assert high.tolist() == [0, 0, 1, 0, 1]
+        assert np.array(comparator.bounds(d)).tolist() == [[0, 0, 1, -1, -1], [0, 0, 1, 0, 1]]
 
 
 def test_answers_teach_them_nothing():

@@ -18,12 +18,6 @@ vectors = st.integers(2, 8).flatmap(lambda k: st.lists(floats, min_size=k, max_s
 # --- vectors
 
 
-def test_one_vector_becomes_one_row():
-    assert as_vectors([1, 2, 3]).shape == (1, 3)
-    assert as_vectors(np.zeros((0, 4))).shape == (0, 4)
-    assert as_vectors([[1, 2], [3, 4]], 2).dtype == np.float64
-
-
 @pytest.mark.parametrize(
     ("bad", "k", "complaint"),
     [
@@ -42,6 +36,11 @@ def test_one_vector_becomes_one_row():
 def test_bad_vectors(bad, k, complaint):
     with pytest.raises(ValueError, match=complaint):
         as_vectors(bad, k)
+
+
+def test_one_vector_becomes_one_row():
+    assert [as_vectors(given).shape for given in ([1, 2, 3], np.zeros((0, 4)))] == [(1, 3), (0, 4)]
+    assert as_vectors([[1, 2], [3, 4]], 2).dtype == np.float64
 
 
 # --- tail sums

@@ -57,10 +57,7 @@ def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
     assert TruthfulTutor(values).signs(rows).tolist() == wanted
 
 
-@given(
-    st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=2, max_size=6),
-    st.data(),
-)
+@given(st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=2, max_size=6), st.data())
 @settings(max_examples=150, deadline=None)
 def test_any_finite_difference_gets_its_exact_sign(d, data):
     steps = data.draw(st.lists(st.floats(1e-3, 1e3), min_size=len(d) - 1, max_size=len(d) - 1))
@@ -68,8 +65,7 @@ def test_any_finite_difference_gets_its_exact_sign(d, data):
     tutor = TruthfulTutor(values)
     wanted = by_fractions(d, values)
     assert tutor.signs([d]).tolist() == [wanted]
-    assert tutor(query(d)).verdict == wanted
-    assert tutor(query([-x for x in d])).verdict == -wanted
+    assert [tutor(query(row)).verdict for row in (d, [-x for x in d])] == [wanted, -wanted]
     assert tutor.realised_error_rate == 0
 
 
@@ -167,13 +163,9 @@ def test_errors_grow_with_the_error_rate():
     """A pair answered wrongly by a careful tutor is answered wrongly by a careless one of the same seed."""
     d = differences(np.random.default_rng(1), 5, 2000)
     truth = TruthfulTutor(HIDDEN).signs(d)
-    for tutors in (
-        [FlippingTutor(HIDDEN, r, 1) for r in (0.05, 0.1, 0.3)],
-        [BradleyTerryTutor(HIDDEN, c, 1) for c in (30, 10, 2)],
-    ):
-        wrong = [tutor.signs(d) != truth for tutor in tutors]
-        assert (wrong[0] <= wrong[1]).all()
-        assert (wrong[1] <= wrong[2]).all()
+    for make, careless in ((FlippingTutor, (0.05, 0.1, 0.3)), (BradleyTerryTutor, (30, 10, 2))):
+        wrong = [make(HIDDEN, setting, 1).signs(d) != truth for setting in careless]
+        assert ((wrong[0] <= wrong[1]) & (wrong[1] <= wrong[2])).all()
         assert wrong[0].sum() < wrong[1].sum() < wrong[2].sum()
 
 
