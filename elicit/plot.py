@@ -64,17 +64,15 @@ def polytope(
     shown = [comparators] if isinstance(comparators, Comparator) else list(comparators)
     if not shown:
         raise ValueError("polytope needs at least one comparator")
-    for one in shown:
-        _check_plane(one)
+    areas = [_plane(corners(one)) for one in shown]
     names, true = _labels(labels, 4), _true(values, 4)
     ax = _axes(ax, (6.4, 6.0))
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Polygon
 
     ax.add_patch(Polygon([(0, 0), (0, 1), (1, 1)], facecolor="0.97", edgecolor="0.6", linewidth=1, zorder=0))
-    for i, one in enumerate(shown):
-        last, points, depth = i == len(shown) - 1, _plane(corners(one)), (i + 1) / len(shown)
-        count = f"scales that fit {_count(one)}"
+    for i, (one, points) in enumerate(zip(shown, areas, strict=True)):
+        last, depth, count = i == len(shown) - 1, (i + 1) / len(shown), f"scales that fit {_count(one)}"
         style: dict[str, Any] = {
             "edgecolor": (_BLUE, 0.35 + 0.65 * depth),
             "linewidth": 2.0 if last else 1.3,

@@ -197,8 +197,7 @@ def _deal(pairs: NDArray[np.intp], folds: int, key: int) -> NDArray[np.intp]:
             f'folds must be "sequential" or a number from 2 to that of different pairs, {n}, not {folds!r}'
         )
     order = _rng(key, "folds").permutation(n)
-    dealt: NDArray[np.intp] = (np.argsort(order) % folds)[pairs]
-    return dealt
+    return np.asarray((np.argsort(order) % folds)[pairs])
 
 
 def _bootstrap_mean(x: Floats, level: float, key: int) -> Estimate:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ class Estimate(NamedTuple):
 NOTHING = Estimate(math.nan, math.nan, math.nan)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TutorReport:
     """What ``tutor_report`` found; ``str()`` says it in sentences. Estimates hold intervals of ``level``.
 
@@ -83,10 +83,10 @@ class TutorReport:
     couples: int
     consistency: Estimate
     error_rate_repeated: Estimate
-    error_rate: Estimate
-    precision: Estimate
-    lapse: Estimate
-    doubtful: tuple[tuple[str, float], ...]
+    error_rate: Estimate = NOTHING
+    precision: Estimate = NOTHING
+    lapse: Estimate = NOTHING
+    doubtful: tuple[tuple[str, float], ...] = ()
     sided: int
     exchanged: int
     left_share: Estimate
@@ -172,7 +172,6 @@ def tutor_report(
     sided = int(decisive.sum()) if told.swapped is not None else 0
     swapped = np.zeros(n, dtype=np.bool_) if told.swapped is None else told.swapped
     left, exchanged = int(((y > 0) != swapped)[decisive].sum()) if sided else 0, int((swapped & decisive).sum())
-    model = _fit_model(answers, level, prior, particles, seed) if decisive.any() else _Model()
     return TutorReport(
         k=answers.k,
         level=level,
@@ -187,7 +186,7 @@ def tutor_report(
         couples=len(couples),
         consistency=exact_share(int(agree.sum()), len(couples), level),
         error_rate_repeated=Estimate(*((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ)),
-        **model._asdict(),
+        **(_fit_model(answers, level, prior, particles, seed) if decisive.any() else {}),
         sided=sided,
         exchanged=exchanged,
         left_share=exact_share(left, sided, level),
@@ -249,8 +248,7 @@ def _orientation(d: Floats) -> NDArray[np.int8]:
 
 def pairs_of(d: Floats) -> NDArray[np.intp]:
     """A number (n,) for the unordered pair behind each row: the same for d and -d."""
-    numbers: NDArray[np.intp] = np.unique(d * _orientation(d)[:, None] + 0.0, axis=0, return_inverse=True)[1].ravel()
-    return numbers
+    return np.unique(d * _orientation(d)[:, None] + 0.0, axis=0, return_inverse=True)[1].ravel()
 
 
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
@@ -262,18 +260,9 @@ def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
     return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(len(mine) > 1 for mine in rows)
 
 
-class _Model(NamedTuple):
-    """What the posterior says of the tutor."""
-
-    error_rate: Estimate = NOTHING
-    precision: Estimate = NOTHING
-    lapse: Estimate = NOTHING
-    doubtful: tuple[tuple[str, float], ...] = ()
-
-
-def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> _Model:
-    """The posterior over scale, precision and lapse: over the first two by particles, at each of some lapses; over
-    the lapse by its integrated likelihood, with each lapse tried standing for those nearer to it than to others."""
+def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> dict[str, Any]:
+    """What a ``TutorReport`` says by the model. The posterior over scale and precision is one of particles, at each of
+    some lapses; that over the lapse is its integrated likelihood, each lapse tried standing for those nearest to it."""
     key, lapses, m = key_of(seed), _ROOTS**2, max(300, 50 * (answers.k - 1)) if particles is None else particles
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
     tied = answers.y == 0
@@ -305,12 +294,13 @@ def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int 
     precisions = np.concatenate([draws.precision for draws in every])
     middle, low, high = np.quantile(precisions, [0.5, *tails], weights=weights, method="inverted_cdf")
     doubt = np.where(tied, 0.0, mass @ np.array(doubts))
-    return _Model(
-        _around(wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")),
-        Estimate(float(middle), float(low), float(high)),
-        _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
-        tuple((answers.ids[i], float(doubt[i])) for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5),
-    )
+    names = [(answers.ids[i], float(doubt[i])) for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5]
+    return {
+        "error_rate": _around(wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")),
+        "precision": Estimate(float(middle), float(low), float(high)),
+        "lapse": _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
+        "doubtful": tuple(names),
+    }
 
 
 def _around(value: float, low: float, high: float) -> Estimate:

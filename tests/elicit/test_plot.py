@@ -69,8 +69,7 @@ def nothing_is_clipped(ax):
     assert len(texts) > 3
     for artist in [t for t in texts if t.get_visible() and t.get_text()] + ([legend] if legend else []):
         extent = artist.get_window_extent(renderer)
-        assert box.padded(1).fully_contains(extent.x0, extent.y0), artist
-        assert box.padded(1).fully_contains(extent.x1, extent.y1), artist
+        assert all(box.padded(1).fully_contains(*corner) for corner in extent.corners()), artist
 
 
 # --- K_t as an area

@@ -20,6 +20,7 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import dominance, tail_sums
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from tests.noisy_cases import log_terms
 
 FAST = 40  # particles enough for a rough check
 
@@ -86,19 +87,15 @@ def by_quadrature(answers):
     ) * np.gradient(u)
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
     tied = answers.y == 0
-    scores = t[:, :1] * first + t[:, 1:] * second
-    density = np.empty((len(u), len(log_c), len(lapses)))
-    for j, c in enumerate(np.exp(log_c)):
-        sigma = expit(c * scores)
-        for i, lapse in enumerate(lapses):
-            logs, others = np.log(lapse / 2 + (1 - lapse) * sigma), np.log(lapse / 2 + (1 - lapse) * (1 - sigma))
-            density[:, j, i] = np.where(tied[:, None], (logs + others) / 2, logs).sum(axis=0)
+    gaps, density = np.stack([first, second], axis=1), np.empty((len(u), len(log_c), len(lapses)))
+    for j, i in np.ndindex(density.shape[1:]):
+        density[:, j, i] = log_terms(np.exp(log_c[j]) * gaps, t, tied, lapses[i]).sum(axis=1)
     density = np.exp(density - density.max()) * prior[:, None, None]
     density *= (1 - lapses) ** 3 * np.exp(-(((log_c - np.log(30.0)) / 2.5) ** 2) / 2)[:, None]
     density /= density.sum()
     of_u, of_c = density.sum(axis=(1, 2)), density.sum(axis=(0, 2))
     quantiles = np.exp(np.interp([0.5, 0.025, 0.975], np.cumsum(of_c) - of_c / 2, log_c))
-    wrong = (scores < 0) @ of_u
+    wrong = (t @ gaps.T < 0) @ of_u
     return density.sum(axis=(0, 1)) @ lapses, quantiles, wrong[~tied].mean(), wrong
 
 

@@ -71,13 +71,11 @@ def test_what_went_in_comes_out(path, on_disk):
 def test_answers_are_the_used_and_decided_ones():
     log = AnswerLog(k=3)
     assert (len(log.answers()), log.answers().k) == (0, 3)
-    log.append(answer("a", Verdict.WORSE))
-    log.append(answer("b", None))
-    log.append(answer("c", Verdict.BETTER), used=False)
-    log.append(answer("d", Verdict.EQUAL, left=RIGHT, right=LEFT))
+    for one, used in ((answer("a", -1), True), (answer("b", None), True), (answer("c"), False), (answer("d", 0), True)):
+        log.append(one, used=used)
     told = log.answers()
     assert (told.ids, told.y.tolist()) == (("a", "d"), [-1, 0])
-    assert told.d.tobytes() == np.stack([np.subtract(LEFT, RIGHT), np.subtract(RIGHT, LEFT)]).tobytes()
+    assert told.d.tobytes() == np.tile(np.subtract(LEFT, RIGHT), 2).tobytes()
 
 
 def test_an_empty_log_does_not_guess_k():
@@ -315,11 +313,10 @@ def test_reading_does_not_write(tmp_path, path):
     log = AnswerLog.read(path)
     with pytest.raises(ValueError, match="opened for reading"):
         log.append(answer("d"))
-    with pytest.raises(FileNotFoundError):
-        AnswerLog.read(tmp_path / "none")
+    for open_log, missing in ((AnswerLog.read, tmp_path / "none"), (AnswerLog, tmp_path / "none" / "log.jsonl")):
+        with pytest.raises(FileNotFoundError):
+            open_log(missing)
     assert not (tmp_path / "none").exists()
-    with pytest.raises(FileNotFoundError):
-        AnswerLog(tmp_path / "none" / "log.jsonl")
     empty = tmp_path / "empty"
     empty.touch()
     assert len(AnswerLog.read(empty)) == 0
