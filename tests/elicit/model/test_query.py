@@ -81,6 +81,9 @@ def test_rows_of_answers():
     assert Answers([[1, -1, 0]], [1], [7]).ids == ("7",)
     both = Answers.none(3) + answers + answers[1:]
     assert parts(both) == (("a", "b", "b"), [1, -1, -1], [[1, -1, 0], [0, 1, -1], [0, 1, -1]])
+    # of two sums that begin alike the second must not write into the first
+    sums = [both + Answers([[2, -2, 0]], [y], [str(y)]) for y in (1, -1)]
+    assert [(one.ids[-1], one.y.tolist()) for one in sums] == [("1", [1, -1, -1, 1]), ("-1", [1, -1, -1, -1])]
     assert (len(Answers.none(4)), Answers.none(4).k) == (0, 4)
     with pytest.raises(ValueError, match="3 levels, not 4"):
         Answers.none(4) + answers
