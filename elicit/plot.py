@@ -36,10 +36,12 @@ _STYLES: tuple[dict[str, Any], ...] = (
 )
 _HEAD = "-|>,head_width=0.25,head_length=0.5"
 _ARROWS: dict[str, dict[str, Any]] = {
-    "better": {"arrowstyle": _HEAD, "color": "0.15", "linestyle": "-", "linewidth": 1.2},
+    "answer: better": {"arrowstyle": _HEAD, "color": "0.15", "linestyle": "-", "linewidth": 1.2},
     "equal": {"arrowstyle": "-", "color": "0.15", "linestyle": (0, (5, 3)), "linewidth": 1.2},
-    "dominance": {"arrowstyle": _HEAD, "color": "0.55", "linestyle": (0, (1, 2)), "linewidth": 1.2},
+    "by dominance": {"arrowstyle": _HEAD, "color": "0.55", "linestyle": (0, (1, 2)), "linewidth": 1.2},
+    "on a cycle": {"linewidth": 2.2, "color": _VERMILLION},
 }
+_NAMES = {"better": "answer: better", "equal": "equal", "dominance": "by dominance"}
 _UNIT = "share of the range $e_{k} - e_1$"
 
 
@@ -62,18 +64,15 @@ def polytope(
     shown = [comparators] if isinstance(comparators, Comparator) else list(comparators)
     if not shown:
         raise ValueError("polytope needs at least one comparator")
-    for one in shown:
-        _check_plane(one)
+    areas = [_plane(corners(one)) for one in shown]
     names, true = _labels(labels, 4), _true(values, 4)
     ax = _axes(ax, (6.4, 6.0))
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Polygon
 
     ax.add_patch(Polygon([(0, 0), (0, 1), (1, 1)], facecolor="0.97", edgecolor="0.6", linewidth=1, zorder=0))
-    for i, one in enumerate(shown):
-        last, points = i == len(shown) - 1, _plane(corners(one))
-        depth = (i + 1) / len(shown)
-        count = f"scales that fit {len(one.answers)} answer" + "s" * (len(one.answers) != 1)
+    for i, (one, points) in enumerate(zip(shown, areas, strict=True)):
+        last, depth, count = i == len(shown) - 1, (i + 1) / len(shown), f"scales that fit {_count(one)}"
         style: dict[str, Any] = {
             "edgecolor": (_BLUE, 0.35 + 0.65 * depth),
             "linewidth": 2.0 if last else 1.3,
@@ -84,16 +83,16 @@ def polytope(
             ax.plot(*points.mean(axis=0), "o", markersize=13, markerfacecolor="none", color=_BLUE, zorder=3)
     if cuts:
         region = shown[-1].region
-        for of_prior, color, label in (
-            (True, _VERMILLION, "limits of the prior"),
-            (False, "0.45", "limits of the answers"),
+        crossing = [_across(row, limit) for row, limit in zip(region.rows, region.rhs, strict=True)]
+        for of_prior, color, dashes, label in (
+            (True, _VERMILLION, "-", "limits of the prior"),
+            (False, "0.45", (0, (4, 2)), "limits of the answers"),
         ):
             own = (region.owner < 0) == of_prior
-            lines = [_across(row, limit) for row, limit in zip(region.rows[own], region.rhs[own], strict=True)]
-            segments = [line for line in lines if line is not None]
-            if segments:
-                style = {"colors": color, "linestyles": "-" if of_prior else (0, (4, 2)), "linewidths": 0.8}
-                ax.add_collection(LineCollection(segments, label=label, zorder=1.5, **style))
+            lines = [line for line, mine in zip(crossing, own, strict=True) if mine and line is not None]
+            if lines:
+                style = {"colors": color, "linestyles": dashes, "linewidths": 0.8}
+                ax.add_collection(LineCollection(lines, label=label, zorder=1.5, **style))
     ax.plot(*shown[-1].values[1:3], "o", color="black", markersize=6, label="best guess (analytic centre)", zorder=5)
     if true is not None:
         style = {"markersize": 15, "markerfacecolor": "#F0E442", "markeredgecolor": "black", "linestyle": "none"}
@@ -131,9 +130,8 @@ def scale_intervals(
     """Each level's value: the interval that ``bounds`` gives for it and the single best guess, for any comparator
     and any k.
 
-    comparators: one, several, or several by name, drawn beside each other. labels (k,): the levels' names,
-    worst first. values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the
-    comparators differ in k.
+    comparators: one, several, or several by name, drawn beside each other. labels (k,): the levels' names, worst first.
+    values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the comparators differ in k.
     """
     named = _named(comparators)
     k = named[0][1].k
@@ -141,7 +139,6 @@ def scale_intervals(
         if one.k != k:
             raise ValueError(f"{name} is about {one.k} levels, but {named[0][0]} is about {k}")
     names, true = _labels(labels, k), _true(values, k)
-    d = np.eye(k) - np.eye(k)[0]  # the level against the worst one
     ax = _axes(ax, (6.4, 0.9 + k * max(0.35, 0.2 * len(named)) + 0.25 * len(named)))
     from matplotlib.lines import Line2D
 
@@ -152,7 +149,7 @@ def scale_intervals(
     for i, (name, one) in enumerate(named):
         style = _STYLES[i % len(_STYLES)]
         at = rows + ((len(named) - 1) / 2 - i) * min(0.22, 0.75 / len(named))
-        low, high = one.bounds(d)
+        low, high = one.bounds(np.eye(k) - np.eye(k)[0])  # each level against the worst one
         ax.hlines(at, low, high, color=style["color"], linestyle=style["linestyle"], linewidth=2, zorder=1)
         for end in (low, high):
             ax.plot(end, at, "|", color=style["color"], markersize=7, markeredgewidth=1.5, zorder=1)
@@ -166,7 +163,7 @@ def scale_intervals(
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(handles) > 1 or isinstance(comparators, Mapping):
         ax.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False, handlelength=3.5
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, handlelength=3.5
         )
     return ax
 
@@ -204,8 +201,8 @@ def preference_graph(
             continue
         straight = at[start][1] - at[end][1] == 1 and (mutual or back is None)
         arrow = {
-            **_ARROWS[kind],
-            **({"linewidth": 2.2, "color": _VERMILLION} if on_ring else {}),
+            **_ARROWS[_NAMES[kind]],
+            **(_ARROWS["on a cycle"] if on_ring else {}),
             "connectionstyle": f"arc3,rad={0.0 if straight else 0.2}",
             "shrinkA": 9,
             "shrinkB": 9,
@@ -218,12 +215,10 @@ def preference_graph(
         halo = [withStroke(linewidth=2.5, foreground="white")]
         aside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8, "path_effects": halo}
         ax.annotate(shares if labels is None else labels[node], (x, y), (11, 0), zorder=3, **aside)
-    styles = {"answer: better": _ARROWS["better"], "equal": _ARROWS["equal"], "by dominance": _ARROWS["dominance"]}
-    if ring:
-        styles["on a cycle"] = {"color": _VERMILLION, "linewidth": 2.2}
     handles = [
         Line2D([], [], label=name, **{k: v for k, v in style.items() if k != "arrowstyle"})
-        for name, style in styles.items()
+        for name, style in _ARROWS.items()
+        if ring or name != "on a cycle"
     ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, frameon=False, fontsize=8)
     ax.margins(0.22, 0.06)
@@ -240,13 +235,12 @@ def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
     plain = nx.DiGraph(strict)
     plain.add_nodes_from(graph)
     parts = nx.condensation(plain)
-    order: dict[int, int] = {}
-    for part in nx.topological_sort(parts):
-        members = parts.nodes[part]["members"]
-        wins = {node: plain.out_degree(node) - plain.in_degree(node) for node in members}
-        for node in sorted(members, key=lambda node: (-wins[node], node)):
-            order[node] = len(order)
-    plain.remove_edges_from([(start, end) for start, end in strict if order[start] > order[end]])
+    rank = {
+        node: (i, plain.in_degree(node) - plain.out_degree(node), node)
+        for i, part in enumerate(nx.topological_sort(parts))
+        for node in parts.nodes[part]["members"]
+    }
+    plain.remove_edges_from([(start, end) for start, end in strict if rank[start] > rank[end]])
     at: dict[int, tuple[float, float]] = {}
     for depth, layer in enumerate(nx.topological_generations(plain)):
         above = {node: [at[other][0] for other in plain.predecessors(node)] for node in layer}
@@ -258,8 +252,7 @@ def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
 
 def _plane(g: Floats) -> Floats:
     """(e_2, e_3) (m, 2) of gaps g (m, 3)."""
-    points: Floats = np.cumsum(g, axis=1)[:, :2]
-    return points
+    return np.cumsum(g, axis=1)[:, :2]
 
 
 def _check_plane(comparator: Comparator) -> None:
@@ -300,18 +293,20 @@ def _clipped(area: _Points, row: Floats, limit: Fraction) -> _Points:
 
 
 def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Comparator]) -> list[tuple[str, Comparator]]:
-    if isinstance(comparators, Mapping):
-        named = list(comparators.items())
+    if not isinstance(comparators, Mapping):
+        several = [comparators] if isinstance(comparators, Comparator) else comparators
+        kinds = [(type(one).__name__.removesuffix("Comparator"), one) for one in several]
+        named = [(f"{kind}, {_count(one)}" if isinstance(one, KeepsAnswers) else kind, one) for kind, one in kinds]
     else:
-        several = [comparators] if isinstance(comparators, Comparator) else list(comparators)
-        named = []
-        for one in several:
-            answers = one.answers if isinstance(one, KeepsAnswers) else None
-            count = "" if answers is None else f", {len(answers)} answer" + "s" * (len(answers) != 1)
-            named.append((type(one).__name__.removesuffix("Comparator") + count, one))
+        named = list(comparators.items())
     if not named:
         raise ValueError("scale_intervals needs at least one comparator")
     return named
+
+
+def _count(comparator: Any) -> str:
+    n = len(comparator.answers)
+    return f"{n} answer" + "s" * (n != 1)
 
 
 def _labels(labels: Sequence[str] | None, k: int) -> list[str]:
@@ -335,7 +330,4 @@ def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
         import matplotlib.pyplot as plt
     except ImportError as error:
         raise ImportError("plots need matplotlib: pip install 'elicit-qlearn[ablation]'") from error
-    if ax is not None:
-        return ax
-    new: Axes = plt.subplots(figsize=size, layout="constrained")[1]
-    return new
+    return ax or plt.subplots(figsize=size, layout="constrained")[1]

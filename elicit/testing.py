@@ -66,17 +66,15 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> 
             _say(again == code, f"a truthful tutor repeats itself, but on {query.d} it says {code!r}, then {again!r}")
             mirrored = _ask(tutor, Query.make("mirrored", i, query.right, query.left))
             want = None if code is None else code.flipped
-            _say(
-                mirrored == want, f"left and right exchanged, {code!r} on {query.d} must become {want!r}: {mirrored!r}"
-            )
-            against = code is not None and plain[i] in (-1, 1) and code != plain[i]
-            _say(not against, f"every scale ranks {query.d} as {Verdict(plain[i])!r}, but it says {code!r}")
+            what = f"left and right exchanged, {code!r} on {query.d} must become {want!r}"
+            _say(mirrored == want, f"{what}: {mirrored!r}")
+            right = code is None or plain[i] not in (-1, 1) or code == plain[i]
+            _say(right, f"every scale ranks {query.d} as {Verdict(plain[i])!r}, but it says {code!r}")
     if isinstance(tutor, TutorOfMany):
         many = tutor.signs(d)
-        _say(
-            many.shape == (len(d),) and many.dtype == np.int8, f"signs must be (n,) int8, not {many.shape} {many.dtype}"
-        )
-        _say(bool(np.isin(many, (-1, 0, 1)).all()), f"signs must be -1, 0 or 1, not {many}")
+        right = many.shape == (len(d),) and many.dtype == np.int8
+        _say(right, f"signs must be (n,) int8, not {many.shape} {many.dtype}")
+        _say(np.isin(many, (-1, 0, 1)).all(), f"signs must be -1, 0 or 1, not {many}")
         if truthful:
             _same("signs(d)", many, "asking one by one", np.array([0 if c is None else c for c in codes]), d)
     rate = tutor.realised_error_rate if isinstance(tutor, CountsErrors) else 0.0
@@ -88,29 +86,19 @@ def sample_differences(k: int, seed: int = 0) -> Floats:
     and exact ties, single steps, dominated pairs, zero, and lengths from tiny to large."""
     rng = np.random.default_rng(seed)
 
-    def shares(concentration: float, n: int) -> Floats:
-        drawn: Floats = rng.dirichlet(np.full(k, concentration), n)
-        return drawn
+    def pairs(n: int, concentration: float = 1.0) -> Floats:
+        left, right = (rng.dirichlet(np.full(k, concentration), n) for _ in range(2))
+        return np.asarray(left - right)
 
     counts = rng.multinomial(4, np.full(k, 1.0 / k), 16) / 4.0
     steps = np.eye(k)[1:] - np.eye(k)[:-1]
     better = np.sort(rng.random((4, k)), axis=1)
-    return np.concatenate(
-        [
-            shares(1.0, 12) - shares(1.0, 12),
-            shares(0.2, 6) - shares(0.2, 6),
-            counts[:8] - counts[8:],
-            steps,
-            -steps,
-            better - better.mean(axis=1, keepdims=True),
-            1e-9 * (shares(1.0, 3) - shares(1.0, 3)),
-            1e4 * (shares(1.0, 3) - shares(1.0, 3)),
-            np.zeros((1, k)),
-        ]
-    )
+    better -= better.mean(axis=1, keepdims=True)
+    shares = [pairs(12), pairs(6, 0.2), counts[:8] - counts[8:]]
+    return np.concatenate([*shares, steps, -steps, better, 1e-9 * pairs(3), 1e4 * pairs(3), np.zeros((1, k))])
 
 
-def _say(condition: bool, message: str) -> None:
+def _say(condition: Any, message: str) -> None:
     if not condition:
         raise AssertionError(message)
 
@@ -132,10 +120,9 @@ def _near(what: str, found: Floats, wanted: Floats, d: Floats) -> None:
 def _check_values(comparator: Comparator) -> None:
     values, k = np.asarray(comparator.values), comparator.k
     _say(values.shape == (k,), f"values must have shape ({k},), not {values.shape}")
-    ends = abs(values[0]) <= 1e-9 and abs(values[-1] - 1) <= 1e-9
-    _say(bool(ends), f"values must run from 0 to 1, not {values}")
-    _say(bool((np.diff(values) >= 0).all()), f"values must not decrease: {values}")
-    _say(bool((comparator.values == values).all()), "values must be the same each time")
+    _say(abs(values[0]) <= 1e-9 and abs(values[-1] - 1) <= 1e-9, f"values must run from 0 to 1, not {values}")
+    _say((np.diff(values) >= 0).all(), f"values must not decrease: {values}")
+    _say((comparator.values == values).all(), "values must be the same each time")
 
 
 def _check_shapes(comparator: Comparator, d: Floats) -> None:
@@ -155,23 +142,21 @@ def _check_shapes(comparator: Comparator, d: Floats) -> None:
 
 def _check_errors(comparator: Comparator, d: Floats) -> None:
     k = comparator.k
-    bad = {"too many levels": np.zeros((2, k + 1)), "three axes": np.zeros((1, 2, k))}
-    for value in (np.nan, np.inf):
-        bad[f"{value}"] = np.where(np.arange(k) == k - 1, value, d[:2])
-    for method in (comparator.compare, comparator.bounds):
-        for what, rows in bad.items():
-            _raises(method, rows, f"{method.__name__} of differences with {what}")
-    _raises(comparator.update, Answers.none(k + 1), f"update with answers about {k + 1} levels")
-
-
-def _raises(function: Any, argument: Any, what: str) -> None:
-    try:
-        function(argument)
-    except ValueError:
-        return
-    except Exception as error:
-        raise AssertionError(f"{what} must raise ValueError, not {type(error).__name__}: {error}") from error
-    raise AssertionError(f"{what} must raise ValueError")
+    odd = {f"{value}": np.where(np.arange(k) == k - 1, value, d[:2]) for value in (np.nan, np.inf)}
+    bad = {"too many levels": np.zeros((2, k + 1)), "three axes": np.zeros((1, 2, k)), **odd}
+    calls: list[tuple[Any, Any, str]] = [
+        (method, rows, f"{method.__name__} of differences with {what}")
+        for method in (comparator.compare, comparator.bounds)
+        for what, rows in bad.items()
+    ]
+    for method, argument, what in (*calls, (comparator.update, Answers.none(k + 1), f"update with {k + 1} levels")):
+        try:
+            method(argument)
+        except ValueError:
+            continue
+        except Exception as error:
+            raise AssertionError(f"{what} must raise ValueError, not {type(error).__name__}: {error}") from error
+        raise AssertionError(f"{what} must raise ValueError")
 
 
 def _check_verdicts(comparator: Comparator, d: Floats) -> None:
@@ -179,7 +164,7 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     given.flags.writeable = False
     verdicts = comparator.compare(given)
     known = np.isin(verdicts, list(Verdict))
-    _say(bool(known.all()), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
+    _say(known.all(), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
     plain = dominance(tail_sums(d))
     if isinstance(comparator, AlwaysAsk):
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
@@ -205,7 +190,7 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
     _say(not (np.isnan(low) | np.isnan(high)).any(), "bounds must not be nan; nothing known is -inf and inf")
     room = _TOLERANCE * np.abs(d).sum(axis=1)
     zero = (tail_sums(d) == 0).all(axis=1)
-    _say(bool(((low == 0) & (high == 0))[zero].all()), "bounds of two identical vectors must be 0 and 0")
+    _say(((low == 0) & (high == 0))[zero].all(), "bounds of two identical vectors must be 0 and 0")
     verdicts = comparator.compare(d)
     wrong = {
         "lo <= hi": low > high + room,
@@ -243,7 +228,7 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
     _same("after update, the old comparator's compare", comparator.compare(d), "what it said before", before, d)
     for old, new in zip(bounds, comparator.bounds(d), strict=True):
         _near("after update, the old comparator's bounds must be what they were", new, old, d)
-    _say(bool((comparator.values == values).all()), "update must not change the old comparator's values")
+    _say((comparator.values == values).all(), "update must not change the old comparator's values")
     one_by_one = comparator
     for i in range(len(answers)):
         one_by_one = one_by_one.update(answers[i : i + 1])
@@ -259,5 +244,5 @@ def _ask(tutor: Tutor, query: Query) -> Verdict | None:
     _say(isinstance(answer, Answer), f"a tutor must return an elicit.Answer, not {type(answer).__name__}")
     _say(answer.query.id == query.id, f"the answer to query {query.id} names another one: {answer.query.id}")
     kept = (query.left == before[0]).all() and (query.right == before[1]).all()
-    _say(bool(kept), f"a tutor must not change the query's vectors, but it did in {query.id}")
+    _say(kept, f"a tutor must not change the query's vectors, but it did in {query.id}")
     return answer.verdict

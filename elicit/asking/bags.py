@@ -73,13 +73,10 @@ class Bags:
         k = len(draws.gaps) + 1
         about, asked = as_vectors(about, k), self.questions(k)
         require(is_number(lapse, 0, 1), "lapse", "a number in 0..1", lapse)
-        for row in skip:
-            if not (is_whole(row, 0) and row < len(asked.ease)):
-                raise ValueError(
-                    f"skip holds {row!r}, but must hold rows of questions({k}), whole numbers of at least 0 and below "
-                    f"{len(asked.ease)}"
-                )
-        if not len(asked.ease):
+        n = len(asked.ease)
+        wanted = f"rows of questions({k}), whole numbers of at least 0 and below {n}"
+        require(all(is_whole(row, 0) and row < n for row in skip), "skip", wanted, skip)
+        if not n:
             return -1, np.empty(0)
         d = (asked.left - asked.right) / self.days
         chance = says_left(tail_sums(d) @ draws.gaps, draws.precision, lapse)
@@ -93,7 +90,9 @@ class Bags:
 
     def sentence(self, left: Floats, right: Floats, labels: Sequence[str]) -> str:
         """The question in words, of bags (k,) in days."""
-        return f"of {self.days} days: {_bag(left, labels)} (left), or {_bag(right, labels)} (right)?"
+        bags = [zip(days, labels, strict=True) for days in (left, right)]
+        said = [" and ".join(f"{int(n)} {label}" for n, label in bag if n) for bag in bags]
+        return f"of {self.days} days: {said[0]} (left), or {said[1]} (right)?"
 
 
 @lru_cache(maxsize=8)
@@ -152,7 +151,3 @@ def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> F
     if_false = np.clip((overall[:, None] - if_true * mass) / (1.0 - mass), 0.0, 1.0)
     told = entropy(overall)[:, None] - mass * entropy(if_true) - (1.0 - mass) * entropy(if_false)
     return np.asarray(np.maximum(told, 0.0).sum(axis=1) / len(events))
-
-
-def _bag(days: Floats, labels: Sequence[str]) -> str:
-    return " and ".join(f"{int(n)} {label}" for n, label in zip(days, labels, strict=True) if n)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from elicit.model.comparator import Comparator, Foretells
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, dot, tail_sums
 
+Folds = int | Literal["sequential"]
 _RESAMPLES = 1000
 
 
@@ -37,7 +38,7 @@ class HeldOut:
 
     scored: int
     ties: int
-    folds: int | Literal["sequential"]
+    folds: Folds
     level: float
     decided: Estimate
     accuracy: Estimate
@@ -75,12 +76,7 @@ class HeldOutTable(dict[str, HeldOut]):
 
 
 def held_out(
-    comparator: Comparator,
-    answers: Told,
-    folds: int | Literal["sequential"] = 10,
-    *,
-    level: float = 0.95,
-    seed: Seed = 0,
+    comparator: Comparator, answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed = 0
 ) -> HeldOut:
     """Scores of a comparator on answers of a log that it has not learned from. No learner, no hidden scale.
 
@@ -89,48 +85,44 @@ def held_out(
     answers to one pair into the same, and each fold is foretold from the others, in told order. "sequential": each
     answer is foretold from those before it, repeated pairs included.
 
-    Answers are not the truth: of a tutor who errs in a tenth of all answers no comparator agrees with more than
-    nine tenths, but by luck.
-    A log that a learner asked for holds questions its comparator could not decide, harder than fresh pairs. Where
-    training answers contradict each other (InconsistentAnswers) they are taken one by one, without those that
-    contradict the ones before, and counted.
+    Answers are not the truth: of a tutor who errs in a tenth of all answers no comparator agrees with more than nine
+    tenths, but by luck. A log that a learner asked for holds questions its comparator could not decide, harder than
+    fresh pairs. Where training answers contradict each other (InconsistentAnswers) they are taken one by one, without
+    those that contradict the ones before, and counted.
 
     The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what a
-    comparator that ``Foretells`` says. Raises ValueError on other
-    numbers of folds than 2 up to that of the pairs, on a level outside (0, 1), and on answers about other levels.
+    comparator that ``Foretells`` says. Raises ValueError on other numbers of folds than 2 up to that of the pairs, on a
+    level outside (0, 1), and on answers about other levels.
     """
     check_level(level)
     return _score(comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed))
 
 
-def _score(
-    comparator: Comparator, rows: Answers, folds: int | Literal["sequential"], level: float, key: int
-) -> HeldOut:
+def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, key: int) -> HeldOut:
     y, n = rows.y, len(rows)
-    told = _Foretold(np.empty(n, dtype=np.int8), np.empty(n), np.full(n, math.nan))
+    told = np.empty((3, n))
     contradicted = dropped = 0
     if folds == "sequential":
         for i in range(n):
-            told.put(np.array([i]), comparator, rows.d[i : i + 1])
+            told[:, [i]] = _foretell(comparator, rows.d[i : i + 1])
             comparator, lost = _learn(comparator, rows[i : i + 1])
             dropped += lost
         contradicted = int(dropped > 0)
     else:
         fold_of = _deal(pairs_of(rows.d), folds, key)
         for number in range(folds):
-            test = np.flatnonzero(fold_of == number)
-            train = np.flatnonzero(fold_of != number)
+            test = fold_of == number
+            train = np.flatnonzero(~test)
             learned, lost = _learn(comparator, Answers(rows.d[train], y[train], [rows.ids[i] for i in train]))
             contradicted, dropped = contradicted + (lost > 0), dropped + lost
-            told.put(test, learned, rows.d[test])
+            told[:, test] = _foretell(learned, rows.d[test])
     clear = y != 0
-    said, verdicts = y[clear], told.verdicts[clear]
+    said, (verdicts, scores, chance) = y[clear], told[:, clear]
     decided = verdicts != Verdict.UNKNOWN
     right, wrong = int((verdicts == said).sum()), int((verdicts == -said).sum())
-    agree = np.sign(told.scores[clear]) * said
-    chance = np.where(said > 0, told.chance[clear], 1.0 - told.chance[clear])
+    agree = np.sign(scores) * said
     with np.errstate(divide="ignore"):
-        logs = np.log(chance)
+        logs = np.log(np.where(said > 0, chance, 1.0 - chance))
     m, sure = len(said), int(decided.sum())
     return HeldOut(
         scored=m,
@@ -148,12 +140,7 @@ def _score(
 
 
 def compare_held_out(
-    comparators: Mapping[str, Comparator],
-    answers: Told,
-    folds: int | Literal["sequential"] = 10,
-    *,
-    level: float = 0.95,
-    seed: Seed = 0,
+    comparators: Mapping[str, Comparator], answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed = 0
 ) -> HeldOutTable:
     """``held_out`` of each comparator, by name, over the same folds; ``print`` shows an aligned table."""
     check_level(level)
@@ -174,25 +161,18 @@ def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
     return Estimate(share, max(0.0, middle - half), min(1.0, middle + half))
 
 
-class _Foretold(NamedTuple):
-    """Verdicts (n,), d.e at ``.values`` (n,), and the probability (n,) that left is said to be better."""
-
-    verdicts: NDArray[np.int8]
-    scores: Floats
-    chance: Floats
-
-    def put(self, rows: NDArray[np.intp], comparator: Comparator, d: Floats) -> None:
-        """What the comparator says of d (m, k), into these rows (m,)."""
-        t = tail_sums(d)
-        self.verdicts[rows] = comparator.compare(d)
-        self.scores[rows] = dot(t, np.diff(comparator.values))
-        if isinstance(comparator, PosteriorComparator):
-            draws = comparator.draws
-            each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(t @ draws.gaps * draws.precision)
-            self.chance[rows] = each @ draws.weights
-        elif isinstance(comparator, Foretells):
-            found = comparator.probability(d)
-            self.chance[rows] = found[-1] if isinstance(found, tuple) else found
+def _foretell(comparator: Comparator, d: Floats) -> Floats:
+    """What the comparator says of d (n, k), as rows (3, n): verdicts, d.e at ``.values``, and the probability that left
+    is said to be better, nan without one."""
+    t, chance = tail_sums(d), np.full(len(d), math.nan)
+    if isinstance(comparator, PosteriorComparator):
+        draws = comparator.draws
+        each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(t @ draws.gaps * draws.precision)
+        chance = each @ draws.weights
+    elif isinstance(comparator, Foretells):
+        found = comparator.probability(d)
+        chance = found[-1] if isinstance(found, tuple) else found
+    return np.array([comparator.compare(d), dot(t, np.diff(comparator.values)), chance])
 
 
 def _learn(comparator: Comparator, answers: Answers) -> tuple[Comparator, int]:
@@ -217,8 +197,7 @@ def _deal(pairs: NDArray[np.intp], folds: int, key: int) -> NDArray[np.intp]:
             f'folds must be "sequential" or a number from 2 to that of different pairs, {n}, not {folds!r}'
         )
     order = _rng(key, "folds").permutation(n)
-    dealt: NDArray[np.intp] = (np.argsort(order) % folds)[pairs]
-    return dealt
+    return np.asarray((np.argsort(order) % folds)[pairs])
 
 
 def _bootstrap_mean(x: Floats, level: float, key: int) -> Estimate:

@@ -11,7 +11,7 @@ most likely made a mistake in one of the three: show the circle, and retract wha
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
@@ -71,17 +71,17 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
     are left out. EQUAL makes an edge in either direction, and so do opposite answers to one pair. "Cannot
     tell" makes none. dominance=True adds what the order of the levels settles: n (n - 1) / 2 comparisons.
 
-    Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute ``vector`` (k,);
-    vectors that differ at level 1 only are worth the same, and one node. Edges have ``ids``, the
-    answers that say that the start is at least as good as the end (those that say "better" first);
-    ``kind``, "better" where some do, else "equal", or "dominance" where there are none; and ``dominates``,
-    whether the order of the levels says that the start is better. Raises ValueError where the answers are
-    about different numbers of levels.
+    Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute ``vector`` (k,); vectors
+    that differ at level 1 only are worth the same, and one node. Edges have ``ids``, the answers that say that the
+    start is at least as good as the end (those that say "better" first); ``kind``, "better" where some do, else
+    "equal", or "dominance" where there are none; and ``dominates``, whether the order of the levels says that the start
+    is better. Raises ValueError where the answers are about different numbers of levels.
     """
     graph = nx.DiGraph()
     nodes: dict[bytes, int] = {}
     said: dict[tuple[int, int], tuple[list[str], list[str]]] = {}  # those that say "better", and "equal"
-    for answer in _used(answers):
+    told = (one if isinstance(one, Answer) else one.answer for one in answers if isinstance(one, Answer) or one.used)
+    for answer in told:
         query = answer.query
         k = len(graph.nodes[0]["vector"]) if graph else len(query.left)
         if len(query.left) != k:
@@ -90,12 +90,10 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
         for node, vector in ((left, query.left), (right, query.right)):
             if node not in graph:
                 graph.add_node(node, vector=vector)
-        if answer.verdict in (Verdict.BETTER, Verdict.WORSE):
-            edge = (left, right) if answer.verdict == Verdict.BETTER else (right, left)
-            said.setdefault(edge, ([], []))[0].append(query.id)
-        elif answer.verdict == Verdict.EQUAL and left != right:
-            for edge in ((left, right), (right, left)):
-                said.setdefault(edge, ([], []))[1].append(query.id)
+        if answer.verdict is not None and (answer.verdict != Verdict.EQUAL or left != right):
+            edges = [(left, right)] * (answer.verdict >= 0) + [(right, left)] * (answer.verdict <= 0)
+            for edge in edges:
+                said.setdefault(edge, ([], []))[answer.verdict == Verdict.EQUAL].append(query.id)
     for (start, end), (better, equal) in said.items():
         kind = "better" if better else "equal"
         graph.add_edge(start, end, ids=(*better, *equal), kind=kind, dominates=False)
@@ -129,31 +127,19 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
     "equal". Minimal: no part of the answers makes a circle. Empty: by transitivity alone, the answers
     contradict neither each other nor the order of the levels.
 
-    For each such step that lies on a circle, the one through it with the fewest answers, then the fewest
-    steps, or a smaller one that is part of it. A comparator for reliable tutors takes all vectors on a cycle
-    as equally good, if a scale allows that (with dominance on the cycle it needs equal levels, which a
-    margin above 0 forbids). From a person it most likely means that one of these answers is wrong; one
-    that is on many cycles is the first to ask about. Sorted, fewest answers first. One shortest-path
-    search a node and a cycle; no more cycles than edges.
+    For each such step that lies on a circle, the one through it with the fewest answers, then the fewest steps, or a
+    smaller one that is part of it. A comparator for reliable tutors takes all vectors on a cycle as equally good, if a
+    scale allows that (with dominance on the cycle it needs equal levels, which a margin above 0 forbids). From a person
+    it most likely means that one of these answers is wrong; one that is on many cycles is the first to ask about.
+    Sorted, fewest answers first. One shortest-path search a node and a cycle; no more cycles than edges.
     """
-    shortest: dict[frozenset[_Said], _Nodes] = {}
-    for said, nodes in _circles(graph):
-        shortest.setdefault(said, nodes)
-    minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in shortest.items()}
+    minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in _circles(graph)}
     return [Cycle(_steps(graph, (*nodes, nodes[0]))) for _, nodes in sorted(minimal, key=_fewest_first)]
 
 
 _Nodes: TypeAlias = tuple[int, ...]
 _Said: TypeAlias = tuple[int, int, str]
 """What one or more answers say about two nodes: better, worse, and "better"; or both in order, and "equal"."""
-
-
-def _used(answers: Iterable[Answer | Entry]) -> Iterator[Answer]:
-    for answer in answers:
-        if not isinstance(answer, Entry):
-            yield answer
-        elif answer.used:
-            yield answer.answer
 
 
 def _add_dominance(graph: nx.DiGraph) -> None:
@@ -178,16 +164,30 @@ def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
 
 
 def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
-    """The shortest circle through each strict step that lies on one, fewest answers first: what the answers on
-    it say, and its nodes."""
-    answered = [edge for edge, about in graph.edges.items() if about["kind"] == "better" and not about["dominates"]]
-    by_dominance = [edge for edge, about in graph.edges.items() if about["dominates"]]
-    only_equal = nx.DiGraph(graph)
-    only_equal.remove_edges_from(answered)
+    """The shortest circles through the strict steps that lie on one, fewest answers first: what the answers on it say,
+    of each such set one circle only, and its nodes, the smallest first."""
+    better = [edge for edge, about in graph.edges.items() if about["kind"] == "better" and not about["dominates"]]
+    without = nx.DiGraph(graph)
+    without.remove_edges_from(better)
+    found = []
     # A circle of dominance and "better" is found from the latter, so dominance is tried against "equal" only.
-    found = {*_through(graph, answered), *_through(only_equal, by_dominance)}
-    needs = ((_said(graph, nodes), nodes) for nodes in found)
-    return sorted(((said, nodes) for said, nodes in needs if said), key=_fewest_first)
+    for whole, dominates in ((graph, False), (without, True)):
+        for nodes in nx.strongly_connected_components(whole):
+            part = whole.subgraph(nodes).copy()
+            ends: dict[int, list[int]] = {}  # the end of each strict step, and the starts that lead to it
+            for start, end, about in part.edges(data=True):
+                if about["dominates"] == dominates and (dominates or about["kind"] == "better"):
+                    ends.setdefault(end, []).append(start)
+            for end, starts in ends.items():
+                paths = _shortest_paths(part, end)
+                for path in (paths[start] for start in starts):
+                    first = path.index(min(path))
+                    circle = (*path[first:], *path[:first])
+                    found.append((_said(graph, circle), circle))
+    shortest: dict[frozenset[_Said], _Nodes] = {}
+    for said, circle in sorted(found, key=_fewest_first):
+        shortest.setdefault(said, circle)
+    return [(said, circle) for said, circle in shortest.items() if said]
 
 
 def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
@@ -197,20 +197,6 @@ def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGrap
     }
     inner = graph.subgraph(nodes)
     return inner.edge_subgraph(edge for edge, about in inner.edges.items() if about["dominates"] or edge in edges)
-
-
-def _through(graph: nx.DiGraph, edges: Iterable[tuple[int, int]]) -> Iterator[_Nodes]:
-    """The nodes of the shortest circle through each edge that lies on one, the smallest node first."""
-    ends: dict[int, list[int]] = {}  # each end, and the starts that lead to it
-    for start, end in edges:
-        ends.setdefault(end, []).append(start)
-    for nodes in nx.strongly_connected_components(graph):
-        part = graph.subgraph(nodes).copy()
-        for end in nodes & ends.keys():
-            paths = _shortest_paths(part, end)
-            for path in (paths[start] for start in ends[end] if start in nodes):
-                first = path.index(min(path))
-                yield (*path[first:], *path[:first])
 
 
 def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:

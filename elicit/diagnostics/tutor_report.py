@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from scipy.stats import binomtest
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
-from elicit.lp.hit_and_run import Draws
 from elicit.lp.inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.query import Answer, Answers
@@ -52,7 +51,7 @@ class Estimate(NamedTuple):
 NOTHING = Estimate(math.nan, math.nan, math.nan)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TutorReport:
     """What ``tutor_report`` found; ``str()`` says it in sentences. Estimates hold intervals of ``level``.
 
@@ -84,10 +83,10 @@ class TutorReport:
     couples: int
     consistency: Estimate
     error_rate_repeated: Estimate
-    error_rate: Estimate
-    precision: Estimate
-    lapse: Estimate
-    doubtful: tuple[tuple[str, float], ...]
+    error_rate: Estimate = NOTHING
+    precision: Estimate = NOTHING
+    lapse: Estimate = NOTHING
+    doubtful: tuple[tuple[str, float], ...] = ()
     sided: int
     exchanged: int
     left_share: Estimate
@@ -113,25 +112,22 @@ class TutorReport:
         if not math.isnan(self.error_rate_repeated.value):
             lines[""] = f"{self.error_rate_repeated.percent} by questions asked again, if errors are independent"
         if self.by_order:
-            lines["order"] = (
-                f"{self.against_order} of {self.by_order} answers that the order of the levels settles defy it"
-            )
+            settled = f"{self.by_order} answers that the order of the levels settles"
+            lines["order"] = f"{self.against_order} of {settled} defy it"
         if self.couples:
             agree = f"{self.consistency.percent} of {self.couples} couples of answers agree"
             lines["repeats"] = f"{self.repeated} questions were asked again; {agree}"
-        lines["sides"] = self._sides()
+        lines["sides"] = "which side was shown left is not known: give the log, not bare Answers"
+        if self.sided:
+            lines["sides"] = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
+            bias = ": a bias" if self.left_p < 1 - self.level else ": no sign of a bias"
+            lines["sides"] += (
+                ", but sides were never exchanged at random: that may be what was asked, not a bias"
+                if math.isnan(self.left_p)
+                else f" ({self.exchanged} shown exchanged), p = {self.left_p:.2g}{bias}"
+            )
         title = f"Tutor report, {100 * self.level:g}% intervals in brackets"
         return "\n".join([title, *(f"  {name:<10}{text}" for name, text in lines.items())])
-
-    def _sides(self) -> str:
-        if not self.sided:
-            return "which side was shown left is not known: give the log, not bare Answers"
-        text = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
-        if math.isnan(self.left_p):
-            return f"{text}, but sides were never exchanged at random: that may be what was asked, not a bias"
-        return f"{text} ({self.exchanged} shown exchanged), p = {self.left_p:.2g}" + (
-            ": a bias" if self.left_p < 1 - self.level else ": no sign of a bias"
-        )
 
 
 def tutor_report(
@@ -176,7 +172,6 @@ def tutor_report(
     sided = int(decisive.sum()) if told.swapped is not None else 0
     swapped = np.zeros(n, dtype=np.bool_) if told.swapped is None else told.swapped
     left, exchanged = int(((y > 0) != swapped)[decisive].sum()) if sided else 0, int((swapped & decisive).sum())
-    model = _fit_model(answers, level, prior, particles, seed) if decisive.any() else _Model()
     return TutorReport(
         k=answers.k,
         level=level,
@@ -190,11 +185,8 @@ def tutor_report(
         repeated=repeated,
         couples=len(couples),
         consistency=exact_share(int(agree.sum()), len(couples), level),
-        error_rate_repeated=_error_rate(differ) if clear.any() else NOTHING,
-        error_rate=model.error_rate,
-        precision=model.precision,
-        lapse=model.lapse,
-        doubtful=model.doubtful,
+        error_rate_repeated=Estimate(*((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ)),
+        **(_fit_model(answers, level, prior, particles, seed) if decisive.any() else {}),
         sided=sided,
         exchanged=exchanged,
         left_share=exact_share(left, sided, level),
@@ -208,11 +200,6 @@ def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
         return NOTHING
     interval = binomtest(count, n).proportion_ci(level, method="exact")
     return Estimate(count / n, float(interval.low), float(interval.high))
-
-
-def _error_rate(differ: Estimate) -> Estimate:
-    """e of 2 e (1 - e) = q; 1/2 where couples differ more often than the toss of a coin would have them."""
-    return Estimate(*((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ))
 
 
 class _Record(NamedTuple):
@@ -233,13 +220,12 @@ def read_log(log: Told, k: int | None) -> _Record:
         if k not in (None, log.k):
             raise ValueError(f"these answers are about {log.k} levels, not k = {k}")
         return _Record(log, None)
-    entries = []
     if not isinstance(log, Iterable):
         raise TypeError(f"a log is an AnswerLog, its entries, or Answers, not {log!r}")
-    for item in log:
-        if not isinstance(item, (Entry, Answer)):
+    entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
+    for item in entries:
+        if not isinstance(item, Entry):
             raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
-        entries.append(item if isinstance(item, Entry) else Entry(item))
     standing = [entry for entry in entries if not entry.retracted]
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
     levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)
@@ -256,47 +242,31 @@ def read_log(log: Told, k: int | None) -> _Record:
 
 def _orientation(d: Floats) -> NDArray[np.int8]:
     """+1 or -1 (n,), opposite for d and -d; 0 for d = 0."""
-    first = (d != 0).argmax(axis=1)
-    signs: NDArray[np.int8] = np.sign(d[np.arange(len(d)), first]).astype(np.int8)
-    return signs
+    first = np.take_along_axis(d, (d != 0).argmax(axis=1)[:, None], axis=1)[:, 0]
+    return np.sign(first).astype(np.int8)
 
 
 def pairs_of(d: Floats) -> NDArray[np.intp]:
     """A number (n,) for the unordered pair behind each row: the same for d and -d."""
-    if not len(d):
-        return np.empty(0, dtype=np.intp)
-    numbers: NDArray[np.intp] = np.unique(d * _orientation(d)[:, None] + 0.0, axis=0, return_inverse=True)[1].ravel()
-    return numbers
+    return np.unique(d * _orientation(d)[:, None] + 0.0, axis=0, return_inverse=True)[1].ravel()
 
 
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
     """Rows (m, 2) that answer the same pair, no row twice, so that couples are independent; and how many pairs were
     answered more than once. A vector against itself is no question."""
-    rows: dict[int, list[int]] = {}
-    pairs = pairs_of(answers.d)
-    for row in np.flatnonzero(np.any(answers.d != 0, axis=1)).tolist():
-        rows.setdefault(int(pairs[row]), []).append(row)
-    again = [(mine[i], mine[i + 1]) for mine in rows.values() for i in range(0, len(mine) - 1, 2)]
-    return np.array(again, dtype=np.intp).reshape(-1, 2), sum(len(mine) > 1 for mine in rows.values())
+    pairs, asked = pairs_of(answers.d), np.any(answers.d != 0, axis=1)
+    rows = [np.flatnonzero(asked & (pairs == pair)) for pair in dict.fromkeys(pairs[asked].tolist())]
+    couples = [mine[: len(mine) // 2 * 2].reshape(-1, 2) for mine in rows]
+    return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(len(mine) > 1 for mine in rows)
 
 
-class _Model(NamedTuple):
-    """What the posterior says of the tutor."""
-
-    error_rate: Estimate = NOTHING
-    precision: Estimate = NOTHING
-    lapse: Estimate = NOTHING
-    doubtful: tuple[tuple[str, float], ...] = ()
-
-
-def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> _Model:
-    """The posterior over scale, precision and lapse: over the first two by particles, at each of some lapses; over
-    the lapse by its integrated likelihood, with each lapse tried standing for those nearer to it than to others."""
+def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> dict[str, Any]:
+    """What a ``TutorReport`` says by the model. The posterior over scale and precision is one of particles, at each of
+    some lapses; that over the lapse is its integrated likelihood, each lapse tried standing for those nearest to it."""
     key, lapses, m = key_of(seed), _ROOTS**2, max(300, 50 * (answers.k - 1)) if particles is None else particles
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
     tied = answers.y == 0
-    every: list[Draws] = []
-    slopes, shares, doubts = [], [], []
+    every, slopes, shares, doubts = [], [], [], []
     for lapse in lapses.tolist():
         draws = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key).update(answers).draws
         every.append(draws)
@@ -324,12 +294,13 @@ def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int 
     precisions = np.concatenate([draws.precision for draws in every])
     middle, low, high = np.quantile(precisions, [0.5, *tails], weights=weights, method="inverted_cdf")
     doubt = np.where(tied, 0.0, mass @ np.array(doubts))
-    return _Model(
-        _around(wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")),
-        Estimate(float(middle), float(low), float(high)),
-        _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
-        tuple((answers.ids[i], float(doubt[i])) for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5),
-    )
+    names = [(answers.ids[i], float(doubt[i])) for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5]
+    return {
+        "error_rate": _around(wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")),
+        "precision": Estimate(float(middle), float(low), float(high)),
+        "lapse": _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
+        "doubtful": tuple(names),
+    }
 
 
 def _around(value: float, low: float, high: float) -> Estimate:

@@ -25,7 +25,8 @@ File = str | os.PathLike[str] | TextIO
 def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8], list[str]]:
     """d (n, k), y (n,) and an id a row, of the answers in a CSV file; see ``Answers.from_csv``."""
     with _opened(file, "r") as (text, name):
-        rows = csv.reader(_without_mark(text), strict=True)
+        # spreadsheets put a byte order mark at the beginning
+        rows = csv.reader((line.removeprefix("\ufeff" * (i == 0)) for i, line in enumerate(text)), strict=True)
         try:
             header = next(((rows.line_num, cells) for cells in rows if any(map(str.strip, cells))), None)
             if header is None:
@@ -43,14 +44,14 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
                 if verdict is None:
                     continue
                 numbers = [[_number(cells[i], names[i], where) for i in columns] for columns in levels]
-                d = numbers[0] if len(numbers) == 1 else [a - b for a, b in zip(*numbers, strict=True)]
-                told.append((d, verdict, cells[names.index("id")] if "id" in names else f"line {rows.line_num}"))
+                row = numbers[0] if len(numbers) == 1 else [a - b for a, b in zip(*numbers, strict=True)]
+                told.append((row, verdict, cells[names.index("id")] if "id" in names else f"line {rows.line_num}"))
         except csv.Error as error:
             raise ValueError(f"line {rows.line_num} of {name} is no CSV: {error}") from None
         except UnicodeDecodeError as error:
             raise ValueError(f"{name} is not in UTF-8 ({error}): save it as such") from None
-    rows_of_d = np.array([row[0] for row in told], dtype=np.float64).reshape(len(told), len(levels[0]))
-    return rows_of_d, np.array([row[1] for row in told], dtype=np.int8), [row[2] for row in told]
+    d = np.array([row[0] for row in told], dtype=np.float64).reshape(len(told), len(levels[0]))
+    return d, np.array([row[1] for row in told], dtype=np.int8), [row[2] for row in told]
 
 
 def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) -> None:
@@ -58,9 +59,8 @@ def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) ->
     with _opened(file, "w") as (text, _):
         rows = csv.writer(text)
         rows.writerow(["id", *(f"d_{i + 1}" for i in range(d.shape[1])), "answer"])
-        rows.writerows(
-            [name, *map(repr, row), sign] for name, row, sign in zip(ids, d.tolist(), y.tolist(), strict=True)
-        )
+        for name, row, sign in zip(ids, d.tolist(), y.tolist(), strict=True):
+            rows.writerow([name, *map(repr, row), sign])
 
 
 def _level_columns(names: list[str], k: int | None, where: str) -> list[list[int]]:
@@ -123,9 +123,3 @@ def _opened(file: File, mode: Literal["r", "w"]) -> Iterator[tuple[TextIO, str]]
             yield text, os.fspath(file)
     else:
         yield file, str(getattr(file, "name", "the file"))
-
-
-def _without_mark(lines: TextIO) -> Iterator[str]:
-    """Lines without the byte order mark that spreadsheets put at the beginning."""
-    for number, line in enumerate(lines):
-        yield line.removeprefix("\ufeff") if number == 0 else line

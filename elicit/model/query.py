@@ -94,11 +94,10 @@ class Answer:
     swapped: bool = False
 
     def __post_init__(self) -> None:
-        if self.verdict is None:
-            return
         if self.verdict == Verdict.UNKNOWN:
             raise ValueError("an answer cannot be UNKNOWN: use None where the tutor cannot tell")
-        object.__setattr__(self, "verdict", Verdict(self.verdict))
+        if self.verdict is not None:
+            object.__setattr__(self, "verdict", Verdict(self.verdict))
 
 
 @dataclass
@@ -136,9 +135,8 @@ class Answers:
     def _keep(self, d: Floats, y: NDArray[np.int8], ids: tuple[str, ...]) -> Answers:
         """Hold valid parts as they are."""
         d.flags.writeable = y.flags.writeable = False
-        object.__setattr__(self, "d", d)
-        object.__setattr__(self, "y", y)
-        object.__setattr__(self, "ids", ids)
+        for name, value in (("d", d), ("y", y), ("ids", ids)):
+            object.__setattr__(self, name, value)
         return self
 
     @staticmethod
@@ -150,13 +148,10 @@ class Answers:
     def of(answers: Sequence[Answer], k: int) -> Answers:
         """The decided ones of a list of answers; "cannot tell" teaches a comparator nothing."""
         told = [a for a in answers if a.verdict is not None]
-        if not told:
-            return Answers.none(k)
-        for answer in told:
-            if len(answer.query.left) != k:
-                found = len(answer.query.left)
-                raise ValueError(f"query {answer.query.id} is about {found} levels, but the answers are about {k}")
-        d = as_vectors(np.array([a.query.d for a in told]))
+        for query in (answer.query for answer in told):
+            if len(query.left) != k:
+                raise ValueError(f"query {query.id} is about {len(query.left)} levels, but the answers are about {k}")
+        d = as_vectors(np.array([a.query.d for a in told]).reshape(len(told), k))
         y = np.array([a.verdict for a in told], dtype=np.int8)  # an Answer's verdict is one of these
         return object.__new__(Answers)._keep(d, y, tuple(a.query.id for a in told))
 
@@ -218,11 +213,9 @@ class Answers:
         if isinstance(ids, str):
             raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
         out = {str(name) for name in ids}
-        if unknown := sorted(out.difference(self.ids)):
-            raise ValueError(
-                f"no answer here has the id {', '.join(map(repr, unknown))}: it was left out already, or belongs to "
-                "another problem; `ids` lists those that are here"
-            )
+        if unknown := ", ".join(map(repr, sorted(out.difference(self.ids)))):
+            reason = "it was left out already, or belongs to another problem; `ids` lists those that are here"
+            raise ValueError(f"no answer here has the id {unknown}: {reason}")
         stay = [row for row, name in enumerate(self.ids) if name not in out]
         return Answers(self.d[stay], self.y[stay], [self.ids[row] for row in stay])
 
@@ -247,10 +240,7 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
                 "what ask() returns now"
             )
         asked = waiting[name]
-        same = answer.query is asked or (
-            np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)
-        )
-        if not same:
+        if not (np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)):
             raise StaleAnswer(
                 f"the answer with the id {name!r} is about other vectors than the pending query of that id; answer the "
                 "very query that ask() returned (were its numbers rounded on the way?)"

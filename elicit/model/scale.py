@@ -53,8 +53,7 @@ def dominance(t: Floats) -> NDArray[np.int8]:
     """Eq. (4) on tail sums t (n, k-1): 1 where left dominates, -1 where right does, 0 where they
     are equal, 2 where neither dominates (the codes of ``Verdict``)."""
     up, down = t.min(axis=-1, initial=0.0) >= 0, t.max(axis=-1, initial=0.0) <= 0
-    codes: NDArray[np.int8] = _CODES[up.astype(np.intp) + 2 * down]
-    return codes
+    return np.asarray(_CODES[up.astype(np.intp) + 2 * down])
 
 
 def dot(t: Floats, g: Floats) -> Floats:
@@ -94,14 +93,12 @@ def normalise(values: ArrayLike) -> Floats:
 
 def gaps(values: ArrayLike) -> Floats:
     """The gaps g (k-1,) of a scale, normalised to total 1."""
-    steps: Floats = np.diff(normalise(values))
-    return steps
+    return np.diff(normalise(values))
 
 
 def values_of(g: Floats) -> Floats:
     """The scale e (k,) of gaps g (k-1,): 0, g_1, g_1 + g_2, ..."""
-    e: Floats = np.concatenate([[0.0], np.cumsum(g)])
-    return e
+    return np.concatenate([[0.0], np.cumsum(g)])
 
 
 def order_bounds(t: Floats, margin: float) -> tuple[Floats, Floats]:

@@ -73,38 +73,37 @@ class AnswerLog:
         given = {"format": FORMAT, "version": VERSION, **({} if k is None else {"k": k}), **(header or {})}
         if header and not {"format", "version", "k"}.isdisjoint(header):
             raise ValueError(f"a header's format, version and k are not free fields: {dict(header)}")
-        self._start(None if path is None else Path(path), json.loads(_dump(given, "header")))
+        self._path = None if path is None else Path(path)
+        self._header: dict[str, Any] = json.loads(_dump(given, "header"))
+        self._entries: list[Entry] = []
+        self._read_only = False
+        self._size = self._kept = 0  # bytes in the file, and those of its whole lines
+        self._joint = b""  # what the next line needs before it
         if self._path is None:
             return
         new = not self._path.exists()
         with open(self._path, "ab"):  # what cannot be written must show before the first question
             pass
-        if new:
-            _sync_directory(self._path.parent)
-        self._load(self._path.read_bytes())
-
-    def _start(self, path: Path | None, header: dict[str, Any]) -> None:
-        self._path = path
-        self._header = header
-        self._entries: list[Entry] = []
-        self._read_only = False
-        self._size = self._kept = 0  # bytes in the file, and those of its whole lines
-        self._joint = b""  # what the next line needs before it
+        if new and os.name == "posix":  # put the name on the disk too; not every system can or needs to
+            directory = os.open(self._path.parent, os.O_RDONLY)
+            try:
+                os.fsync(directory)
+            finally:
+                os.close(directory)
+        self._load(self._path)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> AnswerLog:
         """The log in a file, for reading only; the file is not touched. Raises BadLog, FileNotFoundError."""
         log = cls()
-        log._start(Path(path), {"format": FORMAT, "version": VERSION})
-        log._read_only = True
-        log._load(Path(path).read_bytes())
+        log._path, log._read_only = Path(path), True
+        log._load(log._path)
         return log
 
     @property
     def k(self) -> int | None:
         """Number of levels; None as long as nothing says so."""
-        k: int | None = self._header.get("k")
-        return k
+        return self._header.get("k")
 
     @property
     def header(self) -> dict[str, Any]:
@@ -141,9 +140,8 @@ class AnswerLog:
         self._entries.append(_entry(json.loads(line)))
 
     def retract(self, id: str, **metadata: Any) -> None:
-        """Take back all answers so far to the query of this id, by adding a line: they stay in the log,
-        marked, but are no longer among ``answers()``. On the disk when this returns; when it raises, nothing
-        has changed.
+        """Take back all answers so far to the query of this id, by adding a line: they stay in the log, marked, but are
+        no longer among ``answers()``. On the disk when this returns; when it raises, nothing has changed.
 
         metadata: any JSON, such as the reason. Raises ValueError where no answer of this id stands, and
         otherwise like ``append``.
@@ -199,7 +197,8 @@ class AnswerLog:
                 raise
         self._size = self._kept = self._kept + len(data)
 
-    def _load(self, data: bytes) -> None:
+    def _load(self, path: Path) -> None:
+        data = path.read_bytes()
         *lines, last = data.split(b"\n")
         self._size = self._kept = len(data)
         if last and _is_torn(last, first=not lines):
@@ -209,7 +208,7 @@ class AnswerLog:
             self._joint = b"\n"
         if not lines:
             return
-        self._header = _checked_header(lines[0], self._header, self._path)
+        self._header = _checked_header(lines[0], self._header, path)
         for number, line in enumerate(lines[1:], start=2):
             try:
                 fields = json.loads(line)
@@ -220,13 +219,11 @@ class AnswerLog:
             except (ValueError, TypeError, KeyError, AttributeError) as error:
                 text = line[:60].decode("utf-8", "replace")
                 why = f"it has no field {error}" if isinstance(error, KeyError) else str(error)
+                damage = f"line {number} of {path} is damaged ({why}): {text!r}. Correct or delete that line"
+                raise BadLog(damage, number) from None
+            if (found := len(entry.answer.query.left)) != self.k:
                 raise BadLog(
-                    f"line {number} of {self._path} is damaged ({why}): {text!r}. Correct or delete that line", number
-                ) from None
-            if len(entry.answer.query.left) != self.k:
-                found = len(entry.answer.query.left)
-                raise BadLog(
-                    f"line {number} of {self._path} is about {found} levels, but its header says k = {self.k}", number
+                    f"line {number} of {path} is about {found} levels, but its header says k = {self.k}", number
                 )
             self._entries.append(entry)
 
@@ -276,7 +273,7 @@ def _is_torn(line: bytes, first: bool) -> bool:
     return False
 
 
-def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path | None) -> dict[str, Any]:
+def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """The header of a file, if it is one of a log that can be continued as wanted."""
     try:
         header = json.loads(line)
@@ -297,14 +294,3 @@ def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path | None) -
                 1,
             )
     return header
-
-
-def _sync_directory(directory: Path) -> None:
-    """Put a new file's name on the disk too; not every system can or needs to."""
-    if os.name != "posix":
-        return
-    number = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)

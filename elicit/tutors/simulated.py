@@ -17,20 +17,8 @@ from elicit._support.validation import is_number, require
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, exact_dot, gaps, normalise, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
-from elicit.tutors.simulated_kernel import (
-    FLIPPING,
-    GIVEN,
-    LOGISTIC,
-    PAIRS,
-    TRUTHFUL,
-    WRONG,
-    Respondent,
-    answer,
-    nobody,
-    rehash,
-    respond_all,
-    truth,
-)
+from elicit.tutors import simulated_kernel as kernel
+from elicit.tutors.simulated_kernel import Respondent
 
 Signs = NDArray[np.int8]
 _PURPOSE = name_code("errors of a simulated tutor")
@@ -42,14 +30,15 @@ class _Simulated:
     An erring one draws one number in [0, 1) for each asking of a pair: an error where it is below the error
     probability."""
 
-    _kind = TRUTHFUL
+    _kind = kernel.TRUTHFUL
 
-    def __init__(self, values: ArrayLike, seed: Seed = 0) -> None:
+    def __init__(self, values: ArrayLike, seed: Seed = 0, rate: float = 0.0) -> None:
         self._e = normalise(values)
         self._g = gaps(values)
         self._key = np.uint64(fold(key_of(seed), _PURPOSE))
         self._pairs, self._times = np.zeros(1024, np.uint64), np.zeros(1024, np.int64)
         self._tally = np.zeros(3, dtype=np.int64)
+        self._rate = rate  # the parameter of the error law
 
     @property
     def k(self) -> int:
@@ -62,15 +51,11 @@ class _Simulated:
         return self._e.copy()
 
     @property
-    def _rate(self) -> float:
-        """The parameter of the error law."""
-        return 0.0
-
-    @property
     def realised_error_rate(self) -> float:
         """Wrong answers as a share of all answers given so far; nan before the first. To call either of
         two exactly equal vectors better is not wrong."""
-        return int(self._tally[WRONG]) / int(self._tally[GIVEN]) if self._tally[GIVEN] else float("nan")
+        given, wrong = int(self._tally[kernel.GIVEN]), int(self._tally[kernel.WRONG])
+        return wrong / given if given else float("nan")
 
     def __call__(self, query: Query) -> Answer:
         """The answer to one query. Raises ValueError if it is not about k levels."""
@@ -84,22 +69,22 @@ class _Simulated:
         t = np.ascontiguousarray(tail_sums(as_vectors(d, self.k)))
         answers, work = np.empty(len(t), dtype=np.int8), np.empty(t.shape[1])
         with np.errstate(all="ignore"):  # the hash wraps around
-            row = respond_all(t, 0, answers, work, self._respondent())
+            row = kernel.respond_all(t, 0, answers, work, self._respondent())
             while row < len(t):
-                answers[row] = answer(t[row], *_truth(t[row], self._g), work, self._respondent())
-                row = respond_all(t, row + 1, answers, work, self._respondent())
+                answers[row] = kernel.answer(t[row], *_truth(t[row], self._g), work, self._respondent())
+                row = kernel.respond_all(t, row + 1, answers, work, self._respondent())
         return answers
 
     @property
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
         whenever it has come back UNSETTLED. Nobody, for a class that has ``signs`` of its own."""
-        return self._respondent() if type(self).signs is _Simulated.signs else nobody()
+        return self._respondent() if type(self).signs is _Simulated.signs else kernel.nobody()
 
     def _respondent(self) -> Respondent:
-        while 2 * int(self._tally[PAIRS]) >= len(self._pairs):  # the table must stay half empty
+        while 2 * int(self._tally[kernel.PAIRS]) >= len(self._pairs):  # the table must stay half empty
             pairs, times = np.zeros(2 * len(self._pairs), np.uint64), np.zeros(2 * len(self._pairs), np.int64)
-            rehash(self._pairs, self._times, pairs, times)
+            kernel.rehash(self._pairs, self._times, pairs, times)
             self._pairs, self._times = pairs, times
         return Respondent(self._kind, self._g, self._rate, self._key, self._pairs, self._times, self._tally)
 
@@ -107,9 +92,8 @@ class _Simulated:
 class TruthfulTutor(_Simulated):
     """Always right: answers the exact sign of d.e, 0 (EQUAL) on an exact tie.
 
-    values (k,) is the hidden scale, increasing, in any unit. Exact means: for the float numbers
-    ``tail_sums(d)`` and ``gaps(values)``, the sign of their product in rational arithmetic.
-    Raises ValueError unless the values increase.
+    values (k,) is the hidden scale, increasing, in any unit. Exact means: for the float numbers ``tail_sums(d)`` and
+    ``gaps(values)``, the sign of their product in rational arithmetic. Raises ValueError unless the values increase.
     """
 
     def __init__(self, values: ArrayLike) -> None:
@@ -124,12 +108,12 @@ class FlippingTutor(_Simulated):
     increase and on an error rate outside [0, 1].
     """
 
-    _kind = FLIPPING
+    _kind = kernel.FLIPPING
 
     def __init__(self, values: ArrayLike, error_rate: float, seed: Seed = 0) -> None:
-        super().__init__(values, seed)
         require(is_number(error_rate, 0, 1), "error_rate", "a number between 0 and 1", error_rate)
         self.error_rate = float(error_rate)
+        super().__init__(values, seed, self.error_rate)
 
     @classmethod
     def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> FlippingTutor:
@@ -138,10 +122,6 @@ class FlippingTutor(_Simulated):
         unless 0 < rate < 1/2 and the reference allows it."""
         size = _reference_sizes(values, rate, reference)
         return cls(values, rate / float(np.mean(size > 0)), seed)
-
-    @property
-    def _rate(self) -> float:
-        return self.error_rate
 
 
 class BradleyTerryTutor(_Simulated):
@@ -154,12 +134,12 @@ class BradleyTerryTutor(_Simulated):
     ``from_error_rate``. Raises ValueError on values that do not increase and on a negative precision.
     """
 
-    _kind = LOGISTIC
+    _kind = kernel.LOGISTIC
 
     def __init__(self, values: ArrayLike, precision: float, seed: Seed = 0) -> None:
-        super().__init__(values, seed)
         require(is_number(precision, 0), "precision", "a finite number of at least 0", precision)
         self.precision = float(precision)
+        super().__init__(values, seed, self.precision)
 
     @classmethod
     def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> BradleyTerryTutor:
@@ -182,14 +162,10 @@ class BradleyTerryTutor(_Simulated):
             low, high = low / 2.0, low
         return cls(values, brentq(excess, low, high, xtol=1e-14 * low), seed)
 
-    @property
-    def _rate(self) -> float:
-        return self.precision
-
 
 def _truth(t: Floats, g: Floats) -> tuple[int, float]:
     """The exact sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g| in floats: 0 at a tie and nowhere else."""
-    sign, size = truth(t, g)
+    sign, size = kernel.truth(t, g)
     if sign != UNSETTLED:
         return sign, size
     exact = exact_dot(t, g)

@@ -67,17 +67,6 @@ def place_of(code: Any, pairs: Any) -> int:
 
 
 @compiled
-def asked_before(code: Any, pairs: Any, times: Any, tally: Any) -> int:
-    """How often a pair was asked about before, counting this time."""
-    i = place_of(code, pairs)
-    if pairs[i] == np.uint64(0):
-        pairs[i] = code
-        tally[PAIRS] += 1
-    times[i] += 1
-    return int(times[i]) - 1
-
-
-@compiled
 def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
     """Enter a table (c,) in another with more room."""
     for i in range(len(pairs)):
@@ -100,7 +89,12 @@ def answer(t: Any, sign: int, size: float, work: Any, tutor: Respondent) -> int:
     if tutor.kind == TRUTHFUL:
         return sign
     code = pair_code(tutor.key, t, work)
-    u = unit(mix(code, asked_before(code, tutor.pairs, tutor.times, tutor.tally)))
+    i = place_of(code, tutor.pairs)
+    if tutor.pairs[i] == np.uint64(0):
+        tutor.pairs[i] = code
+        tutor.tally[PAIRS] += 1
+    u = unit(mix(code, tutor.times[i]))
+    tutor.times[i] += 1
     if sign == 0:  # no answer is wrong, and the logistic law tosses a coin, but for two identical vectors
         return 0 if tutor.kind == FLIPPING else orientation(t) * (1 if u < 0.5 else -1)
     if u < (tutor.rate if tutor.kind == FLIPPING else chance(size, tutor.rate)):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -14,6 +12,8 @@ def test_keys() -> None:
     assert key_of(3) == key_of(np.int64(3)) == key_of(np.random.SeedSequence(3))
     assert key_of(3) != key_of(4)
     assert 0 <= key_of(2**80) < 2**64
+    assert 0 <= name_code("transitions") < 2**64
+    assert name_code("transitions") != name_code("exploration")
     generator, twin = np.random.default_rng(1), np.random.default_rng(1)
     assert key_of(generator) == key_of(twin) != key_of(generator)
     for bad in (None, -1, True, 1.5, "a"):
@@ -21,7 +21,7 @@ def test_keys() -> None:
             key_of(bad)
 
 
-def test_fold_is_stateless_and_broadcasts() -> None:
+def test_fold_is_splitmix64_stateless_and_broadcasts() -> None:
     key = key_of(0)
     grid = fold(key, np.arange(4)[:, None], np.arange(5))
     assert grid.shape == (4, 5)
@@ -31,11 +31,11 @@ def test_fold_is_stateless_and_broadcasts() -> None:
     assert len(np.unique(fold(key, np.arange(10_000)))) == 10_000
     assert fold(key, 1, 2) != fold(key, 2, 1)
     assert fold(2**64 - 1, 2**64 - 1) == fold(np.uint64(2**64 - 1), -1)
-
-
-def test_fold_is_splitmix64() -> None:
-    """The first outputs of SplitMix64 from state 0, as its authors' code gives them."""
+    # the first outputs of SplitMix64 from state 0, as its authors' code gives them
     assert [int(fold(0, i)) for i in range(3)] == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
+    with np.errstate(over="ignore"):  # one by one, for compiled code
+        assert mix(np.uint64(key), np.uint64(3)) == fold(key, 3)
+        assert unit(mix(np.uint64(key), np.uint64(3))) == uniform(fold(key, 3))
 
 
 def test_uniform_numbers() -> None:
@@ -47,19 +47,6 @@ def test_uniform_numbers() -> None:
     counts = np.histogram(u, 20, (0, 1))[0]
     assert abs(counts - 5000).max() < 400
     assert uniform(np.array([0, 2**64 - 1], dtype=np.uint64)).tolist() == [0, 1 - 2**-53]
-
-
-def test_names_are_numbers() -> None:
-    assert name_code("transitions") != name_code("exploration")
-    assert 0 <= name_code("transitions") < 2**64
-    fold(1, name_code("transitions"))
-
-
-def test_one_by_one_as_in_arrays() -> None:
-    key: Any = np.uint64(0xFEDCBA9876543210)
-    with np.errstate(over="ignore"):
-        assert mix(key, np.uint64(3)) == fold(key, 3)
-        assert unit(mix(key, np.uint64(3))) == uniform(fold(key, 3))
 
 
 def test_an_unordered_pair_has_one_code() -> None:

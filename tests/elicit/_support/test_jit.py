@@ -7,9 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
-import numba
 import numpy as np
 
 from elicit._support import jit
@@ -42,12 +40,13 @@ def report() -> list[str]:
     return lines
 
 
-def run(code: str, **environment: str) -> list[str]:
-    """The lines that a fresh interpreter prints; its warnings are errors."""
+def run(code: str, folder: Path | None = None, **environment: str) -> list[str]:
+    """The lines that a fresh interpreter prints, in a folder whose modules it can import; its warnings are errors."""
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         env={**os.environ, "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", **environment},
+        cwd=folder,
         capture_output=True,
         text=True,
         timeout=60,
@@ -86,10 +85,10 @@ def caller(x):
 def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
     """numba keeps ``caller`` as it was compiled while its own file stays the same."""
     (tmp_path / "caller.py").write_text(CALLER)
-    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from caller import caller; print(caller(1))"
+    code = "from caller import caller; print(caller(1))"
     for summand, result in ((1, "4"), (10, "22"), (1, "4")):
         (tmp_path / "helper.py").write_text(HELPER.format(summand))
-        assert run(code, NUMBA_CACHE_DIR=str(tmp_path / "kept"), PYTHONDONTWRITEBYTECODE="1") == [result]
+        assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), PYTHONDONTWRITEBYTECODE="1") == [result]
     assert len(list((tmp_path / "kept").iterdir())) == 2
 
 
@@ -110,29 +109,15 @@ def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
     assert place("", tmp_path) == before
 
 
-def test_the_first_call_says_what_it_waits_for(tmp_path: Path) -> None:
+def test_the_first_call_says_what_it_waits_for_and_numbas_settings_stay(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text(HELPER.format(1))
-    code = (
-        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); sys.stderr = sys.stdout; import helper; helper.helper(1)"
-    )
-    again = "; helper.helper(1.5)"
     kept = str(tmp_path / "kept")
-    said = run(code + again, NUMBA_CACHE_DIR=kept)
-    assert len(said) == 1
-    assert "compiling" in said[0]
-    assert run(code + again, NUMBA_CACHE_DIR=kept) == []
-
-
-def test_numbas_own_settings_are_left_as_they_were() -> None:
-    before = str(numba.config.CACHE_DIR)
-    twice: Any = jit.compiled(_twice)
-    after = str(numba.config.CACHE_DIR)
-    assert after == before
-    assert twice(4) == 8
-
-
-def _twice(x: int) -> int:
-    return 2 * x
+    code = "import sys, numba, helper; sys.stderr = sys.stdout; helper.helper(1); helper.helper(1.5)"
+    show = "; print(numba.config.CACHE_DIR)"
+    said, settings = run(code + show, tmp_path, NUMBA_CACHE_DIR=kept)
+    assert "compiling" in said
+    assert settings == kept
+    assert run(code, tmp_path, NUMBA_CACHE_DIR=kept) == []
 
 
 def test_where_nothing_can_be_written_it_works_all_the_same() -> None:
@@ -147,4 +132,4 @@ def test_where_nothing_can_be_written_it_works_all_the_same() -> None:
         def half(x): return x / 2
         print(compiled(half)(4.0))
     """
-    assert run(code.replace("def half", "import elicit._support.jit\n        def half")) == ["2.0"]
+    assert run(code) == ["2.0"]

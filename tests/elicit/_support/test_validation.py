@@ -36,16 +36,13 @@ def test_numbers_and_their_limits(value: Any) -> None:
     assert not is_whole(value, 4)
 
 
-def test_ranges() -> None:
+def test_ranges_and_what_is_refused() -> None:
     assert is_range((1, 1))
     assert is_range([0.1, 2.0], 0.1, 2.0)
     assert not is_range((2, 1))
     assert not is_range((1, 2, 3))
     assert not is_range((0, 1), least=0.5)
     assert not is_range((0, 1), most=0.5)
-
-
-def test_what_is_refused_is_named() -> None:
     require(True, "x", "a number", "a")
     with pytest.raises(ValueError, match="x must be a number, not 'a'"):
         require(False, "x", "a number", "a")
@@ -69,9 +66,7 @@ def test_what_is_no_mdp_or_has_other_levels(learner: Any) -> None:
     mdp, values = qlearn.random_mdp(4, 2, 3, rng=0)
     with pytest.raises(TypeError, match="an OrdinalMDP is wanted, not None"):
         learner(None, elicit.PolytopeComparator(3))
-    with pytest.raises(
-        TypeError, match=r"an OrdinalMDP is wanted, not PolytopeComparator\(k=3, margin=1e-06, 0 answers\)"
-    ):
+    with pytest.raises(TypeError, match=r"an OrdinalMDP is wanted, not PolytopeComparator\(k=3"):
         learner(elicit.PolytopeComparator(3), mdp)
     with pytest.raises(ValueError, match="the MDP has 3 levels, but the comparator was made for k = 4"):
         learner(mdp, elicit.PolytopeComparator(4))

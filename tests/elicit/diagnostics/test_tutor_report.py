@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from dataclasses import dataclass, field
 
@@ -11,26 +10,17 @@ import pytest
 from scipy.special import betaincinv, expit, gammaln
 from scipy.stats import binomtest
 
-from elicit import (
-    AlwaysAsk,
-    Answer,
-    AnswerLog,
-    Answers,
-    BradleyTerryComparator,
-    BradleyTerryTutor,
-    Dominance,
-    FlippingTutor,
-    InconsistentAnswers,
-    PolytopeComparator,
-    PosteriorComparator,
-    Query,
-    TruthfulTutor,
-    Verdict,
-)
-from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION
+from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.diagnostics.held_out import compare_held_out, held_out, wilson
 from elicit.diagnostics.tutor_report import exact_share, tutor_report
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import dominance, tail_sums
+from elicit.tutors.answer_log import AnswerLog
+from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from tests.noisy_cases import log_terms
 
 FAST = 40  # particles enough for a rough check
 
@@ -68,16 +58,10 @@ def test_intervals_cover_what_simulated_tutors_are(name):
         tutor, d = make(scale(5, rng), seed), differences(5, 80, rng, 20)
         report = tutor_report(Answers(d, tutor.signs(d)), particles=FAST, seed=seed)
         true = tutor.realised_error_rate
-        for i, (estimate, wanted) in enumerate(
-            [
-                (report.error_rate, true),
-                (report.error_rate_repeated, true),
-                (report.lapse, lapse),
-                (report.precision, precision),
-            ]
-        ):
-            assert estimate.low <= estimate.value <= estimate.high
-            covered[i] += estimate.low - 1e-12 <= wanted <= estimate.high + 1e-12
+        found = np.array([report.error_rate, report.error_rate_repeated, report.lapse, report.precision])
+        assert ((found[:, 1] <= found[:, 0]) & (found[:, 0] <= found[:, 2])).all()
+        wanted = np.array([true, true, lapse, precision])
+        covered += (found[:, 1] - 1e-12 <= wanted) & (wanted <= found[:, 2] + 1e-12)
         estimates.append((report.error_rate.value - true, report.error_rate.high - report.error_rate.low))
     # of 30 intervals that hold with probability .95, fewer than 26 do once in 60 times
     assert (covered[:3] >= 26).all()
@@ -103,19 +87,15 @@ def by_quadrature(answers):
     ) * np.gradient(u)
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
     tied = answers.y == 0
-    scores = t[:, :1] * first + t[:, 1:] * second
-    density = np.empty((len(u), len(log_c), len(lapses)))
-    for j, c in enumerate(np.exp(log_c)):
-        sigma = expit(c * scores)
-        for i, lapse in enumerate(lapses):
-            logs, others = np.log(lapse / 2 + (1 - lapse) * sigma), np.log(lapse / 2 + (1 - lapse) * (1 - sigma))
-            density[:, j, i] = np.where(tied[:, None], (logs + others) / 2, logs).sum(axis=0)
+    gaps, density = np.stack([first, second], axis=1), np.empty((len(u), len(log_c), len(lapses)))
+    for j, i in np.ndindex(density.shape[1:]):
+        density[:, j, i] = log_terms(np.exp(log_c[j]) * gaps, t, tied, lapses[i]).sum(axis=1)
     density = np.exp(density - density.max()) * prior[:, None, None]
     density *= (1 - lapses) ** 3 * np.exp(-(((log_c - np.log(30.0)) / 2.5) ** 2) / 2)[:, None]
     density /= density.sum()
     of_u, of_c = density.sum(axis=(1, 2)), density.sum(axis=(0, 2))
     quantiles = np.exp(np.interp([0.5, 0.025, 0.975], np.cumsum(of_c) - of_c / 2, log_c))
-    wrong = (scores < 0) @ of_u
+    wrong = (t @ gaps.T < 0) @ of_u
     return density.sum(axis=(0, 1)) @ lapses, quantiles, wrong[~tied].mean(), wrong
 
 
@@ -129,14 +109,12 @@ def test_the_model_agrees_with_a_sum_over_all_scales(make):
     lapse, precision, error_rate, wrong = by_quadrature(answers)
     report = tutor_report(answers, particles=1000)
     assert report.lapse.value == pytest.approx(lapse, abs=0.02)
-    assert report.precision.value == pytest.approx(precision[0], rel=0.35)
-    assert report.precision.low == pytest.approx(precision[1], rel=0.35)
+    assert report.precision[:2] == pytest.approx(precision[:2], rel=0.35)
     assert report.precision.high == pytest.approx(precision[2], rel=1.0)  # far out in the prior's tail
     assert report.error_rate.value == pytest.approx(error_rate, abs=0.01)
     found = dict(report.doubtful)
-    for row in range(3, 30):
-        assert found.get(str(row), 0.0) == pytest.approx(wrong[row] if str(row) in found else 0.0, abs=0.06)
-        assert (str(row) in found) == (wrong[row] > 0.5) or abs(wrong[row] - 0.5) < 0.06
+    assert {str(row) for row in range(3, 30) if wrong[row] > 0.56} <= found.keys()
+    assert [found[name] for name in found] == pytest.approx([wrong[int(name)] for name in found], abs=0.06)
     assert list(found.values()) == sorted(found.values(), reverse=True)
 
 
@@ -159,24 +137,21 @@ def queries(d):
 
 def test_repeated_questions_count_in_independent_couples_either_way_round():
     a, b, c = [1.0, -2.0, 1.0], [0.5, -1.5, 1.0], [1.0, -1.5, 0.5]
-    minus = lambda d: [-x for x in d]  # noqa: E731
-    d = [a, minus(a), b, a, minus(b), b, a, [0.0, 0.0, 0.0], c, [0.0, 0.0, 0.0], c]
+    d = np.array([a, a, b, a, b, b, a, [0.0, 0.0, 0.0], c, [0.0, 0.0, 0.0], c])
+    d[[1, 4]] *= -1
     y = [1, -1, 1, 1, 1, 0, -1, 1, 0, -1, 0]
     report = tutor_report(Answers(d, y), particles=FAST)
     # a: (+, +), (+, -); b: (+, -), and a tie left over; c: (0, 0); nothing against nothing is no question
     assert (report.repeated, report.couples) == (3, 4)
     assert report.consistency == exact_share(2, 4)
-    q = exact_share(2, 3)
-    assert report.error_rate_repeated.value == 0.5, "they differ more often than coins would"
-    assert report.error_rate_repeated.high == 0.5
-    low = report.error_rate_repeated.low
-    assert 2 * low * (1 - low) == pytest.approx(q.low)
+    value, low, high = report.error_rate_repeated
+    assert value == high == 0.5, "they differ more often than coins would"
+    assert 2 * low * (1 - low) == pytest.approx(exact_share(2, 3).low)
     assert (report.answers, report.ties) == (11, 3)
 
     nothing = tutor_report(Answers([a, b], [1, 1]), particles=FAST)
     assert (nothing.repeated, nothing.couples) == (0, 0)
-    assert math.isnan(nothing.consistency.value)
-    assert math.isnan(nothing.error_rate_repeated.value)
+    assert np.isnan([nothing.consistency, nothing.error_rate_repeated]).all()
     assert "no question was asked twice" in str(nothing)
 
 
@@ -185,8 +160,7 @@ def test_answers_against_the_order_of_the_levels_are_counted():
     report = tutor_report(Answers(d, [1, 1, -1, 0, 1]), particles=FAST)
     assert (report.by_order, report.against_order) == (3, 2)
     assert "2 of 3 answers that the order of the levels settles defy it" in str(report)
-    assert {name for name, _ in report.doubtful} == {"1", "2"}, "no scale agrees with these"
-    assert [p for _, p in report.doubtful] == pytest.approx([1.0, 1.0])
+    assert dict(report.doubtful) == pytest.approx({"1": 1.0, "2": 1.0}), "no scale agrees with these"
     assert report.error_rate.low >= 0.5
 
 
@@ -207,21 +181,18 @@ def test_a_bias_to_the_side_shown_left():
         told = sided_log(bias)
         report = tutor_report(told, particles=FAST)
         left = sum((answer.verdict == 1) != answer.swapped for answer in told)
-        assert report.sided == len(told)
-        assert report.exchanged == sum(answer.swapped for answer in told)
+        assert (report.sided, report.exchanged) == (len(told), sum(answer.swapped for answer in told))
         assert report.left_share == exact_share(left, len(told))
         assert report.left_p == pytest.approx(binomtest(left, len(told)).pvalue)
         assert (report.left_p < 0.05) == (bias > 0)
         assert (": a bias" if bias else ": no sign of a bias") in str(report)
         assert report.left_share.low <= 0.5 + bias / 2 <= report.left_share.high
     left_first = tutor_report(sided_log(0.0, n=20, exchange=0.0), particles=FAST)
-    assert left_first.sided == 20
-    assert math.isnan(left_first.left_p)
+    assert (left_first.sided, math.isnan(left_first.left_p)) == (20, True)
     assert "never exchanged" in str(left_first)
     bare = tutor_report(Answers.of(told, 4), particles=FAST)
     assert (bare.sided, bare.exchanged) == (0, 0)
-    assert math.isnan(bare.left_share.value)
-    assert math.isnan(bare.left_p)
+    assert np.isnan([bare.left_share.value, bare.left_p]).all()
     assert "give the log" in str(bare)
     assert bare.error_rate == report.error_rate, "the model needs no sides"
 
@@ -230,8 +201,7 @@ def test_all_that_a_log_holds_is_counted():
     rng = np.random.default_rng(4)
     asked = queries(differences(3, 8, rng))
     log = AnswerLog(k=3)
-    for i, query in enumerate(asked):
-        verdict = None if i == 1 else Verdict.EQUAL if i == 2 else Verdict.BETTER
+    for i, (query, verdict) in enumerate(zip(asked, [1, None, 0, 1, 1, 1, 1, 1], strict=True)):
         log.append(Answer(query, verdict), used=i not in (4, 5))
     log.retract("q3")
     log.retract("q5")
@@ -250,8 +220,7 @@ def test_all_that_a_log_holds_is_counted():
 
 def test_reports_on_next_to_nothing():
     for empty in (tutor_report([], k=3), tutor_report(AnswerLog(k=3)), tutor_report(Answers.none(3))):
-        assert (empty.k, empty.answers) == (3, 0)
-        assert math.isnan(empty.error_rate.value)
+        assert (empty.k, empty.answers, math.isnan(empty.error_rate.value)) == (3, 0, True)
         assert "no answer prefers a side" in str(empty)
         assert "nan" not in str(empty)
     tie = tutor_report(Answers([[1.0, -2.0, 1.0]], [0]))
@@ -271,9 +240,8 @@ def test_a_report_is_a_function_of_its_arguments():
     narrow = tutor_report(answers, particles=FAST, seed=1, level=0.5)
     for name in ("lapse", "precision", "consistency"):
         inner, outer = getattr(narrow, name), getattr(first, name)
-        assert outer.low <= inner.low
-        assert inner.high <= outer.high
-        assert inner.high - inner.low < outer.high - outer.low
+        assert outer.low <= inner.low <= inner.high <= outer.high
+        assert inner[1:] != outer[1:]
     sure = tutor_report(Answers([[1.0, -3.0, 2.0]], [1]), particles=FAST, prior=["e3 >= 4*e2"])
     assert sure.error_rate.value == 0.0, "the prior forces it"
 
@@ -300,9 +268,6 @@ def test_a_report_is_a_function_of_its_arguments():
 def test_what_cannot_be_reported_is_said(call, complaint):
     with pytest.raises(ValueError, match=complaint):
         call()
-
-
-def test_a_path_is_no_log():
     with pytest.raises(TypeError, match=r"AnswerLog\.read"):
         tutor_report("answers.jsonl")
 
@@ -342,8 +307,7 @@ def test_folds_never_show_a_pair_that_is_asked():
         assert [row[2] for row in known] == sorted((row[2] for row in known), key=int), "in told order"
         assert 40 - 2 * math.ceil(30 / 7) <= len(known) < 40
     assert (score.scored, score.ties, score.decided.value) == (40, 0, 0.0)
-    assert math.isnan(score.accuracy.value)
-    assert math.isnan(score.log_likelihood.value)
+    assert np.isnan([score.accuracy.value, score.log_likelihood.value]).all()
     other = Recorder(4)
     held_out(other, answers, folds=7, seed=1)
     assert {known for _, known in other.asked} != trainings
@@ -353,8 +317,7 @@ def test_answer_by_answer_each_is_foretold_from_those_before():
     answers, recorder = a_log(n=12), Recorder(4)
     held_out(recorder, answers, "sequential")
     assert [d for d, _ in recorder.asked] == list(map(tuple, answers.d.tolist()))
-    assert [len(known) for _, known in recorder.asked] == list(range(12))
-    assert [row[2] for row in recorder.asked[-1][1]] == list(answers.ids[:-1])
+    assert [[row[2] for row in known] for _, known in recorder.asked] == [list(answers.ids[:i]) for i in range(12)]
     assert held_out(recorder, Answers.none(4), "sequential").scored == 0
 
 
@@ -405,8 +368,7 @@ class Sure(Recorder):
 
 def test_a_probability_of_zero_is_not_smoothed_over():
     score = held_out(Sure(4), Answers([[0, 1, 0, -1], [1, 0, 0, -1], [0, 1, -1, 0]], [1, 1, -1]), "sequential")
-    assert score.log_likelihood.value == -math.inf
-    assert score.log_likelihood.low == -math.inf
+    assert score.log_likelihood[:2] == (-math.inf, -math.inf)
     assert "-inf" in str(score)
 
 
@@ -441,8 +403,7 @@ def test_comparators_side_by_side():
     table = compare_held_out(models, answers, 4, seed=3)
     assert list(table) == list(models)
     for name, model in models.items():
-        alone = held_out(model, answers, 4, seed=3)
-        assert repr(table[name]) == repr(alone)
+        assert repr(table[name]) == repr(held_out(model, answers, 4, seed=3))
     assert table["posterior"].accuracy.value > table["polytope"].accuracy.value + 0.05, "the reliable tutor errs"
     assert table["posterior"].decided.value > table["order"].decided.value
     lines = str(table).splitlines()
@@ -453,11 +414,3 @@ def test_comparators_side_by_side():
     assert lines[2].split("  ")[-1].strip() == "-", "a polytope has no probabilities"
     assert lines[4] == "posterior: 80 answers held out in 4 folds, 0 ties not scored"
     assert len(compare_held_out({}, answers)) == 0
-
-
-def test_a_log_goes_from_csv_to_report():
-    answers = a_log(n=24)
-    file = io.StringIO()
-    answers.to_csv(file)
-    file.seek(0)
-    assert repr(tutor_report(Answers.from_csv(file), particles=FAST)) == repr(tutor_report(answers, particles=FAST))

@@ -19,6 +19,7 @@ from elicit.model.tutor import Tutor
 from elicit.testing import check_tutor
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
+from tests.noisy_cases import differences
 
 HIDDEN = np.array([3, 10, 11, 40, 99])
 
@@ -29,13 +30,9 @@ def query(d, name="q"):
 
 
 def by_fractions(d, values):
-    t, g = tail_sums(np.asarray(d, dtype=float)), gaps(values)
-    total = sum((Fraction(float(a)) * Fraction(float(b)) for a, b in zip(t, g, strict=True)), Fraction())
+    parts = zip(tail_sums(np.asarray(d, dtype=float)), gaps(values), strict=True)
+    total = sum(Fraction(float(a)) * Fraction(float(b)) for a, b in parts)
     return (total > 0) - (total < 0)
-
-
-def shares(rng, n, k):
-    return rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
 
 
 NOISY = [lambda seed: FlippingTutor(HIDDEN, 0.3, seed), lambda seed: BradleyTerryTutor(HIDDEN, 4.0, seed)]
@@ -50,31 +47,17 @@ def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
     rng = np.random.default_rng(k)
     values = np.sort(rng.random(k))
     g = gaps(values)
-    rows = []
-    for d in shares(rng, 60, k):
-        t = tail_sums(d)
-        d[1] -= (t @ g) / g[0]
-        for ulps in (-2, -1, 0, 1, 2):
-            near = d.copy()
-            near[1] += ulps * np.spacing(near[1])
-            rows.append(near)
-    rows = np.array(rows)
+    d = differences(rng, k, 60)
+    d[:, 1] -= (tail_sums(d) @ g) / g[0]
+    rows = np.repeat(d, 5, axis=0)
+    rows[:, 1] += np.tile(range(-2, 3), 60) * np.spacing(rows[:, 1])
     wanted = [by_fractions(row, values) for row in rows]
     assert len(set(wanted)) > 1
     assert (np.sign(tail_sums(rows) @ g) != wanted).any(), "these cases do not need exact arithmetic"
     assert TruthfulTutor(values).signs(rows).tolist() == wanted
 
 
-def test_exact_ties_are_equal():
-    tutor = TruthfulTutor([0, 1, 2, 4])
-    assert tutor(query([1, -2, 1, 0])).verdict is Verdict.EQUAL
-    assert tutor.signs([[0.5, 0, -1, 0.5], [0, 0, 0, 0], [-1, 1, 0, 0]]).tolist() == [0, 0, 1]
-
-
-@given(
-    st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=2, max_size=6),
-    st.data(),
-)
+@given(st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=2, max_size=6), st.data())
 @settings(max_examples=150, deadline=None)
 def test_any_finite_difference_gets_its_exact_sign(d, data):
     steps = data.draw(st.lists(st.floats(1e-3, 1e3), min_size=len(d) - 1, max_size=len(d) - 1))
@@ -82,35 +65,33 @@ def test_any_finite_difference_gets_its_exact_sign(d, data):
     tutor = TruthfulTutor(values)
     wanted = by_fractions(d, values)
     assert tutor.signs([d]).tolist() == [wanted]
-    assert tutor(query(d)).verdict == wanted
-    assert tutor(query([-x for x in d])).verdict == -wanted
-    assert math.isclose(tutor.realised_error_rate, 0.0)
+    assert [tutor(query(row)).verdict for row in (d, [-x for x in d])] == [wanted, -wanted]
+    assert tutor.realised_error_rate == 0
 
 
 @pytest.mark.parametrize("tiny", [5e-324, 1e-310, 1e-300])
 def test_differences_that_underflow(tiny):
-    values = [0, 1, 10]
-    assert TruthfulTutor(values)(query([-tiny, tiny, 0])).verdict is Verdict.BETTER
-    assert TruthfulTutor(values)(query([0, 2 * tiny, -tiny])).verdict == by_fractions([0, 2 * tiny, -tiny], values)
+    rows = [[-tiny, tiny, 0], [0, 2 * tiny, -tiny]]
+    assert TruthfulTutor([0, 1, 10]).signs(rows).tolist() == [1, by_fractions(rows[1], [0, 1, 10])]
 
 
 def test_values_are_normalised_and_their_unit_does_not_matter():
     tutor = TruthfulTutor(HIDDEN)
     assert tutor.k == 5
-    assert tutor.values[0] == 0
-    assert tutor.values[-1] == 1
-    assert np.allclose(tutor.values, (HIDDEN - 3) / 96)
-    d = shares(np.random.default_rng(0), 50, 5)
+    tutor.values[0] = 5.0  # of a copy
+    assert tutor.values == pytest.approx((HIDDEN - 3) / 96)
+    d = differences(np.random.default_rng(0), 5, 50)
     assert (TruthfulTutor(HIDDEN * 7.0 - 5).signs(d) == tutor.signs(d)).all()
-    tutor.values[0] = 5.0
-    assert tutor.values[0] == 0
+
+
+MAKERS = [TruthfulTutor, lambda values: FlippingTutor(values, 0.1), lambda values: BradleyTerryTutor(values, 1.0)]
 
 
 @pytest.mark.parametrize("values", [[0, 0, 1], [1, 0], [0], [0, np.nan], [[0, 1]]])
-def test_bad_values(values):
-    for make in (TruthfulTutor, lambda v: FlippingTutor(v, 0.1, 0), lambda v: BradleyTerryTutor(v, 1.0, 0)):
-        with pytest.raises(ValueError, match="values"):
-            make(values)
+@pytest.mark.parametrize("make", MAKERS)
+def test_bad_values(make, values):
+    with pytest.raises(ValueError, match="values"):
+        make(values)
 
 
 @pytest.mark.parametrize("tutor", [TruthfulTutor(HIDDEN), *(make(1) for make in NOISY)])
@@ -128,7 +109,7 @@ def test_a_query_about_other_levels(tutor):
 @pytest.mark.parametrize("make", [lambda s: TruthfulTutor(HIDDEN), *NOISY])
 def test_many_at_once_is_one_by_one(make):
     rng = np.random.default_rng(0)
-    d = shares(rng, 60, 5)
+    d = differences(rng, 5, 60)
     d = np.concatenate([d, -d[:20], d[:20], np.zeros((2, 5)), [[0, 0, 7, -8, 1]]])
     together, apart = make(3), make(3)
     signs = together.signs(d)
@@ -142,38 +123,27 @@ def test_many_at_once_is_one_by_one(make):
 
 @pytest.mark.parametrize("make", NOISY)
 def test_errors_do_not_depend_on_the_order_of_asking(make):
-    d = shares(np.random.default_rng(1), 100, 5)
+    d = differences(np.random.default_rng(1), 5, 100)
     shuffled = np.random.default_rng(2).permutation(100)
     assert (make(5).signs(d)[shuffled] == make(5).signs(d[shuffled])).all()
     late = make(5)
-    asked = [late.signs(d), late.signs(shares(np.random.default_rng(3), 1500, 5)), late.signs(d)]
-    assert [*asked[0], *asked[2]] == make(5).signs(np.concatenate([d, d])).tolist(), (
-        "however many others are in between"
-    )
+    asked = [late.signs(d), late.signs(differences(np.random.default_rng(3), 5, 1500)), late.signs(d)]
+    together = make(5).signs(np.concatenate([d, d])).tolist()
+    assert [*asked[0], *asked[2]] == together, "however many others are in between"
 
 
 @pytest.mark.parametrize("make", NOISY)
 def test_the_mirrored_pair_gets_the_mirrored_answer(make):
-    d = shares(np.random.default_rng(1), 200, 5)
-    assert (make(5).signs(-d) == -make(5).signs(d)).all()
-    # also as the second asking, whichever way round the first was
+    d = differences(np.random.default_rng(1), 5, 200)
     straight, turned = make(5), make(5)
-    straight.signs(d)
-    turned.signs(-d)
+    assert (straight.signs(-d) == -turned.signs(d)).all()
+    # also as the second asking, whichever way round the first was
     assert (straight.signs(d) == turned.signs(d)).all()
 
 
 @pytest.mark.parametrize("make", NOISY)
-def test_asking_again_draws_again(make):
-    tutor, d = make(5), shares(np.random.default_rng(1), 1, 5)
-    answers = tutor.signs(np.repeat(d, 200, axis=0))
-    assert set(answers.tolist()) == {-1, 1}
-    assert make(5).signs(d)[0] == answers[0]
-
-
-@pytest.mark.parametrize("make", NOISY)
 def test_seeds(make):
-    d = shares(np.random.default_rng(1), 200, 5)
+    d = differences(np.random.default_rng(1), 5, 200)
     assert (make(5).signs(d) == make(5).signs(d)).all()
     assert (make(5).signs(d) != make(6).signs(d)).any()
     assert (make(np.random.default_rng(4)).signs(d) == make(np.random.default_rng(4)).signs(d)).all()
@@ -181,68 +151,62 @@ def test_seeds(make):
         make(None)
 
 
-def test_signed_zeros_are_one_pair():
-    d = np.array([[0.25, 0.0, -0.5, 0.0, 0.25]])
-    minus = np.where(d == 0, -0.0, d)
-    for make in NOISY:
-        first, second = make(1), make(1)
-        assert [first.signs(d)[0] for _ in range(30)] == [second.signs(minus)[0] for _ in range(30)]
+@pytest.mark.parametrize("make", NOISY)
+def test_asking_again_draws_again_and_signed_zeros_are_one_pair(make):
+    d = np.array([[0.25, 0.0, -0.5, 0.0, 0.25]] * 100)
+    answers = make(5).signs(d)
+    assert set(answers.tolist()) == {-1, 1}
+    assert (make(5).signs(np.where(d == 0, -0.0, d)) == answers).all()
 
 
 def test_errors_grow_with_the_error_rate():
     """A pair answered wrongly by a careful tutor is answered wrongly by a careless one of the same seed."""
-    d = shares(np.random.default_rng(1), 2000, 5)
+    d = differences(np.random.default_rng(1), 5, 2000)
     truth = TruthfulTutor(HIDDEN).signs(d)
-    for tutors in (
-        [FlippingTutor(HIDDEN, r, 1) for r in (0.05, 0.1, 0.3)],
-        [BradleyTerryTutor(HIDDEN, c, 1) for c in (30, 10, 2)],
-    ):
-        wrong = [tutor.signs(d) != truth for tutor in tutors]
-        assert (wrong[0] <= wrong[1]).all()
-        assert (wrong[1] <= wrong[2]).all()
+    for make, careless in ((FlippingTutor, (0.05, 0.1, 0.3)), (BradleyTerryTutor, (30, 10, 2))):
+        wrong = [make(HIDDEN, setting, 1).signs(d) != truth for setting in careless]
+        assert ((wrong[0] <= wrong[1]) & (wrong[1] <= wrong[2])).all()
         assert wrong[0].sum() < wrong[1].sum() < wrong[2].sum()
 
 
-def test_a_precise_tutor_is_truthful_and_precision_0_is_a_coin():
-    d = shares(np.random.default_rng(1), 4000, 5)
+def test_a_precise_tutor_is_truthful():
+    d = differences(np.random.default_rng(1), 5, 4000)
     assert (BradleyTerryTutor(HIDDEN, 1e9, 1).signs(d) == TruthfulTutor(HIDDEN).signs(d)).all()
-    assert abs(np.mean(BradleyTerryTutor(HIDDEN, 0.0, 1).signs(d) == TruthfulTutor(HIDDEN).signs(d)) - 0.5) < 0.04
 
 
-def test_bradley_terry_is_equation_6():
-    """1 / (1 + exp(-c d.e)), at one difference asked often."""
+@pytest.mark.parametrize("precision", [0.0, 6.0])
+def test_bradley_terry_is_equation_6(precision):
+    """1 / (1 + exp(-c d.e)), at one difference asked often; with precision 0 a coin."""
     d = np.array([-0.3, 0.1, 0.2, 0.15, -0.15])
-    tutor = BradleyTerryTutor(HIDDEN, 6.0, 11)
-    n = 20_000
+    tutor, n = BradleyTerryTutor(HIDDEN, precision, 11), 20_000
     share = np.mean(tutor.signs(np.repeat(d[None], n, axis=0)) == 1)
-    p = 1 / (1 + math.exp(-6.0 * float(d @ tutor.values)))
+    p = expit(precision * d @ tutor.values)
     assert abs(share - p) < 4 * math.sqrt(p * (1 - p) / n)
 
 
 def test_exact_ties():
-    tie, same = [[1, -2, 1, 0]], [[0, 0, 0, 0]]
-    values = [0, 1, 2, 4]
-    assert FlippingTutor(values, 1.0, 0).signs(tie * 20).tolist() == [0] * 20
+    values, ties = [0, 1, 2, 4], np.array([[1, -2, 1, 0]] * 4000)
+    assert TruthfulTutor(values)(query(ties[0])).verdict is Verdict.EQUAL
+    assert not FlippingTutor(values, 1.0, 0).signs(ties).any()
     coin = BradleyTerryTutor(values, 5.0, 0)
-    tossed = coin.signs(np.array(tie * 4000)).tolist()
-    assert abs(tossed.count(1) - 2000) < 130
-    assert tossed.count(0) == 0
+    tossed = coin.signs(ties)
+    assert abs(tossed.sum()) < 260
+    assert (tossed != 0).all()
     assert coin.realised_error_rate == 0
-    assert BradleyTerryTutor(values, 5.0, 0).signs(-np.array(tie * 4000)).tolist() == [-y for y in tossed]
+    assert (BradleyTerryTutor(values, 5.0, 0).signs(-ties) == -tossed).all()
     for tutor in (coin, FlippingTutor(values, 1.0, 0), TruthfulTutor(values)):
-        assert tutor.signs(same).tolist() == [0]
+        assert tutor.signs([[0, 0, 0, 0]]).tolist() == [0]
 
 
 def test_a_tie_in_floats_that_is_none_can_be_answered_wrongly():
     """Where float sums say 0 but the exact product does not, there is a wrong answer, and it is counted."""
     values = [0.0, 0.1, 0.3, 0.6, 1.0]
     g = gaps(values)
-    hard = []
-    for d in shares(np.random.default_rng(0), 4000, 5):
-        d[1] -= (tail_sums(d) @ g) / g[0]
-        if (tail_sums(d) * g).sum() == 0 and exact_dot(tail_sums(d), g):
-            hard.append(d)
-    assert hard
+    d = differences(np.random.default_rng(0), 5, 4000)
+    d[:, 1] -= (tail_sums(d) @ g) / g[0]
+    t = tail_sums(d)
+    hard = d[[(row * g).sum() == 0 and exact_dot(row, g) != 0 for row in t]]
+    assert len(hard)
     tutor = FlippingTutor(values, 1.0, 0)
     assert (tutor.signs(hard) == -TruthfulTutor(values).signs(hard)).all()
     assert tutor.realised_error_rate == 1.0
@@ -251,16 +215,13 @@ def test_a_tie_in_floats_that_is_none_can_be_answered_wrongly():
 def test_realised_error_rate_counts_every_answer():
     tutor = FlippingTutor(HIDDEN, 0.25, 2)
     assert math.isnan(tutor.realised_error_rate)
-    d = shares(np.random.default_rng(1), 400, 5)
+    d = differences(np.random.default_rng(1), 5, 400)
     truth = TruthfulTutor(HIDDEN).signs(d)
     wrong = sum(tutor(query(row)).verdict != y for row, y in zip(d[:100], truth[:100], strict=True))
     assert tutor.realised_error_rate == wrong / 100
     wrong += int((tutor.signs(d[100:]) != truth[100:]).sum())
     assert tutor.realised_error_rate == wrong / 400
     assert abs(wrong / 400 - 0.25) < 0.09
-    truthful = TruthfulTutor(HIDDEN)
-    truthful.signs(d)
-    assert truthful.realised_error_rate == 0
 
 
 # --- as plain arrays, for compiled loops
@@ -268,7 +229,7 @@ def test_realised_error_rate_counts_every_answer():
 
 @pytest.mark.parametrize("make", [lambda s: TruthfulTutor(HIDDEN), *NOISY])
 def test_a_respondent_says_what_its_tutor_says(make):
-    d = shares(np.random.default_rng(3), 1500, 5)
+    d = differences(np.random.default_rng(3), 5, 1500)
     tie = [[0.0, 5.0, -5.0 - 1 / 29, 1 / 29, 0.0]]
     d = np.concatenate([d, d[:50], -d[:50], d[:20], tie])  # asked again, and the other way round
     asked, told, said, left = make(5), make(5), [], 0
@@ -300,26 +261,20 @@ def test_a_class_with_signs_of_its_own_is_no_respondent():
 def test_the_expected_error_rate_is_the_one_asked_for(k, rate):
     rng = np.random.default_rng(k)
     values = np.sort(rng.choice(100, k, replace=False))
-    reference = shares(rng, 500, k)
+    reference = differences(rng, k, 500)
     tutor = BradleyTerryTutor.from_error_rate(values, rate, reference)
     de = tail_sums(reference) @ gaps(values)
     assert expit(-tutor.precision * np.abs(de)).mean() == pytest.approx(rate, rel=1e-6)
-    assert FlippingTutor.from_error_rate(values, rate, reference, seed=4).error_rate == rate
-
-
-@pytest.mark.parametrize("make", [FlippingTutor, BradleyTerryTutor])
-@pytest.mark.parametrize("rate", [0.05, 0.15, 0.4])
-def test_realised_and_nominal_error_rate(make, rate):
-    rng = np.random.default_rng(8)
-    reference = shares(rng, 4000, 5)
-    tutor = make.from_error_rate(HIDDEN, rate, reference, seed=9)
-    tutor.signs(shares(rng, 20_000, 5))
-    assert abs(tutor.realised_error_rate - rate) < 4 * math.sqrt(rate * (1 - rate) / 4000)
+    flipping = FlippingTutor.from_error_rate(values, rate, reference, seed=4)
+    assert flipping.error_rate == rate
+    for one in (tutor, flipping):
+        one.signs(np.tile(reference, (10, 1)))
+        assert abs(one.realised_error_rate - rate) < 4 * math.sqrt(rate * (1 - rate) / 5000)
 
 
 @pytest.mark.parametrize("scale", [1e-200, 1e-6, 1e6])
 def test_the_length_of_the_reference_sets_the_precision(scale):
-    reference = shares(np.random.default_rng(8), 300, 5)
+    reference = differences(np.random.default_rng(8), 5, 300)
     plain = BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference).precision
     assert BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference * scale).precision * scale == pytest.approx(plain)
 
@@ -340,23 +295,20 @@ def test_ties_in_the_reference_are_no_errors():
 
 
 @pytest.mark.parametrize("rate", [0, 0.5, -0.1, 1, np.nan, "a", None])
-def test_bad_error_rates(rate):
-    reference = shares(np.random.default_rng(8), 30, 5)
-    for make in (FlippingTutor, BradleyTerryTutor):
-        with pytest.raises(ValueError, match="error rate"):
-            make.from_error_rate(HIDDEN, rate, reference)
-
-
-def test_bad_settings():
-    with pytest.raises(ValueError, match=r"1\.5"):
-        FlippingTutor(HIDDEN, 1.5, 0)
-    with pytest.raises(ValueError, match=r"error_rate must be .* not 'a'"):
-        FlippingTutor(HIDDEN, "a", 0)
-    for precision in (-1, np.nan, np.inf, "a", None):
-        with pytest.raises(ValueError, match="precision"):
-            BradleyTerryTutor(HIDDEN, precision, 0)
+@pytest.mark.parametrize("make", [FlippingTutor, BradleyTerryTutor])
+def test_bad_error_rates(make, rate):
+    with pytest.raises(ValueError, match="error rate"):
+        make.from_error_rate(HIDDEN, rate, differences(np.random.default_rng(8), 5, 30))
     with pytest.raises(ValueError, match="reference"):
-        BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, [[1, -1]])
+        make.from_error_rate(HIDDEN, 0.1, [[1, -1]])
+
+
+@pytest.mark.parametrize("value", [-1, np.nan, np.inf, "a", None])
+def test_bad_settings(value):
+    with pytest.raises(ValueError, match=f"error_rate must be .* not {value!r}"):
+        FlippingTutor(HIDDEN, value)
+    with pytest.raises(ValueError, match=f"precision must be .* not {value!r}"):
+        BradleyTerryTutor(HIDDEN, value)
 
 
 # --- contract
@@ -366,8 +318,8 @@ def test_bad_settings():
 def test_all_tutors_conform(k):
     values = np.arange(k) ** 2
     check_tutor(TruthfulTutor(values), k, truthful=True)
-    check_tutor(FlippingTutor(values, 0.2, 0), k)
-    check_tutor(BradleyTerryTutor(values, 3.0, 0), k)
+    for make in MAKERS:
+        check_tutor(make(values), k)
     assert isinstance(TruthfulTutor(values), Tutor)
     with pytest.raises(AssertionError, match=r"truthful|every scale"):
         check_tutor(FlippingTutor(values, 0.5, 0), k, truthful=True)
@@ -388,7 +340,7 @@ def test_bad_tutors_are_found_out(answer, complaint):
 
 def test_a_tutor_can_be_copied():
     tutor = FlippingTutor(HIDDEN, 0.4, 0)
-    d = shares(np.random.default_rng(0), 50, 5)
+    d = differences(np.random.default_rng(0), 5, 50)
     tutor.signs(d)
     twin = copy.deepcopy(tutor)
     assert (tutor.signs(d) == twin.signs(d)).all()
