@@ -28,7 +28,7 @@ from elicit.lp.sign import (
     signs_at_points,
     to_unit,
 )
-from elicit.lp.vertices import EPS, SMALL, USED, Known, doubt_at
+from elicit.lp.vertices import EPS, SMALL, USED, Known, doubt_at, largest
 from elicit.model.comparator import Tier
 from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance, tail_sums_into
 
@@ -139,10 +139,10 @@ def certifies(certificate: Any, side: int, t: Any) -> bool:
 def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int, int, bool]:
     """By the proofs of ``lp.sign``, cheapest first; where a certificate is wanted, first those that give wide ones.
     Since the gaps total 1, t.g + shift is (t + shift).g."""
-    p, size = len(t), 0.0
+    p = len(t)
     for j in range(p):
         t[j] += shift
-        size = max(size, abs(t[j]))
+    size = largest(t)
     if shift != 0.0:
         verdict = by_dominance(t)
         if verdict != UNKNOWN:
@@ -167,18 +167,16 @@ def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int
     if verdict == UNSETTLED:
         verdict, tier = search(t, known)
     if certified:
-        rescale(certificate, size / scaled)
+        for j in range(p):
+            certificate[j] *= size / scaled  # a power of two
     return verdict, tier, certified
 
 
 @compiled
 def both_signs(t: Any, gaps: Any) -> bool:
     """Whether t.g is certainly positive at one of the points gaps (p, m), and certainly negative at another."""
-    size = 0.0
-    for j in range(len(t)):
-        size = max(size, abs(t[j]))
     m = gaps.shape[1]
-    above, below = signs_at_points(t, NEAR * size, 0, gaps, np.zeros(m, np.int8), np.empty(m))
+    above, below = signs_at_points(t, NEAR * largest(t), 0, gaps, np.zeros(m, np.int8), np.empty(m))
     return above and below
 
 
@@ -223,9 +221,8 @@ def below_by_corner(t: Any, side: int, y: Any, rest: Any, corner: int, known: Kn
     """A certificate from the multipliers y (p,) of a corner, which leave ``rest`` (p,) of side * t: that may sink until
     half of its least entry is gone."""
     p = len(t)
-    size, gained, weight, least = 0.0, 0.0, 0.0, rest[0]
+    size, gained, weight, least = largest(t), 0.0, 0.0, rest[0]
     for j in range(p):
-        size = max(size, abs(t[j]))
         least = min(least, rest[j])
     for i in range(p - 1):
         active = known.active[corner, i]
@@ -240,19 +237,10 @@ def below_by_corner(t: Any, side: int, y: Any, rest: Any, corner: int, known: Kn
 
 
 @compiled
-def rescale(numbers: Any, factor: float) -> None:
-    """Times a power of two."""
-    for j in range(len(numbers)):
-        numbers[j] *= factor
-
-
-@compiled
 def in_range(d: Any, i: int, row: Any, t: Any) -> None:
     """Row i of d (n, k) into row (k,), and its tail sums into t (p,): times a power of two if it is very large or very
     small, so that no product with it overflows or vanishes."""
-    size = 0.0
-    for j in range(1, len(row)):
-        size = max(size, abs(d[i, j]))
+    size = largest(d[i, 1:])
     power = -math.frexp(size)[1] if size > LARGE or size < 1.0 / LARGE else 0
     for j in range(len(row)):
         row[j] = math.ldexp(d[i, j], power) if power != 0 else d[i, j]

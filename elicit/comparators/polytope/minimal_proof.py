@@ -24,9 +24,9 @@ from numpy.typing import ArrayLike, NDArray
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
 from elicit.lp.programs import Programs
-from elicit.lp.region import Region, certified_bound, pull_inside, rounding, strictly_inside
+from elicit.lp.region import Region, strictly_inside
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
+from elicit.model.scale import Floats, as_vectors, exact_dot, order_bounds, tail_sums
 
 if TYPE_CHECKING:
     from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -107,18 +107,11 @@ def _single(goals: list[Floats], region: Region) -> list[int]:
 
 
 def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
-    """Whether t.g >= 0 on the whole region, beyond doubt: Clarabel's multipliers as a bound with every rounding,
-    or its point pulled inside; the exact optimum where neither can tell. ``inside``: see ``Programs.least``."""
+    """Whether t.g >= 0 on the whole region, beyond doubt: by ``Programs.sign_of_least``, or by the exact optimum."""
     if not len(region.rows):
         return bool(_least_by_order(_exact(t), region) >= 0)
-    found = Programs(region).solve(t) if np.abs(t).max() < 1 else None
-    if found is not None:
-        if certified_bound(t, found.y, region) >= 0:
-            return True
-        point = None if inside is None else pull_inside(found.g, inside, region)
-        if point is not None and float(t @ point) < -rounding(region.p, float(np.abs(t) @ point)):
-            return False
-    return bool(minimise_exactly(t, region).value >= 0)
+    sign, _ = Programs(region).sign_of_least(t, inside) if np.abs(t).max() < 1 else (0, None)
+    return sign > 0 if sign != 0 else bool(minimise_exactly(t, region).value >= 0)
 
 
 def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: PolytopeComparator) -> Proof:
@@ -180,10 +173,9 @@ def _told_equal(d: Floats, answers: Answers) -> int | None:
 
 def _moderate(g: Numbers, other: Numbers, t: Floats) -> Numbers:
     """A scale on the way from vertex g to another one, still on g's side of zero: less extreme, easier to picture."""
-    exact = _exact(t)
     for share in (Fraction(1, 4), Fraction(1, 16)):
         mixed: Numbers = (1 - share) * g + share * other
-        if (exact @ mixed) * (exact @ g) > 0:
+        if exact_dot(t, mixed) * exact_dot(t, g) > 0:
             return _scale(mixed)
     return _scale(g)
 

@@ -146,12 +146,8 @@ def test_ten_thousand_times_the_same_answer() -> None:
     assert time.perf_counter() - begin < 10.0  # it takes a third of a second
     assert rows_kept(often) == 1
     assert (often.compare(ask) == once.compare(ask)).all()
-
-
-def test_the_same_opposite_answers_again_and_again() -> None:
-    d = from_tails([1.0, -2.0, 0.5, 0.25])
-    c = PolytopeComparator(5).update(Answers(np.repeat(d[None], 20, axis=0), np.tile([1, -1], 10)))
-    assert rows_kept(c) == 2  # 1,000 such answers take six seconds
+    torn = PolytopeComparator(5).update(Answers(np.repeat(d[None], 20, axis=0), np.tile([1, -1], 10)))
+    assert rows_kept(torn) == 2  # 1,000 such answers take six seconds
 
 
 def test_an_answer_that_touches_the_set_in_one_corner() -> None:
@@ -188,11 +184,3 @@ def test_answers_that_leave_one_point(k: int) -> None:
         assert c.compare(ask).tolist() == [sign_of(row, truth) for row in ask]
         check_proofs(c)
     assert c.values[1:] == pytest.approx(np.cumsum([float(g) for g in truth]), abs=1e-9)
-
-
-@pytest.mark.parametrize("size", [1e300, 1e-300, 5e-324])
-def test_answers_of_any_size(size: float) -> None:
-    t, ask = np.array([1.0, -1.0, 0.0, 1.0]), shares(np.random.default_rng(7), 5, 50)
-    d = np.concatenate([[0.0], (t[:-1] - t[1:]) * size, t[-1:] * size])
-    given = PolytopeComparator(5).update(Answers([d], [1])).compare(ask)
-    assert (given == PolytopeComparator(5).update(Answers([from_tails(t)], [1])).compare(ask)).all()

@@ -208,14 +208,16 @@ def test_weighing_is_the_share_of_weight_on_either_side(level: float) -> None:
 # ---- moves ------------------------------------------------------------------------------------------------------
 
 
-def moved(x: Floats, rows: Floats, tied: Floats, prior: D.Prior, sweeps: int, key: int, last: float = 1.0) -> Floats:
+def moved(
+    x: Floats, rows: Floats, tied: Floats, prior: D.ParticlePrior, sweeps: int, key: int, last: float = 1.0
+) -> Floats:
     x = x.copy()
     accepted = M.move(x, rows, tied, rows.shape[1], last, prior, np.uint64(key), sweeps)
     assert accepted > 0.05 * sweeps * len(x)
     return x
 
 
-def in_double(x: Floats, rows: Floats, tied: Floats, last: float, prior: D.Prior, key: Any, turns: int) -> int:
+def in_double(x: Floats, rows: Floats, tied: Floats, last: float, prior: D.ParticlePrior, key: Any, turns: int) -> int:
     """``move`` as it would be without single precision."""
     theta, work, proposal = np.empty(x.shape[1]), np.empty((2, D.BLOCK)), np.empty(x.shape[1])
     accepted, n = 0, rows.shape[1]
