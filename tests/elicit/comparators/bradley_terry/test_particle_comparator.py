@@ -585,15 +585,6 @@ def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) 
     assert compare_with(answers, g, np.full(len(g), 1.0 / len(g)), d, error, lapse, copies=4) < 2.5
 
 
-def test_the_order_of_the_answers_is_no_matter_but_for_chance() -> None:
-    answers, d = told(5, 30, seed=2), pairs(np.random.default_rng(2), 5, 40)
-    back = Answers(answers.d[::-1], answers.y[::-1])
-    one, other = ([PosteriorComparator(5, seed=s).update(a).probability(d) for s in range(8)] for a in (answers, back))
-    p = (np.mean(one, axis=0) + np.mean(other, axis=0)) / 2
-    sigma = np.sqrt(np.maximum(p * (1 - p), 0.01) * 2 / (8 * WORTH))
-    assert (np.abs(np.mean(one, axis=0) - np.mean(other, axis=0)) / sigma).max() < 4
-
-
 def probabilities_vary_as_if_of(made: list[PosteriorComparator], d: Floats) -> float:
     """How many independent draws would let P(d.e > 0) vary as much from seed to seed."""
     found = np.array([c.probability(d) for c in made])
