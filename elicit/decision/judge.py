@@ -41,13 +41,12 @@ LARGE = 2.0**900  # votes on differences beyond it, or below its inverse, are ca
 def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
     """Verdicts (n,) and tiers (n,) of differences d (n, k), dominance included, written into the last two arguments.
     Returns how many are left UNSETTLED."""
-    # the arrays one by one: to hand over the whole rule for every row would cost more than most rows do
+    # proofs with the arrays one by one: to hand over the whole rule for every row would cost half as much again
     k, kind, known = d.shape[1], rule.kind, rule.known
     inside, rows, lifted, masks, counts = known.inside, known.rows, known.lifted, known.masks, known.counts
     corners = known.margin, known.cuts, known.limits, known.points, known.inverses, known.active, known.kind
-    scales, weights, level = rule.scales, rule.weights, rule.level
     row, t, y, rest, nothing = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1), np.empty(0)
-    at, votes, left = np.empty(len(known.kind)), np.empty(len(weights)), 0
+    at, left = np.empty(len(known.kind)), 0
     for i in range(len(d)):
         tail_sums_into(d, i, t)
         verdict = by_dominance(t)
@@ -64,8 +63,6 @@ def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
                     tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
                     if verdict == UNSETTLED:
                         verdict, tier = search(t, known)
-            elif kind == WEIGHTED:
-                verdict, tier = by_weight(t, 0.0, scales, weights, level, votes), BY_MODEL
             else:
                 if kind in (BOX, ENSEMBLE):
                     in_range(d, i, row, t)

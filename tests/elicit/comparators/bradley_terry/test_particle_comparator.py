@@ -585,14 +585,6 @@ def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) 
     assert compare_with(answers, g, np.full(len(g), 1.0 / len(g)), d, error, lapse, copies=4) < 2.5
 
 
-def probabilities_vary_as_if_of(made: list[PosteriorComparator], d: Floats) -> float:
-    """How many independent draws would let P(d.e > 0) vary as much from seed to seed."""
-    found = np.array([c.probability(d) for c in made])
-    p = found.mean(axis=0)
-    unsure = (p > 0.1) & (p < 0.9)
-    return float((p * (1 - p))[unsure].sum() / found.var(axis=0, ddof=1)[unsure].sum())
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("k", "n"), [(5, 40), (10, 40), (10, 300), (20, 40), (20, 300)])
 def test_particles_are_worth_about_what_their_effective_size_says(k: int, n: int) -> None:
@@ -603,7 +595,11 @@ def test_particles_are_worth_about_what_their_effective_size_says(k: int, n: int
         answers = answered(rng, asked, g, 3.0 / float(np.std(tail_sums(asked) @ g)))
         made = [PosteriorComparator(k, seed=seed).update(answers) for seed in range(16)]
         said.append(np.mean([c.effective_size for c in made]))
-        worth.append(probabilities_vary_as_if_of(made, d))
+        # how many independent draws would let P(d.e > 0) vary as much from seed to seed
+        found = np.array([c.probability(d) for c in made])
+        p = found.mean(axis=0)
+        unsure = (p > 0.1) & (p < 0.9)
+        worth.append(float((p * (1 - p))[unsure].sum() / found.var(axis=0, ddof=1)[unsure].sum()))
     off = np.log(worth) - np.log(said)
     assert off.min() > -math.log(3), (said, worth)
     assert -math.log(2) < off.mean() < math.log(3), (said, worth)

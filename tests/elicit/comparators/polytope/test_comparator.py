@@ -27,6 +27,7 @@ from tests.lp_cases import (
     cases,
     draw_truth,
     exact,
+    few_bits,
     from_tails,
     is_empty,
     questions,
@@ -550,8 +551,7 @@ def test_huge_and_tiny_in_one_difference() -> None:
 def test_five_hundred_answers(k: int, flat: int) -> None:
     """With ties, nothing lies strictly inside: every doubtful sign is settled exactly."""
     rng = np.random.default_rng(13)
-    weights = [int(w) for w in rng.integers(1, 30, size=k - 1)]
-    truth = [Fraction(w, sum(weights)) for w in weights]
+    truth, _ = few_bits(rng, k - 1, 30)
     ties = np.array([tie_with(rng, truth) for _ in range(flat)]).reshape(-1, k)
     d = np.concatenate([ties, -ties, shares(rng, k, 500 - 2 * flat)])
     y = np.concatenate([np.ones(2 * flat, dtype=int), answered(rng, d[2 * flat :], truth)])
