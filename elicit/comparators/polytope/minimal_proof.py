@@ -16,25 +16,36 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
+from elicit.lp.inequalities import Prior
 from elicit.lp.programs import Programs
 from elicit.lp.region import Region, strictly_inside
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, as_vectors, exact_dot, order_bounds, tail_sums
-
-if TYPE_CHECKING:
-    from elicit.comparators.polytope.comparator import PolytopeComparator
 
 _MOST_SINGLES = 3  # single answers to try in rationals before a set of them
 
 
-def explain(d: ArrayLike, comparator: PolytopeComparator, labels: Sequence[str] | None = None) -> Explanation:
+class Polytope(Comparator, Protocol):
+    """What an explanation rests on: ``PolytopeComparator``, which imports this module."""
+
+    margin: float
+    answers: Answers
+    prior: Prior | None
+
+    @property
+    def region(self) -> Region:
+        """K_t with every constraint, also the redundant."""
+
+
+def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = None) -> Explanation:
     """Which answers, steps of the order and prior inequalities force the verdict on a difference d (k,).
 
     labels: k names of levels, worst first, for the sentence ("level 1", ... by default). Raises ValueError for
@@ -66,7 +77,7 @@ def explain(d: ArrayLike, comparator: PolytopeComparator, labels: Sequence[str] 
     return replace(made, proofs=proofs, scales=(_scale(minimise_exactly(-int(verdict) * t + 0.0, region).g),))
 
 
-def _needed(goals: list[Floats], region: Region, comparator: PolytopeComparator) -> list[int]:
+def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
     """Owners of an irreducible set of rows that keeps t.g >= 0 for each goal t, beside the order.
 
     It is sought among few rows first: none, the prior's, one answer's, then those of an optimal vertex. Later
@@ -114,7 +125,7 @@ def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
     return sign > 0 if sign != 0 else bool(minimise_exactly(t, region).value >= 0)
 
 
-def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: PolytopeComparator) -> Proof:
+def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) -> Proof:
     """Multipliers in the units of the given differences, from an optimal vertex over ``part``; ``t`` is d's tail
     sums over a power of two."""
     known, told = comparator.prior, comparator.answers
