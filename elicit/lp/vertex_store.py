@@ -1,6 +1,6 @@
 """The upkeep of what is known of K_t: made from a region, cut by answers, pruned of what follows from the rest.
 
-Everything here works on the arrays of ``corner.Known``; a cut makes new ones, so that an older comparator still
+Everything here works on the arrays of ``vertices.Known``; a cut makes new ones, so that an older comparator still
 answers as before.
 """
 
