@@ -102,11 +102,11 @@ def region_of(
 
 
 class Oracle:
-    """Least t.g over one region, exactly. ``verified`` and ``from_scratch`` count which method decided."""
+    """Least t.g over one region, exactly. ``verified`` counts how often a basis did."""
 
     def __init__(self, region: Region) -> None:
         self.region = region
-        self.verified = self.from_scratch = 0
+        self.verified = 0
         self._rows = np.array([[float(x) for x in row] for row in region.rows]).reshape(-1, region.p)
         self._rhs = np.array([float(x) for x in region.rhs])
         self._floats = floats.Region(float(region.margin), self._rows, self._rhs, np.arange(len(self._rhs)))
@@ -121,7 +121,6 @@ class Oracle:
         if value is not None:
             self.verified += 1
         else:
-            self.from_scratch += 1
             value = least_from_scratch(unit, self.region)
         if value is None:
             raise ValueError("the region is empty")
@@ -275,12 +274,12 @@ class Case:
 Rng = np.random.Generator
 
 
-def from_tails(t: Sequence[float]) -> Floats:
-    """A difference (k,) whose tail sums are t exactly, for t of few bits: level 1 makes the total 0."""
+def from_tails(t: Sequence[float], exactly: bool = True) -> Floats:
+    """A difference (k,) whose tail sums are t, exactly so for t of few bits: level 1 makes the total 0."""
     t = np.asarray(t, dtype=np.float64)
-    d = np.append(t[:-1] - t[1:], t[-1]) if len(t) > 1 else t.copy()
+    d = np.append(t[:-1] - t[1:], t[-1])
     out = np.concatenate([[-float(np.sum(d))], d])
-    assert tails(out)[0] == list(t)
+    assert not exactly or tails(out)[0] == list(t)
     return out
 
 
@@ -292,6 +291,12 @@ def shares(rng: Rng, k: int, n: int, spread: float = 0.7) -> Floats:
 def draw_truth(rng: Rng, p: int) -> Rationals:
     weights = [int(x) for x in np.ceil(rng.dirichlet(np.full(p, rng.choice([0.3, 1.0, 5.0]))) * 1000)]
     return [Fraction(w, sum(weights)) for w in weights]
+
+
+def few_bits(rng: Rng, p: int, most: int) -> tuple[Rationals, list[int]]:
+    """Gaps in the ratio of whole numbers below ``most``, and these."""
+    weights = [int(w) for w in rng.integers(1, most, size=p)]
+    return [Fraction(w, sum(weights)) for w in weights], weights
 
 
 def sign_of(d: Sequence[float], truth: Rationals) -> int:
@@ -395,8 +400,7 @@ def parallel(rng: Rng, k: int, n: int, asks: int) -> Case:
 
 def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
     """Ties, told as opposite answers, hold K_t to a flat: to a single point where there are k - 2 of them."""
-    weights = [int(w) for w in rng.integers(1, 60, size=k - 1)]
-    truth = [Fraction(w, sum(weights)) for w in weights]
+    truth, weights = few_bits(rng, k - 1, 60)
     ties = []
     for j in range(1, k - 1):
         t = np.zeros(k - 1)
@@ -412,8 +416,7 @@ def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
 
 def tied(rng: Rng, k: int, n: int, asks: int) -> Case:
     """Answers "equal": to exact ties and to pairs inside the band of 1e-9 |d|_1."""
-    weights = [int(w) for w in rng.integers(1, 60, size=k - 1)]
-    truth = [Fraction(w, sum(weights)) for w in weights]
+    truth, _ = few_bits(rng, k - 1, 60)
     ties = np.array([tie_with(rng, truth) for _ in range(int(rng.integers(1, 5)))])
     ties = ties + (rng.random() < 0.7) * 1e-10 * rng.uniform(-1, 1, size=ties.shape) * np.abs(ties).max()
     more = shares(rng, k, min(n, 30))
@@ -527,18 +530,11 @@ def thin(rng: Rng, k: int, n: int, asks: int) -> Case:
     t = np.array(tails(case.d[0])[0])
     width = 10.0 ** rng.uniform(-14, -7)
     # t.g >= 0 and (t - width).g <= 0: for g of total 1 this leaves a slab of that width
-    case.d = np.concatenate([case.d[:1], [from_tails_nearly(t - width)], case.d[2:]])
+    case.d = np.concatenate([case.d[:1], [from_tails(t - width, exactly=False)], case.d[2:]])
     case.y = np.array([1, sign_of(case.d[1], case.truth) or -1, *case.y[2:]], dtype=np.int8)
     case.ask[0] = case.d[1]
     case.kind = "thin"
     return case
-
-
-def from_tails_nearly(t: Floats) -> Floats:
-    """A difference with tail sums t up to rounding."""
-    d = np.append(t[:-1] - t[1:], t[-1]) if len(t) > 1 else t.copy()
-    out: Floats = np.concatenate([[-float(np.sum(d))], d])
-    return out
 
 
 KINDS: tuple[Callable[[Rng, int, int, int], Case], ...] = (

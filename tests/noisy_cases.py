@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
-from elicit.comparators.bradley_terry.density import Prior
+from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.model.query import Verdict
 from elicit.model.scale import dominance, tail_sums
@@ -53,6 +53,6 @@ def log_terms(theta: Floats, t: Floats, tied: Any, lapse: float) -> Floats:
     return np.asarray(np.where(tied, (yes + no) / 2, yes))
 
 
-def prior_of(k: int, **settings: Any) -> Prior:
+def prior_of(k: int, **settings: Any) -> ParticlePrior:
     """The density that a comparator's particles have before any answer."""
     return PosteriorComparator(k, **settings)._prior

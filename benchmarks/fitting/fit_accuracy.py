@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import warnings
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.fitting.fit_methods import FREE, LEVEL, ORDERED, RIDGED, Problem, newton
 from benchmarks.fitting.tutor_data import Data
-from elicit.comparators.bradley_terry.likelihood import derivatives, fit_cvxpy
+from elicit.comparators.bradley_terry.likelihood import derivatives
 from elicit.model.comparator import Verdicts
 from elicit.model.scale import Floats, tail_sums
 
@@ -60,6 +63,31 @@ def disagreement(problem: Problem, data: Data, gamma: Floats) -> float:
         )
         worst = max(worst, float(np.abs(np.cumsum(ours - theirs)).max()) / data.top)
     return worst
+
+
+def fit_cvxpy(
+    t: Floats, y: NDArray[np.integer], *, precision: float, centre: Floats, strength: float, monotone: bool = True
+) -> Floats:
+    """gamma (p,) of one problem of ``likelihood.fit``, stated as it reads and solved with Clarabel: slow, for
+    checking. Raises RuntimeError where the solver does not end with an optimum."""
+    import cvxpy
+
+    cp: Any = cvxpy  # its stubs lack half of what it offers
+    u = cp.Variable(t.shape[1])
+    z = precision * t @ u
+    log_likelihood = cp.sum(cp.multiply((1.0 + y) / 2.0, z) - cp.logistic(z))
+    constraints = [u >= 0] if monotone else []
+    problem = cp.Problem(cp.Maximize(log_likelihood - strength / 2.0 * cp.sum_squares(u - centre)), constraints)
+    # As near as Clarabel gets: it may stop short of the first tolerance, but not of the second.
+    wanted = {f"tol_{name}": 1e-11 for name in ("gap_abs", "gap_rel", "feas")}
+    enough = {f"reduced_tol_{name}": 1e-6 for name in ("gap_abs", "gap_rel", "feas")}
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Solution may be inaccurate")
+        problem.solve(solver=cp.CLARABEL, **wanted, **enough)
+    if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+        raise RuntimeError(f"Clarabel ended with {problem.status}")
+    gamma: Floats = precision * np.asarray(u.value)
+    return gamma
 
 
 def distances(gamma: Floats, exact: Floats, top: float) -> Floats:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +16,10 @@ from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, valu
 
 
 @dataclass(frozen=True)
-class _Unlearning(ABC):
+class _Unlearning:
     """Only the order of the levels is known, and no answer changes that."""
 
+    rule: ClassVar[Rule]  # what it knows, as plain arrays
     k: int
 
     def __post_init__(self) -> None:
@@ -29,10 +30,10 @@ class _Unlearning(ABC):
         """(k,) the centre of K_0: equal gaps."""
         return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
 
-    @property
-    @abstractmethod
-    def rule(self) -> Rule:
-        """What it knows, as plain arrays."""
+    def update(self, answers: Answers) -> Self:
+        """Itself: answers teach it nothing."""
+        check_answers(answers, self.k)
+        return self
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k)."""
@@ -50,26 +51,10 @@ class _Unlearning(ABC):
 class Dominance(_Unlearning):
     """Eq. (4) alone: decides what holds for every scale, and needs no answers."""
 
-    @property
-    def rule(self) -> Rule:
-        """Dominance, and beyond it UNKNOWN."""
-        return silent()
-
-    def update(self, answers: Answers) -> Dominance:
-        """Itself: answers teach it nothing."""
-        check_answers(answers, self.k)
-        return self
+    rule = silent()
 
 
 class AlwaysAsk(_Unlearning):
     """UNKNOWN for every difference but 0. With a truthful tutor it is the oracle baseline."""
 
-    @property
-    def rule(self) -> Rule:
-        """UNKNOWN, but EQUAL where the tail sums are all zero."""
-        return asking()
-
-    def update(self, answers: Answers) -> AlwaysAsk:
-        """Itself: answers teach it nothing."""
-        check_answers(answers, self.k)
-        return self
+    rule = asking()

@@ -28,7 +28,7 @@ from elicit.lp.sign import (
     signs_at_points,
     to_unit,
 )
-from elicit.lp.vertices import EPS, SMALL, USED, Known, doubt_at
+from elicit.lp.vertices import EPS, SMALL, USED, Known, doubt_at, largest
 from elicit.model.comparator import Tier
 from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance, tail_sums_into
 
@@ -41,13 +41,12 @@ LARGE = 2.0**900  # votes on differences beyond it, or below its inverse, are ca
 def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
     """Verdicts (n,) and tiers (n,) of differences d (n, k), dominance included, written into the last two arguments.
     Returns how many are left UNSETTLED."""
-    # the arrays one by one: to hand over the whole rule for every row would cost more than most rows do
+    # proofs with the arrays one by one: to hand over the whole rule for every row would cost half as much again
     k, kind, known = d.shape[1], rule.kind, rule.known
     inside, rows, lifted, masks, counts = known.inside, known.rows, known.lifted, known.masks, known.counts
     corners = known.margin, known.cuts, known.limits, known.points, known.inverses, known.active, known.kind
-    scales, weights, level = rule.scales, rule.weights, rule.level
     row, t, y, rest, nothing = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1), np.empty(0)
-    at, votes, left = np.empty(len(known.kind)), np.empty(len(weights)), 0
+    at, left = np.empty(len(known.kind)), 0
     for i in range(len(d)):
         tail_sums_into(d, i, t)
         verdict = by_dominance(t)
@@ -64,8 +63,6 @@ def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
                     tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
                     if verdict == UNSETTLED:
                         verdict, tier = search(t, known)
-            elif kind == WEIGHTED:
-                verdict, tier = by_weight(t, 0.0, scales, weights, level, votes), BY_MODEL
             else:
                 if kind in (BOX, ENSEMBLE):
                     in_range(d, i, row, t)
@@ -139,10 +136,10 @@ def certifies(certificate: Any, side: int, t: Any) -> bool:
 def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int, int, bool]:
     """By the proofs of ``lp.sign``, cheapest first; where a certificate is wanted, first those that give wide ones.
     Since the gaps total 1, t.g + shift is (t + shift).g."""
-    p, size = len(t), 0.0
+    p = len(t)
     for j in range(p):
         t[j] += shift
-        size = max(size, abs(t[j]))
+    size = largest(t)
     if shift != 0.0:
         verdict = by_dominance(t)
         if verdict != UNKNOWN:
@@ -167,18 +164,16 @@ def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int
     if verdict == UNSETTLED:
         verdict, tier = search(t, known)
     if certified:
-        rescale(certificate, size / scaled)
+        for j in range(p):
+            certificate[j] *= size / scaled  # a power of two
     return verdict, tier, certified
 
 
 @compiled
 def both_signs(t: Any, gaps: Any) -> bool:
     """Whether t.g is certainly positive at one of the points gaps (p, m), and certainly negative at another."""
-    size = 0.0
-    for j in range(len(t)):
-        size = max(size, abs(t[j]))
     m = gaps.shape[1]
-    above, below = signs_at_points(t, NEAR * size, 0, gaps, np.zeros(m, np.int8), np.empty(m))
+    above, below = signs_at_points(t, NEAR * largest(t), 0, gaps, np.zeros(m, np.int8), np.empty(m))
     return above and below
 
 
@@ -223,9 +218,8 @@ def below_by_corner(t: Any, side: int, y: Any, rest: Any, corner: int, known: Kn
     """A certificate from the multipliers y (p,) of a corner, which leave ``rest`` (p,) of side * t: that may sink until
     half of its least entry is gone."""
     p = len(t)
-    size, gained, weight, least = 0.0, 0.0, 0.0, rest[0]
+    size, gained, weight, least = largest(t), 0.0, 0.0, rest[0]
     for j in range(p):
-        size = max(size, abs(t[j]))
         least = min(least, rest[j])
     for i in range(p - 1):
         active = known.active[corner, i]
@@ -240,19 +234,10 @@ def below_by_corner(t: Any, side: int, y: Any, rest: Any, corner: int, known: Kn
 
 
 @compiled
-def rescale(numbers: Any, factor: float) -> None:
-    """Times a power of two."""
-    for j in range(len(numbers)):
-        numbers[j] *= factor
-
-
-@compiled
 def in_range(d: Any, i: int, row: Any, t: Any) -> None:
     """Row i of d (n, k) into row (k,), and its tail sums into t (p,): times a power of two if it is very large or very
     small, so that no product with it overflows or vanishes."""
-    size = 0.0
-    for j in range(1, len(row)):
-        size = max(size, abs(d[i, j]))
+    size = largest(d[i, 1:])
     power = -math.frexp(size)[1] if size > LARGE or size < 1.0 / LARGE else 0
     for j in range(len(row)):
         row[j] = math.ldexp(d[i, j], power) if power != 0 else d[i, j]

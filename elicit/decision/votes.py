@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from elicit._support.jit import compiled, loosely
 from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, WORSE
 
@@ -85,20 +87,14 @@ def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
 def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
     """The verdict on t.g + shift that the last of the scales of gaps (p, m) gives, if all but ``left_out`` of the
     others share it."""
-    p, last = gaps.shape[0], gaps.shape[1] - 1
-    point = t[0] * gaps[0, last]
-    for j in range(1, p):
-        point += t[j] * gaps[j, last]
-    point += shift
-    if point == 0.0:
+    last, against = gaps.shape[1] - 1, 0
+    at = np.empty(last + 1)
+    scores_into(t, shift, gaps, 0, at)
+    if at[last] == 0.0:
         return UNKNOWN
-    sign = 1.0 if point > 0.0 else -1.0
-    against = 0
+    sign = 1.0 if at[last] > 0.0 else -1.0
     for q in range(last):
-        at = t[0] * gaps[0, q]
-        for j in range(1, p):
-            at += t[j] * gaps[j, q]
-        if not sign * (at + shift) > 0.0:
+        if not sign * at[q] > 0.0:
             against += 1
             if against > left_out:
                 return UNKNOWN

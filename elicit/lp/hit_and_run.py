@@ -28,27 +28,27 @@ class Draws(NamedTuple):
     precision: Floats
 
 
-def draws_within(region: Region, inside: Floats, chains: int = CHAINS, steps: int = STEPS) -> Draws:
+def draws_within(region: Region, inside: Floats) -> Draws:
     """Draws from a region, one a chain, for a point ``inside`` (p,) strictly inside it; that point alone where the
     region is too flat for the chains to move. A function of its arguments alone."""
     p = region.p
-    weights, never = np.full(chains, 1.0 / chains), np.full(chains, np.inf)
-    g = np.repeat(inside[:, None], chains, axis=1)
+    weights, never = np.full(CHAINS, 1.0 / CHAINS), np.full(CHAINS, np.inf)
+    g = np.repeat(inside[:, None], CHAINS, axis=1)
     if p == 1:
         return Draws(g, weights, never)
     rng = np.random.Generator(np.random.Philox(_KEY))
     rows, limits = region.constraints
     shape = _ellipsoid(rows, limits, inside)
     slack = rows @ g - limits[:, None]
-    for _ in range(steps):
-        way = shape @ rng.standard_normal((p - 1, chains))
+    for _ in range(STEPS):
+        way = shape @ rng.standard_normal((p - 1, CHAINS))
         rate = rows @ way
         with np.errstate(all="ignore"):
             reach = -slack / rate  # where each constraint is met
         up = np.where(rate < 0, reach, np.inf).min(axis=0)
         down = np.where(rate > 0, reach, -np.inf).max(axis=0)
         moves = np.isfinite(up) & np.isfinite(down) & (up > down)
-        length = np.where(moves, down + (up - down) * rng.random(chains), 0.0)
+        length = np.where(moves, down + (up - down) * rng.random(CHAINS), 0.0)
         g, slack = g + length * way, np.maximum(slack + length * rate, 0.0)
     return Draws(g / g.sum(axis=0), weights, never)
 

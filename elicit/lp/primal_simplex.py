@@ -1,6 +1,6 @@
 """From corner to corner of K_t: the primal simplex method in floats, whose results are proofs or nothing.
 
-Compiled where numba is installed. The corners' inverses are brought up to date pivot by pivot; what a walk finds is
+The corners' inverses are brought up to date pivot by pivot; what a walk finds is
 certain all the same: a point counts only if it is inside K_t by more than any rounding, and multipliers only through
 a bound that holds for any multipliers.
 """
@@ -27,6 +27,7 @@ from elicit.lp.vertices import (
     doubt_at,
     doubt_of,
     inverse_of,
+    largest,
     multipliers,
     pivot,
     rates_of,
@@ -115,9 +116,7 @@ def bound_of(rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, l
     their limits at most 2. Of the order's constraints the closed form knows the best multipliers itself.
     ``rest`` (p,) holds s, and on return what the multipliers leave of it, s - rows'y."""
     p = len(rest)
-    size, gained, weight = 0.0, 0.0, 0.0
-    for j in range(p):
-        size = max(size, abs(rest[j]))
+    size, gained, weight = largest(rest), 0.0, 0.0
     for i in range(p - 1):
         if active[q, i] >= p and y[i + 1] > 0.0:
             row = active[q, i] - p
@@ -153,16 +152,15 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
             return False
         age = 0
     q = next_slot(known)
-    value, size = 0.0, 0.0
+    value = 0.0
     for j in range(p):
         known.points[j, q] = point[j] if certain else g[j]
         value += s[j] * known.points[j, q]
-        size = max(size, abs(s[j]))
     known.inverses[q] = inverse
     known.active[q] = active
     known.kind[q] = CORNER if certain else DOUBTFUL_CORNER
     known.age[q] = age
-    return certain and value < -doubt_at(p, size)
+    return certain and value < -doubt_at(p, largest(s))
 
 
 @compiled

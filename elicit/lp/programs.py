@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from elicit.lp.dual_simplex import minimise, minimise_exactly
-from elicit.lp.region import Region, certified_bound, pull_inside
+from elicit.lp.region import Region, certified_bound, pull_inside, rounding
 from elicit.model.scale import Floats
 
 
@@ -57,16 +57,29 @@ class Programs:
         strictly inside the region, if there is one: it turns nearly right points into right ones, whose
         t.g shows how tight the bound is. Where floats cannot show it, the exact optimum is rounded down."""
         for propose in (self.solve, self._vertex):
-            found = propose(t)
-            if found is None or inside is None:
-                continue
-            low = certified_bound(t, found.y, self.region)
-            point = pull_inside(found.g, inside, self.region)
+            low, point = self._proven(t, propose(t), inside)
             if point is not None and float(t @ point) - low < 4e-10:
                 return low
         value = minimise_exactly(t, self.region).value
         low = float(value)
         return low if low <= value else float(np.nextafter(low, -np.inf))
+
+    def sign_of_least(self, t: Floats, inside: Floats | None) -> tuple[int, Floats | None]:
+        """1 where Clarabel's multipliers prove t.g > 0 on the whole region; -1, and a point (p,) that shows it, where
+        t.g < 0 somewhere; 0 where they cannot tell. ``inside`` as for ``least``."""
+        low, point = self._proven(t, self.solve(t), inside)
+        if low > 0:
+            return 1, None
+        if point is not None and float(t @ point) < -rounding(self.region.p, 4.0 * float(np.abs(t) @ point)):
+            return -1, point
+        return 0, None
+
+    def _proven(self, t: Floats, found: Solved | None, inside: Floats | None) -> tuple[float, Floats | None]:
+        """The bound that a solution's multipliers prove, and its point pulled strictly inside, if that can be done."""
+        if found is None:
+            return -np.inf, None
+        point = None if inside is None else pull_inside(found.g, inside, self.region)
+        return certified_bound(t, found.y, self.region), point
 
     def _vertex(self, t: Floats) -> Solved:
         """The same from the simplex method in floats, where Clarabel's 1e-10 is not enough."""

@@ -16,7 +16,18 @@ import numpy as np
 
 from elicit._support.jit import compiled
 from elicit.lp.primal_simplex import bound_of, least_in_order, walk
-from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known, doubt_at, multipliers
+from elicit.lp.vertices import (
+    CERTAIN_POINT,
+    CORNER,
+    DOUBTFUL_CORNER,
+    ROW,
+    SMALL,
+    USED,
+    Known,
+    doubt_at,
+    largest,
+    multipliers,
+)
 from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, UNSETTLED, WORSE, by_dominance
 
 BY_EQUAL, BY_DOMINANCE, BY_SCREEN, BY_SIMPLEX = 0, 1, 2, 3  # the codes of Tier
@@ -95,15 +106,14 @@ def search(t: Any, known: Known) -> tuple[int, int]:
     """Verdict and tier of tail sums t (p,) of order 1, by the closed form over K_0 and by walks between corners."""
     if known.margin == 0.0 and len(known.limits) == 0:
         return UNKNOWN, BY_SCREEN
-    p, size, total = len(t), 0.0, 0.0
+    p, total = len(t), 0.0
     opposite = np.empty(p)
     for j in range(p):
-        size = max(size, abs(t[j]))
         total += t[j]
         opposite[j] = -t[j]
     if not math.isfinite(total):  # t too large to be summed: nothing follows
         return UNSETTLED, BY_SIMPLEX
-    doubt = doubt_at(p, size)
+    doubt = doubt_at(p, largest(t))
     if least_in_order(t, known.margin) > doubt:
         return BETTER, BY_SCREEN
     if least_in_order(opposite, known.margin) > doubt:
@@ -133,9 +143,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
 @compiled
 def to_unit(t: Any) -> float:
     """Scale t by a power of two to a largest entry in [1/2, 1), where no bit is lost by it; returns that entry."""
-    size = 0.0
-    for j in range(len(t)):
-        size = max(size, abs(t[j]))
+    size = largest(t)
     fraction, exponent = math.frexp(size)
     if exponent == 0:
         return size

@@ -14,8 +14,8 @@ import numpy as np
 from elicit._support.jit import compiled
 from elicit.lp.primal_simplex import bound_of, walk
 from elicit.lp.region import rounding
-from elicit.lp.sign import to_unit
-from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known, multipliers
+from elicit.lp.sign import NOWHERE, outermost, signs_at_points, to_unit
+from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known, largest, multipliers
 from elicit.model.scale import Floats, order_bounds, tail_sums
 
 
@@ -42,30 +42,20 @@ def greatest_all(t: Any, known: Known, high: Any) -> None:
         size = to_unit(s)
         if size == 0.0 or not math.isfinite(size):
             continue
-        largest = 0.0
-        for j in range(p):
-            largest = max(largest, abs(t[i, j]))
-        start, least = -1, math.inf
-        for q in range(known.counts[USED]):
-            if known.kind[q] == CERTAIN_POINT:
-                continue
-            at = 0.0
-            for j in range(p):
-                at += known.points[j, q] * s[j]
-            if at < least:
-                start, least = q, at
-        if start < 0:
+        at = np.empty(known.counts[USED])
+        signs_at_points(s, 0.0, 0, known.points, known.kind, at)
+        start, _ = outermost(at, known.kind, True)
+        if start == NOWHERE:
             continue
         before = known.counts[SLOT]
         walk(s, start, known, nothing, -math.inf)
         found = -math.inf
         for q in (start, before):  # the walk has put its last corner, if it moved at all, into the next slot
-            if q == before and known.counts[SLOT] == before:
-                continue
-            if known.kind[q] == CERTAIN_POINT:
+            if known.kind[q] == CERTAIN_POINT or (q == before and known.counts[SLOT] == before):
                 continue
             multipliers(s, known.inverses, q, y)
             rest[:] = s
             found = max(found, bound_of(rest, y, known.active, q, known.margin, known.cuts, known.limits))
         if found > -math.inf:
-            high[i] = min(high[i], -found * (largest / size) + 4e-16 * abs(found) * (largest / size))
+            unit = largest(t[i]) / size
+            high[i] = min(high[i], -found * unit + 4e-16 * abs(found) * unit)

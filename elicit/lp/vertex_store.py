@@ -1,6 +1,6 @@
 """The upkeep of what is known of K_t: made from a region, cut by answers, pruned of what follows from the rest.
 
-Everything here works on the arrays of ``corner.Known``; a cut makes new ones, so that an older comparator still
+Everything here works on the arrays of ``vertices.Known``; a cut makes new ones, so that an older comparator still
 answers as before.
 """
 
@@ -21,6 +21,7 @@ from elicit.lp.vertices import (
     CERTAIN_POINT,
     DOUBTFUL_CORNER,
     EPS,
+    ROW,
     SLOT,
     SMALL,
     TINY,
@@ -39,116 +40,103 @@ MOST_ROWS = 16  # rows proven beside the region's own
 
 def start(region: Region) -> Known:
     """What is known before any comparison: the region's rows, and the corners of K_0 that lie in it."""
-    p, m = region.p, len(region.rows)
-    corners = max(8, min(MOST_CORNERS, MOST_NUMBERS // max(p * p, 1)))
-    known = _of_region(region)._replace(
-        rows=np.empty((m, p)),
-        lifted=np.empty((m, p)),
-        masks=np.empty(m, dtype=np.uint64),
+    p, none = region.p, np.empty((0, region.p))
+    corners = max(8, min(MOST_CORNERS, MOST_NUMBERS // (p * p)))
+    known = Known(
+        margin=region.margin,
+        cuts=np.ascontiguousarray(region.rows.T),
+        limits=region.rhs,
+        rows=none,
+        lifted=none,
+        masks=np.empty(0, dtype=np.uint64),
+        inside=np.full(p, np.nan),
+        room=np.full(p + len(region.rows), np.nan),
         points=np.zeros((p, corners)),
         inverses=np.zeros((corners, p, p)),
-        active=np.zeros((corners, max(p - 1, 0)), dtype=np.int64),
+        active=np.zeros((corners, p - 1), dtype=np.int64),
         kind=np.zeros(corners, dtype=np.int8),
         age=np.zeros(corners, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
     )
-    for i in range(m):
-        know_row(known, i, region.rows[i], region.rhs[i])
+    known = _with_rows(known, region.rows, region.rhs)
     if not region.margin * p < 1 - 1e-9:  # K_0 is a point, or nearly
         return known
     _recentre_dearly(known, region)
-    if p > 1 and not m:
+    if p > 1 and not len(region.rows):
         for best in range(min(p, corners)):
             add_corner(known, tuple(j for j in range(p) if j != best))
     _find_some_corner(known, region)
     return known
 
 
-def cut(known: Known, region: Region, new: int) -> Known:
-    """The same for a region whose last ``new`` rows were not among its rows before: all rows that held still
-    hold, and the corners that no new row may cut off stay. Its inner point is still the old one: ``refresh``."""
-    size, used = len(known.rows) + new, len(known.kind)
-    after = _of_region(region)._replace(
-        rows=np.empty((size, region.p)),
-        lifted=np.empty((size, region.p)),
-        masks=np.empty(size, dtype=np.uint64),
+def cut(known: Known, region: Region) -> Known:
+    """The same for a region whose last row was not among its rows before: all rows that held still hold, and the
+    corners that the new row cannot cut off stay. Its inner point is still the old one: ``refresh``."""
+    row, limit, given = region.rows[-1], region.rhs[-1], len(known.limits)
+    stays = np.empty(known.counts[USED], dtype=np.bool_)
+    beyond_doubt(known, row, limit, stays)
+    after = _only_corners(known, np.flatnonzero(stays))
+    after.counts[ROW] = 0
+    after = after._replace(
+        cuts=np.ascontiguousarray(region.rows.T),
+        limits=region.rhs,
         inside=known.inside.copy(),
-        points=np.zeros((region.p, used)),
-        inverses=np.empty((used, region.p, region.p)),
-        active=np.zeros((used, region.p - 1), dtype=np.int64),
-        kind=np.zeros(used, dtype=np.int8),
-        age=np.zeros(used, dtype=np.int64),
+        room=np.full(region.p + len(region.rows), np.nan),
     )
-    hand_on(known, after, region.rows[-new:], region.rhs[-new:])
-    return after
+    limits = np.zeros(len(known.rows) + 1)
+    limits[given] = limit
+    return _with_rows(after, np.concatenate([known.rows[:given], row[None], known.rows[given:]]), limits)
 
 
-def refresh(known: Known, region: Region, new: int) -> Known:
+def refresh(known: Known, region: Region) -> Known:
     """With a point strictly inside and a corner to start from, for a region that is not empty."""
-    if not recentre(known, region.rows[-new:], region.rhs[-new:]):
+    if not recentre(known, region.rows[-1], region.rhs[-1]):
         _recentre_dearly(known, region)
     _find_some_corner(known, region)
     return known
 
 
 @compiled
-def hand_on(old: Known, new: Known, rows: Any, limits: Any) -> None:
-    """Fill ``new`` with what still holds of ``old`` once ``rows`` cut K_t: all known rows, the new ones among them,
-    and the corners that lie beyond doubt on the right side."""
-    p, given, more = len(old.inside), len(old.limits), len(limits)
-    for i in range(len(old.rows)):
-        at = i if i < given else i + more
-        new.rows[at] = old.rows[i]
-        new.lifted[at] = old.lifted[i]
-        new.masks[at] = old.masks[i]
-    for i in range(more):
-        know_row(new, given + i, rows[i], limits[i])
-    n = 0
-    for q in range(old.counts[USED]):
-        stays = True
-        for i in range(more):
-            excess, size = -limits[i], abs(limits[i])
-            for j in range(p):
-                excess += rows[i, j] * old.points[j, q]
-                size += abs(rows[i, j] * old.points[j, q])
-            # the last term: a point's components total 1 only to about 1e-12
-            doubt = (p + 8) * EPS * size + TINY + 1e-11 * abs(limits[i])
-            stays = stays and excess > (-1e-9 if old.kind[q] == DOUBTFUL_CORNER else doubt)
-        if stays:
-            new.points[:, n] = old.points[:, q]
-            new.inverses[n] = old.inverses[q]
-            new.active[n] = old.active[q]
-            new.kind[n] = old.kind[q]
-            new.age[n] = old.age[q]
-            n += 1
-    new.counts[USED] = n
-    new.counts[SLOT] = n % len(new.kind)
+def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
+    """Marks the corners (q,) whose points have row.g >= limit beyond doubt, and those good for their bases alone that
+    are not far on the wrong side."""
+    p = len(row)
+    for q in range(len(stays)):
+        excess, size = -limit, abs(limit)
+        for j in range(p):
+            excess += row[j] * known.points[j, q]
+            size += abs(row[j] * known.points[j, q])
+        # the last term: a point's components total 1 only to about 1e-12
+        doubt = (p + 8) * EPS * size + TINY + 1e-11 * abs(limit)
+        stays[q] = excess > (-1e-9 if known.kind[q] == DOUBTFUL_CORNER else doubt)
 
 
 @compiled
-def know_row(known: Known, i: int, row: Any, limit: float) -> None:
-    """Known row i becomes a row w with w.g >= 0, from row.g >= limit and sum g = 1, rounded up where rounding is
-    needed; with its lifted version, a little larger where negative and larger still where positive, so that
-    t >= lambda times that implies t >= lambda (1 + 2^-48) w; and its mask."""
-    mask, tiny = np.uint64(0), False
-    for j in range(len(row)):
-        w = row[j]
-        if limit != 0.0:
-            w += -limit + (10 * EPS * (abs(row[j]) + abs(limit)) + TINY)
-        known.rows[i, j] = w
-        known.lifted[i, j] = w * (1.0 + 2.0**-48 + (2.0**-50 if w > 0.0 else -(2.0**-50)))
-        tiny = tiny or (w != 0.0 and abs(w) < SMALL)
-        if j < 64 and w >= 0.0:
-            mask |= np.uint64(1) << np.uint64(j)
-    # of a row with entries so small that products with them underflow nothing can be concluded
-    known.masks[i] = mask
-    if tiny:
-        known.lifted[i] = math.nan
+def know_rows(known: Known, rows: Any, limits: Any) -> None:
+    """The known rows become rows w (r, p) with w.g >= 0, from rows.g >= limits and sum g = 1, rounded up where rounding
+    is needed; with their lifted versions, a little larger where negative and larger still where positive, so that
+    t >= lambda times that implies t >= lambda (1 + 2^-48) w; and their masks."""
+    for i in range(len(limits)):
+        mask, tiny, limit = np.uint64(0), False, limits[i]
+        for j in range(rows.shape[1]):
+            w = rows[i, j]
+            if limit != 0.0:
+                w += -limit + (10 * EPS * (abs(w) + abs(limit)) + TINY)
+            known.rows[i, j] = w
+            known.lifted[i, j] = w * (1.0 + 2.0**-48 + (2.0**-50 if w > 0.0 else -(2.0**-50)))
+            tiny = tiny or (w != 0.0 and abs(w) < SMALL)
+            if j < 64 and w >= 0.0:
+                mask |= np.uint64(1) << np.uint64(j)
+        known.masks[i] = mask
+        if tiny:  # of entries so small that products with them underflow nothing can be concluded
+            for j in range(rows.shape[1]):
+                known.lifted[i, j] = math.nan
 
 
 @compiled
-def recentre(known: Known, rows: Any, limits: Any) -> bool:
-    """Move the inner point to the right side of new rows: half-way between the mean of the known points and the old
-    inner point, which is first moved across the cuts towards that mean; or to the mean. False where neither is
+def recentre(known: Known, row: Any, limit: float) -> bool:
+    """Move the inner point to the right side of a new row: half-way between the mean of the known points and the old
+    inner point, which is first moved across the cut towards that mean; or to the mean. False where neither is
     certainly inside."""
     p, n = len(known.inside), 0
     mean = np.zeros(p)
@@ -160,13 +148,12 @@ def recentre(known: Known, rows: Any, limits: Any) -> bool:
     if n == 0:
         return False
     share, old = 0.0, known.inside.copy()
-    for i in range(len(limits)):
-        short, gain = limits[i], -limits[i]
-        for j in range(p):
-            short -= rows[i, j] * old[j]
-            gain += rows[i, j] * mean[j] / n
-        if short > 0.0 and short + gain > 0.0:
-            share = max(share, (short + gain / 2.0) / (short + gain))
+    short, gain = limit, -limit
+    for j in range(p):
+        short -= row[j] * old[j]
+        gain += row[j] * mean[j] / n
+    if short > 0.0 and short + gain > 0.0:
+        share = (short + gain / 2.0) / (short + gain)
     for weight in (0.5 + share / 2.0, 1.0):
         total = 0.0
         for j in range(p):
@@ -210,62 +197,41 @@ def prune(known: Known, region: Region) -> tuple[Known, Region]:
     known.active[:] = renumbered[known.active]
     known = _only_corners(known, np.flatnonzero(~lost))
     region = region.take(~out)
-    fresh = _of_region(region)
-    known = known._replace(
-        cuts=fresh.cuts, limits=fresh.limits, room=known.room[np.append(np.ones(p, dtype=bool), ~out)]
-    )
-    known = _with_rows(known, _latest(rows, len(region.rows)))
+    kept = np.append(np.ones(p, dtype=bool), ~out)
+    known = known._replace(cuts=np.ascontiguousarray(region.rows.T), limits=region.rhs, room=known.room[kept])
+    known = _with_latest_rows(known, rows)
     _find_some_corner(known, region)
     return known, region
 
 
-def add_row(known: Known, given: int, row: Floats) -> Known:
-    """Know that row.g >= 0 on K_t; the first ``given`` rows are the region's own."""
-    return _with_rows(known, _latest(np.concatenate([known.rows, row[None, :]]), given))
+def add_row(known: Known, row: Floats) -> Known:
+    """Know that row.g >= 0 on K_t."""
+    return _with_latest_rows(known, np.concatenate([known.rows, row[None, :]]))
 
 
 def add_corner(known: Known, basis: tuple[int, ...]) -> None:
     """Know the corner with these active constraints, if floats can invert them."""
     p = len(known.inside)
-    active, inverse, g, slack = (
-        np.array(basis, dtype=np.int64),
-        np.zeros((p, p)),
-        np.zeros(p),
-        np.zeros(len(known.room)),
-    )
+    active, inverse = np.array(basis, dtype=np.int64), np.zeros((p, p))
+    g, slack = np.zeros(p), np.zeros(len(known.room))
     if p > 1 and inverse_of(active, known, inverse):
         corner_of(inverse, active, known, g)
         slacks_of(g, known, slack)
         keep(np.zeros(p), g, slack, inverse, active, 0, known)
 
 
-def _of_region(region: Region) -> Known:
-    """The arrays that the region gives; the others are empty."""
-    p, none = region.p, np.empty((0, region.p))
-    return Known(
-        margin=region.margin,
-        cuts=np.ascontiguousarray(region.rows.T),
-        limits=region.rhs,
-        rows=none,
-        lifted=none,
-        masks=np.empty(0, dtype=np.uint64),
-        inside=np.full(p, np.nan),
-        room=np.full(p + len(region.rows), np.nan),
-        points=none,
-        inverses=none[:, :, None],
-        active=np.empty((0, p - 1), dtype=np.int64),
-        kind=np.empty(0, dtype=np.int8),
-        age=np.empty(0, dtype=np.int64),
-        counts=np.zeros(3, dtype=np.int64),
-    )
-
-
-def _with_rows(known: Known, rows: Floats) -> Known:
-    """Other known rows (r, p)."""
+def _with_rows(known: Known, rows: Floats, limits: Floats) -> Known:
+    """Other known rows, from rows.g >= limits for rows (r, p)."""
     known = known._replace(rows=np.empty(rows.shape), lifted=np.empty(rows.shape), masks=np.empty(len(rows), np.uint64))
-    for i, row in enumerate(rows):
-        know_row(known, i, row, 0.0)
+    know_rows(known, np.ascontiguousarray(rows), limits)
     return known
+
+
+def _with_latest_rows(known: Known, rows: Floats) -> Known:
+    """Other known rows: of these (r, p) the region's own, which come first, and the latest of the others."""
+    given = len(known.limits)
+    rows = np.concatenate([rows[:given], rows[given:][-MOST_ROWS:]])
+    return _with_rows(known, rows, np.zeros(len(rows)))
 
 
 def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
@@ -293,8 +259,3 @@ def _find_some_corner(known: Known, region: Region) -> None:
     """With a corner to start walks from, where floats find one."""
     if region.p > 1 and not (known.kind[: known.counts[USED]] != CERTAIN_POINT).any():
         add_corner(known, minimise(np.zeros(region.p), region).basis)
-
-
-def _latest(rows: Floats, given: int) -> Floats:
-    """The region's own rows, which come first, and the latest of the others."""
-    return np.concatenate([rows[:given], rows[given:][-MOST_ROWS:]])

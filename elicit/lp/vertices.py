@@ -32,8 +32,8 @@ class Known(NamedTuple):
     cuts: Floats  # (p, m) the rows, transposed
     limits: Floats  # (m,)
     rows: Floats  # (r, p) rows w with w.g >= 0 on K_t
-    lifted: Floats  # (r, p) a little larger: t >= lambda * lifted, in floats, implies t >= lambda * w
-    masks: NDArray[np.uint64]  # (r,) bit j: entry j is not negative (of the first 64); all bits: the row is no use
+    lifted: Floats  # (r, p) a little larger: t >= lambda * lifted, in floats, implies t >= lambda * w; else nan
+    masks: NDArray[np.uint64]  # (r,) bit j: entry j is not negative (of the first 64)
     inside: Floats  # (p,) a point strictly inside K_t; not a number where none is known
     room: Floats  # (p + m,) its distances to the constraints
     points: Floats  # (p, q) the corners' points
@@ -179,6 +179,15 @@ def inverse_of(active: Any, known: Known, inverse: Any) -> bool:
                     matrix[r, j] -= factor * matrix[c, j]
                     inverse[r, j] -= factor * inverse[c, j]
     return True
+
+
+@compiled
+def largest(t: Any) -> float:
+    """The size of the largest entry."""
+    size = 0.0
+    for j in range(len(t)):
+        size = max(size, abs(t[j]))
+    return size
 
 
 @compiled

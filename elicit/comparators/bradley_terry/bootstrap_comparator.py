@@ -33,7 +33,6 @@ from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums,
 
 Region = Literal["box", "ensemble"]
 _LARGE = 2.0**900  # differences beyond this or below its inverse are scaled, lest sums overflow or vanish
-_FEW = 32  # rows up to which one cumulated product is faster than a loop over the gaps
 
 
 class NotConverged(RuntimeWarning):
@@ -243,14 +242,7 @@ class _Ensemble:
 
     def extremes(self, d: Floats) -> tuple[Floats, Floats]:
         """Least and greatest plausible d.e (n,) of d (n, k)."""
-        t, last = tail_sums(d), self.gaps.shape[1] - 2
-        # Never a matrix product: a row must not depend on its neighbours. Both ways sum in one order.
-        if len(t) < _FEW:
-            scores = np.add.accumulate(t[:, :, None] * self.gaps, axis=1)[:, -1]
-        else:
-            scores = t[:, :1] * self.gaps[0]
-            for j in range(1, t.shape[1]):
-                scores += t[:, j : j + 1] * self.gaps[j]
+        scores, last = dot(tail_sums(d)[:, None], self.gaps.T), self.gaps.shape[1] - 2
         point = scores[:, -1]
         ordered = np.sort(scores[:, :-1], axis=1)
         return np.minimum(ordered[:, self.cut], point), np.maximum(ordered[:, last - self.cut], point)

@@ -15,7 +15,7 @@ BLOCK = 64  # rows whose likelihoods are multiplied before a logarithm is taken;
 FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
 
 
-class Prior(NamedTuple):
+class ParticlePrior(NamedTuple):
     """log h(S) = log of the mixture over shapes a of Dirichlet(a), in S = sum log g; and log c ~ N(mean, sd^2).
     ``fixed`` > 0 is a known precision; then the level of x means nothing."""
 
@@ -48,7 +48,7 @@ def scaled(x: Any, fixed: float, theta: Any) -> float:
 
 
 @compiled
-def log_prior(x: Any, prior: Prior, theta: Any, work: Any) -> float:
+def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
     """Log density of x up to a constant, and theta = c g into theta (p,); -inf where a prior inequality fails.
     ``work`` is (2, BLOCK)."""
     p, s, c = len(x), 0.0, 0.0

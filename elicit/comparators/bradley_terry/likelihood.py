@@ -2,7 +2,7 @@
 
 In gap coordinates eq. (6) is P(left is better) = 1 / (1 + exp(-t.gamma)), with t the tail sums of
 left - right and gamma_j = c (e_{j+1} - e_j) >= 0 the scaled gaps. The log-likelihood is concave in
-gamma, so a fit is a convex problem: ``fit_cvxpy`` states it, ``fit`` solves many of them fast.
+gamma, so a fit is a convex problem; ``fit`` solves many of them fast.
 
 Shapes: n answers, p = k - 1 gaps, m resamples. An answer y = 0 (a tie) counts as half an answer
 each way. Gammas are in logits per unit of share, so that t.gamma is in logits.
@@ -10,9 +10,8 @@ each way. Gammas are in logits per unit of share, so that t.gamma is in logits.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +21,7 @@ from elicit.model.scale import Floats
 
 _TOLERANCE = 1e-12  # promised gain in log-likelihood below which a step is the last one
 _FLAT = 1e-8  # curvature, as a share of the most the answers could have, that means "no maximum here"
+_MOST_STEPS = 100
 _BACKTRACKS = 50
 _BLOCK = 2**16  # numbers in a working array: more problems at once would only fall out of the cache
 _NEAR = 1e-3  # gaps this close to 0 (in gaps that total 1) may be held there for a step
@@ -30,11 +30,10 @@ Signs = NDArray[np.integer]
 
 
 class Fit(NamedTuple):
-    """gamma (m, p), and for each of the m problems whether it converged and after how many steps."""
+    """gamma (m, p), and for each of the m problems whether it converged."""
 
     gamma: Floats
     converged: NDArray[np.bool_]
-    iterations: NDArray[np.int64]
 
 
 def sigmoid(z: ArrayLike) -> Floats:
@@ -122,7 +121,6 @@ def fit(
     weights: Floats | None = None,
     start: Floats | None = None,
     monotone: bool = True,
-    max_iterations: int = 100,
 ) -> Fit:
     """Maximise eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2, m times at once.
 
@@ -142,19 +140,18 @@ def fit(
     first = np.array(np.broadcast_to(centre if start is None else start / precision, (m, p)))
     block = max(1, _BLOCK // max(1, len(t)))
     parts = [slice(i, i + block) for i in range(0, m, block)]
-    fits = [_fit_block(every.only(part), every.project(first[part]), max_iterations) for part in parts]
-    u, converged, iterations = (np.concatenate(column) for column in zip(*fits, strict=True))
-    return Fit(precision * u, converged, iterations)
+    fits = [_fit_block(every.only(part), every.project(first[part])) for part in parts]
+    u, converged = (np.concatenate(column) for column in zip(*fits, strict=True))
+    return Fit(precision * u, converged)
 
 
-def _fit_block(problems: _Problems, u: Floats, max_iterations: int) -> Fit:
+def _fit_block(problems: _Problems, u: Floats) -> Fit:
     best, m = u.copy(), len(u)
-    converged, iterations = np.zeros(m, dtype=np.bool_), np.zeros(m, dtype=np.int64)
+    converged = np.zeros(m, dtype=np.bool_)
     rest, todo, loss = problems, np.arange(m), problems.loss(u)
-    for _ in range(max_iterations):
+    for _ in range(_MOST_STEPS):
         u, loss, accepted, last = _step(rest, u, loss)
         best[todo] = u
-        iterations[todo] += 1
         converged[todo] = accepted & last
         going = accepted & ~last
         if not going.all():
@@ -163,7 +160,7 @@ def _fit_block(problems: _Problems, u: Floats, max_iterations: int) -> Fit:
             break
     if problems.strength == 0:
         converged &= ~_flat(problems, best)
-    return Fit(best, converged, iterations)
+    return Fit(best, converged)
 
 
 def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
@@ -229,28 +226,3 @@ def prior_centres(key: int, m: int, p: int, shape: tuple[float, float] = (1.0, 1
     draws = rng.standard_gamma(np.broadcast_to(a, (m, p))) + np.finfo(np.float64).tiny  # never all zero
     centres: Floats = draws / draws.sum(axis=1, keepdims=True)
     return centres
-
-
-def fit_cvxpy(
-    t: Floats, y: Signs, *, precision: float, centre: Floats, strength: float, monotone: bool = True
-) -> Floats:
-    """gamma (p,) of one problem of ``fit``, stated as it reads and solved with Clarabel: slow, for
-    checking. Raises RuntimeError where the solver does not end with an optimum."""
-    import cvxpy
-
-    cp: Any = cvxpy  # its stubs lack half of what it offers
-    u = cp.Variable(t.shape[1])
-    z = precision * t @ u
-    log_likelihood = cp.sum(cp.multiply((1.0 + y) / 2.0, z) - cp.logistic(z))
-    constraints = [u >= 0] if monotone else []
-    problem = cp.Problem(cp.Maximize(log_likelihood - strength / 2.0 * cp.sum_squares(u - centre)), constraints)
-    # As near as Clarabel gets: it may stop short of the first tolerance, but not of the second.
-    wanted = {f"tol_{name}": 1e-11 for name in ("gap_abs", "gap_rel", "feas")}
-    enough = {f"reduced_tol_{name}": 1e-6 for name in ("gap_abs", "gap_rel", "feas")}
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Solution may be inaccurate")
-        problem.solve(solver=cp.CLARABEL, **wanted, **enough)
-    if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-        raise RuntimeError(f"Clarabel ended with {problem.status}")
-    gamma: Floats = precision * np.asarray(u.value)
-    return gamma

@@ -14,7 +14,7 @@ import numpy as np
 
 from elicit._support.hashing import mix
 from elicit._support.jit import compiled
-from elicit.comparators.bradley_terry.density import BLOCK, Prior, log_prior, powered
+from elicit.comparators.bradley_terry.density import BLOCK, ParticlePrior, log_prior, powered
 from elicit.comparators.bradley_terry.density_float32 import LEAST_LAPSE, error, rough_likelihood, roughened
 
 SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares: of proposals that exchange two gaps; of the others, those that
@@ -31,7 +31,7 @@ def unit(h: Any) -> float:
 
 
 @compiled
-def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: Prior, key: Any, turns: int) -> int:
+def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
     """Propose a move for each particle x (m, p) in turn, so many times over, that keeps the density of ``log_prior``
     and ``powered``: single precision decides unless its errors could. Returns how many were accepted, those not
     counted that led nowhere."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 import copy
 import math
 import warnings
-from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +19,7 @@ from scipy.special import gammaln, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of
 from elicit._support.validation import is_number, is_range, is_whole, require
-from elicit.comparators.bradley_terry.density import Prior
+from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.mcmc import move
 from elicit.comparators.bradley_terry.smc import SWEEPS, effective_size, learn, thetas
 from elicit.decision.decide import decide_by
@@ -32,7 +31,7 @@ from elicit.lp.infeasibility import is_empty
 from elicit.lp.region import Region, prior_rows
 from elicit.model.comparator import Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
 
 WORN = 0.02  # below this share of an effective sample the particles are reported
 _FAR = 1e12  # tail sums are no larger for the likelihood
@@ -164,16 +163,15 @@ class PosteriorComparator:
     def probability(self, d: ArrayLike) -> Floats:
         """P(d.e > 0 | answers) (n,) for d (n, k)."""
         gaps, weights = self._gaps_and_weights
-        t = tail_sums(as_vectors(d, self.k))
-        above: Floats = np.array([weights[scores > 0].sum() for scores in _scores(t, gaps)])
-        return above
+        return np.array([weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_vectors(d, self.k))])
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""
         gaps, weights = self._gaps_and_weights
         t = tail_sums(as_vectors(d, self.k))
         low, high = np.empty(len(t)), np.empty(len(t))
-        for i, scores in enumerate(_scores(t, gaps)):
+        for i, row in enumerate(t):
+            scores = dot(row, gaps.T)
             order = np.argsort(scores, kind="stable")
             below = np.cumsum(weights[order])
             low[i] = scores[order[np.searchsorted(below, 1.0 - self.level + LEVEL_ROUNDING, side="right")]]
@@ -238,7 +236,7 @@ class PosteriorComparator:
         weights = np.exp(self._logs - self._logs.max())
         return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
-    def _log_prior(self) -> Prior:
+    def _log_prior(self) -> ParticlePrior:
         """The prior's density, its mixture over shapes by Gauss and Legendre's rule in log a."""
         p, (low, high) = self.k - 1, self.shape
         nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
@@ -248,7 +246,7 @@ class PosteriorComparator:
         if self.prior is not None:
             above, limits = np.ascontiguousarray(tail_sums(self.prior.a)), self.prior.b
         fixed = self.given_precision or 0.0
-        return Prior(shapes, constants, *PRECISION, fixed, self.lapse, above, limits)
+        return ParticlePrior(shapes, constants, *PRECISION, fixed, self.lapse, above, limits)
 
     def _first_particles(self) -> Floats:
         """x (m, p) from the prior."""
@@ -287,9 +285,3 @@ class PosteriorComparator:
             f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: "
             "relax some of them"
         )
-
-
-def _scores(t: Floats, gaps: Floats) -> Iterator[Floats]:
-    """t.g (m,) for each row of t (n, p), summed in order: a row does not depend on its neighbours."""
-    for row in t:
-        yield np.add.accumulate(row[:, None] * gaps, axis=0)[-1]

@@ -15,7 +15,7 @@ import numpy as np
 
 from elicit._support.hashing import mix
 from elicit._support.jit import compiled
-from elicit.comparators.bradley_terry.density import Prior, likelihoods, scaled
+from elicit.comparators.bradley_terry.density import ParticlePrior, likelihoods, scaled
 from elicit.comparators.bradley_terry.mcmc import move, unit
 
 ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
@@ -64,7 +64,7 @@ def resample(weights: Any, u: float, out: Any) -> None:
 
 @compiled
 def learn(
-    x: Any, theta: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: Prior, key: Any
+    x: Any, theta: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior, key: Any
 ) -> tuple[int, int]:
     """Reweight particles x (m, p), whose ``thetas`` are theta (p, m), with log weights ``logs`` (m,) by row n - 1 of
     rows (p, >= n), and move them where that leaves few with weight. ``noise`` (1,) is the variance of a mean over

@@ -1,7 +1,7 @@
 """The reliable-tutor comparator (section 3.1): what every scale consistent with the answers agrees on.
 
 A verdict is the sign of the exact optimum of the two programs over K_t, reached by the cheapest proof that will
-do (``settle``, ``plausible``). ``bounds`` are Clarabel's, made rigorous.
+do (``decision.judge``, ``plausible_set``). ``bounds`` are Clarabel's, made rigorous.
 """
 
 from __future__ import annotations

@@ -16,25 +16,36 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
+from elicit.lp.inequalities import Prior
 from elicit.lp.programs import Programs
-from elicit.lp.region import Region, certified_bound, pull_inside, rounding, strictly_inside
+from elicit.lp.region import Region, strictly_inside
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
-
-if TYPE_CHECKING:
-    from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.scale import Floats, as_vectors, exact_dot, order_bounds, tail_sums
 
 _MOST_SINGLES = 3  # single answers to try in rationals before a set of them
 
 
-def explain(d: ArrayLike, comparator: PolytopeComparator, labels: Sequence[str] | None = None) -> Explanation:
+class Polytope(Comparator, Protocol):
+    """What an explanation rests on: ``PolytopeComparator``, which imports this module."""
+
+    margin: float
+    answers: Answers
+    prior: Prior | None
+
+    @property
+    def region(self) -> Region:
+        """K_t with every constraint, also the redundant."""
+
+
+def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = None) -> Explanation:
     """Which answers, steps of the order and prior inequalities force the verdict on a difference d (k,).
 
     labels: k names of levels, worst first, for the sentence ("level 1", ... by default). Raises ValueError for
@@ -66,7 +77,7 @@ def explain(d: ArrayLike, comparator: PolytopeComparator, labels: Sequence[str] 
     return replace(made, proofs=proofs, scales=(_scale(minimise_exactly(-int(verdict) * t + 0.0, region).g),))
 
 
-def _needed(goals: list[Floats], region: Region, comparator: PolytopeComparator) -> list[int]:
+def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
     """Owners of an irreducible set of rows that keeps t.g >= 0 for each goal t, beside the order.
 
     It is sought among few rows first: none, the prior's, one answer's, then those of an optimal vertex. Later
@@ -107,21 +118,14 @@ def _single(goals: list[Floats], region: Region) -> list[int]:
 
 
 def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
-    """Whether t.g >= 0 on the whole region, beyond doubt: Clarabel's multipliers as a bound with every rounding,
-    or its point pulled inside; the exact optimum where neither can tell. ``inside``: see ``Programs.least``."""
+    """Whether t.g >= 0 on the whole region, beyond doubt: by ``Programs.sign_of_least``, or by the exact optimum."""
     if not len(region.rows):
         return bool(_least_by_order(_exact(t), region) >= 0)
-    found = Programs(region).solve(t) if np.abs(t).max() < 1 else None
-    if found is not None:
-        if certified_bound(t, found.y, region) >= 0:
-            return True
-        point = None if inside is None else pull_inside(found.g, inside, region)
-        if point is not None and float(t @ point) < -rounding(region.p, float(np.abs(t) @ point)):
-            return False
-    return bool(minimise_exactly(t, region).value >= 0)
+    sign, _ = Programs(region).sign_of_least(t, inside) if np.abs(t).max() < 1 else (0, None)
+    return sign > 0 if sign != 0 else bool(minimise_exactly(t, region).value >= 0)
 
 
-def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: PolytopeComparator) -> Proof:
+def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) -> Proof:
     """Multipliers in the units of the given differences, from an optimal vertex over ``part``; ``t`` is d's tail
     sums over a power of two."""
     known, told = comparator.prior, comparator.answers
@@ -180,10 +184,9 @@ def _told_equal(d: Floats, answers: Answers) -> int | None:
 
 def _moderate(g: Numbers, other: Numbers, t: Floats) -> Numbers:
     """A scale on the way from vertex g to another one, still on g's side of zero: less extreme, easier to picture."""
-    exact = _exact(t)
     for share in (Fraction(1, 4), Fraction(1, 16)):
         mixed: Numbers = (1 - share) * g + share * other
-        if (exact @ mixed) * (exact @ g) > 0:
+        if exact_dot(t, mixed) * exact_dot(t, g) > 0:
             return _scale(mixed)
     return _scale(g)
 

@@ -16,7 +16,7 @@ from elicit.decision.rule import Rule, proven, unaided
 from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
 from elicit.lp.programs import Programs
-from elicit.lp.region import Region, certified_bound, pull_inside, rounding
+from elicit.lp.region import Region, rounding
 from elicit.lp.sign import settle, signs_at_points, to_unit
 from elicit.lp.support_function import greatest
 from elicit.lp.vertex_store import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
@@ -87,9 +87,7 @@ class PlausibleSet:
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
-        _, exponent = np.frexp(np.abs(d[:, 1:]).max(axis=1, initial=0.0))
-        with np.errstate(over="ignore"):
-            t = tail_sums(np.ldexp(d, -exponent[:, None]))
+        t, exponent = tails_of_order_one(d)
         low, high = order_bounds(t, self.region.margin)
         doubt = rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
         low, high = low - doubt, high + doubt
@@ -118,10 +116,10 @@ class PlausibleSet:
         new = object.__new__(PlausibleSet)
         region, new._pruned_to = self.region.plus(row, rhs, owner), self._pruned_to
         with np.errstate(all="ignore"):
-            known = cut(self._known, region, 1)
+            known = cut(self._known, region)
             if not has_point(known):
                 _check_some(region)
-            known = refresh(known, region, 1)
+            known = refresh(known, region)
             if len(region.rows) > new._pruned_to * 1.3 + 2:
                 known, region = prune(known, region)
                 new._pruned_to = len(region.rows)
@@ -152,21 +150,25 @@ class PlausibleSet:
 
     def _sign_of_least(self, t: Floats, tier: Tier) -> tuple[int, Tier]:
         """The sign of min t.g over the set, by Clarabel where its solution proves it, else in rationals."""
-        found = self.programs.solve(t) if self.inside is not None else None
-        if found is not None:
-            if certified_bound(t, found.y, self.region) > 0:
-                return 1, tier
-            point = pull_inside(found.g, self._known.inside, self.region)
-            if point is not None and float(t @ point) < -rounding(self.region.p, 4.0 * float(np.abs(t) @ point)):
-                add_point(self._known, point)
-                return -1, tier
+        sign, point = self.programs.sign_of_least(t, self.inside) if self.inside is not None else (0, None)
+        if point is not None:
+            add_point(self._known, point)
+        if sign != 0:
+            return sign, tier
         exact = minimise_exactly(t, self.region)
         with np.errstate(all="ignore"):
             add_corner(self._known, exact.basis)
         add_point(self._known, exact.g.astype(np.float64))
         if exact.value >= 0:
-            self._known = add_row(self._known, len(self.region.rows), t)
+            self._known = add_row(self._known, t)
         return int(exact.value > 0) - int(exact.value < 0), Tier.EXACT
+
+
+def tails_of_order_one(d: Floats) -> tuple[Floats, NDArray[np.int32]]:
+    """Tail sums (n, p) of d (n, k) over powers of two that bring its entries below 1, and the exponents (n,)."""
+    _, exponent = np.frexp(np.abs(d[:, 1:]).max(axis=1, initial=0.0))
+    with np.errstate(over="ignore"):
+        return tail_sums(np.ldexp(d, -exponent[:, None])), exponent
 
 
 def _check_some(region: Region) -> None:

@@ -23,7 +23,7 @@ from scipy.linalg import block_diag, null_space
 
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.plausible_set import PlausibleSet
+from elicit.comparators.polytope.plausible_set import PlausibleSet, tails_of_order_one
 from elicit.comparators.polytope.violation import Hinges, best_fit, solve
 from elicit.decision.decide import decide_by
 from elicit.decision.rule import PROVEN, Rule, outer
@@ -34,7 +34,7 @@ from elicit.lp.inequalities import PriorLike
 from elicit.lp.region import rounding
 from elicit.model.comparator import Decisions, Verdicts, check_answers
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
-from elicit.model.scale import Floats, as_vectors, tail_sums, values_of
+from elicit.model.scale import Floats, as_vectors, values_of
 
 LEAST_SLACK = 1e-9
 """Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised to (but for 0
@@ -307,9 +307,7 @@ class _Sublevel:
 
 def _unit_tails(d: Floats) -> Floats:
     """Tail sums (n, p) of d (n, k), scaled to a largest of 1."""
-    _, exponent = np.frexp(np.abs(d[:, 1:]).max(axis=1, initial=0.0))
-    with np.errstate(over="ignore"):
-        t = tail_sums(np.ldexp(d, -exponent[:, None]))
+    t, _ = tails_of_order_one(d)
     size = np.abs(t).max(axis=1, initial=0.0, keepdims=True)
     return np.asarray(t / np.where(size > 0, size, 1.0))
 

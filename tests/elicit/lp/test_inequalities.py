@@ -65,54 +65,32 @@ def test_a_chain_is_several_inequalities_each_with_its_own_name():
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("message", "texts"),
     [
-        ("e2 > 0.5", "write >= for >"),
-        ("e2 < 0.5", "write <= for <"),
-        ("0.1 <= e2 < 0.5", "write <= for <"),
-        ("e2 == 0.5", "an equality as two inequalities"),
-        ("e2 = 0.5", "cannot be read"),
-        ("e2 != 0.5", "states no inequality"),
-        ("e2 in e3", "states no inequality"),
-        ("e2", "states no inequality"),
-        ("", "cannot be read"),
-        ("e2 >= ", "cannot be read"),
-        ("e2 >= 0.3 and e3 <= 0.5", "states no inequality"),
-        ("e2*e3 >= 0.5", '"e2 * e3" is not linear'),
-        ("e2**2 >= 0.5", "is not linear"),
-        ("0.5/e2 >= 0.5", "is not linear"),
-        ("e2//2 >= 0.5", "is not linear"),
-        ("~e2 >= 0.5", "is not linear"),
-        ("e2/0 >= 0.5", "divides by zero"),
-        ("e2/(1 - 1) >= 0.5", "divides by zero"),
-        ("e9 >= 0.5", 'no level is called "e9"; there are e1, e2, e3'),
-        ("stable >= 0.5", 'no level is called "stable"'),
-        ("e0 >= 0.5", 'no level is called "e0"'),
-        ("e4 >= 2e2", "would be read as the number 200. Write 2*e2 for the level"),
-        ("e3 >= .5E1", "Write .5*e1 for the level"),
-        ("e2 >= 1e400", "too large"),
-        ("1e400*e2 >= 0", "too large"),
-        ("0*1e400*e2 >= 0", "too large"),
-        ("e2 >= 1" + "0" * 400, "too large"),
-        ("e2 >= True", "is not linear"),
-        ("e2 >= 2j", "is not linear"),
-        ("e2 >= 'a'", "is not linear"),
-        ("2 >= 1", "compares nothing"),
-        ("e2 >= e2 - 1", "compares nothing"),
-        ("max(e2, e3) >= 0.5", "is not linear"),
-        ("__import__('os').abort() >= e2", "is not linear"),
-        ("(lambda: e2)() >= 0.5", "is not linear"),
-        ("e2.real >= 0.5", "is not linear"),
-        ("[e2][0] >= 0.5", "is not linear"),
-        ("e2 >= 0.5; e3", "cannot be read"),
-        ("e2 >= 0\x00", "cannot be read"),
-        ("(" * 400 + "e2" + ")" * 400 + " >= 0", "cannot be read"),
-        ("e2 >= " + "+".join(["e3"] * 400), "too long to read"),
+        ("write >= for >", ["e2 > 0.5"]),
+        ("write <= for <", ["e2 < 0.5", "0.1 <= e2 < 0.5"]),
+        ("an equality as two inequalities", ["e2 == 0.5"]),
+        ("states no inequality", ["e2 != 0.5", "e2 in e3", "e2", "e2 >= 0.3 and e3 <= 0.5"]),
+        ("cannot be read", ["e2 = 0.5", "", "e2 >= ", "e2 >= 0.5; e3", "e2 >= 0\x00"]),
+        ("cannot be read", ["(" * 400 + "e2" + ")" * 400 + " >= 0"]),
+        ("too long to read", ["e2 >= " + "+".join(["e3"] * 400)]),
+        ('"e2 * e3" is not linear', ["e2*e3 >= 0.5"]),
+        ("is not linear", ["e2**2 >= 0.5", "0.5/e2 >= 0.5", "e2//2 >= 0.5", "~e2 >= 0.5", "max(e2, e3) >= 0.5"]),
+        ("is not linear", ["e2 >= True", "e2 >= 2j", "e2 >= 'a'", "e2.real >= 0.5", "[e2][0] >= 0.5"]),
+        ("is not linear", ["__import__('os').abort() >= e2", "(lambda: e2)() >= 0.5"]),
+        ("divides by zero", ["e2/0 >= 0.5", "e2/(1 - 1) >= 0.5"]),
+        ('no level is called "e9"; there are e1, e2, e3', ["e9 >= 0.5"]),
+        ("no level is called", ["stable >= 0.5", "e0 >= 0.5"]),
+        ("would be read as the number 200. Write 2*e2 for the level", ["e4 >= 2e2"]),
+        ("Write .5*e1 for the level", ["e3 >= .5E1"]),
+        ("too large", ["e2 >= 1e400", "1e400*e2 >= 0", "0*1e400*e2 >= 0", "e2 >= 1" + "0" * 400]),
+        ("compares nothing", ["2 >= 1", "e2 >= e2 - 1"]),
     ],
 )
-def test_what_is_no_linear_inequality_is_refused_in_words(text, message):
-    with pytest.raises(ValueError, match=re.escape(message)):
-        inequality(text, k=3)
+def test_what_is_no_linear_inequality_is_refused_in_words(message, texts):
+    for text in texts:
+        with pytest.raises(ValueError, match=re.escape(message)):
+            inequality(text, k=3)
 
 
 def test_deep_nesting_is_an_error_of_the_text_not_a_crash():

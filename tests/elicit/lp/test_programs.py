@@ -28,15 +28,13 @@ def truthful(k: int, n: int, seed: int = 0, margin: float = 1e-4) -> tuple[Polyt
     return PolytopeComparator(k, margin=margin).update(Answers(d, y)), d * y[:, None]
 
 
-def least_cvxpy(d: Floats, answers: Floats, margin: float, prior: tuple[Floats, Floats] | None = None) -> float:
+def least_cvxpy(d: Floats, answers: Floats, margin: float) -> float:
     """Section 3.1's program as printed: min d.e subject to K_t, for d (k,) and answered differences (n, k)."""
     k = len(d)
     e = cp.Variable(k)
     constraints = [e[0] == 0, e[k - 1] == 1, cp.diff(e) >= margin]  # K_0
     if len(answers):
         constraints.append(answers @ e >= 0)  # K_t: one inequality an answer
-    if prior is not None:
-        constraints.append(prior[0] @ e >= prior[1])
     problem = cp.Problem(cp.Minimize(d @ e), constraints)
     problem.solve(solver=cp.CLARABEL)
     assert problem.status == cp.OPTIMAL
@@ -53,14 +51,6 @@ def test_three_statements_of_one_program(k: int, n: int) -> None:
         assert least_cvxpy(d, cuts, 1e-4) == pytest.approx(low, abs=1e-7)
         assert -least_cvxpy(-d, cuts, 1e-4) == pytest.approx(high, abs=1e-7)
         assert float(oracle.least(exact(tail_sums(d)))) == pytest.approx(low, abs=1e-7)
-
-
-def test_the_twin_knows_priors() -> None:
-    k = 4
-    prior = (np.array([[0.0, 0.0, 1.0, -0.5], [0.0, -1.0, 0.0, 0.0]]), np.array([0.1, -0.4]))
-    comparator = PolytopeComparator(k, prior=prior)
-    for d in shares(np.random.default_rng(2), k, 5):
-        assert least_cvxpy(d, np.empty((0, k)), 1e-6, prior) == pytest.approx(comparator.bounds(d)[0][0], abs=1e-7)
 
 
 # ---- bounds that hold whatever the solver says -------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -146,53 +145,5 @@ def test_ten_thousand_times_the_same_answer() -> None:
     assert time.perf_counter() - begin < 10.0  # it takes a third of a second
     assert rows_kept(often) == 1
     assert (often.compare(ask) == once.compare(ask)).all()
-
-
-def test_the_same_opposite_answers_again_and_again() -> None:
-    d = from_tails([1.0, -2.0, 0.5, 0.25])
-    c = PolytopeComparator(5).update(Answers(np.repeat(d[None], 20, axis=0), np.tile([1, -1], 10)))
-    assert rows_kept(c) == 2  # 1,000 such answers take six seconds
-
-
-def test_an_answer_that_touches_the_set_in_one_corner() -> None:
-    touch = from_tails([1.0, -3.0, -3.0])  # 0 at gaps (6, 1, 1) / 8, and less elsewhere
-    c = PolytopeComparator(4, margin=0.125).update(Answers([touch], [1]))
-    corner = [Fraction(6, 8), Fraction(1, 8), Fraction(1, 8)]
-    rng = np.random.default_rng(4)
-    ask = np.concatenate(
-        [shares(rng, 4, 40), [touch, -touch, from_tails([0.0, 1.0, -1.0]), from_tails([1.0, -6.0, 0.0])]]
-    )
-    for _ in range(2):
-        given = c.compare(ask)
-        assert given.tolist() == [sign_of(d, corner) for d in ask]
-        check_proofs(c)
-    for d in ask[:40:8]:
-        c = c.update(Answers([d], [sign_of(d, corner)]))
-        with pytest.raises(InconsistentAnswers):
-            c.update(Answers([d], [-sign_of(d, corner)]))
-        assert (c.compare(ask) == given).all()
-
-
-@pytest.mark.parametrize("k", [3, 6])
-def test_answers_that_leave_one_point(k: int) -> None:
-    weights = np.random.default_rng(k).integers(1, 30, size=k - 1)
-    truth = [Fraction(int(w), int(weights.sum())) for w in weights]
-    ties = np.zeros((k - 2, k - 1))
-    ties[:, 0], ties[np.arange(k - 2), np.arange(1, k - 1)] = weights[1:], -weights[0]
-    d = np.array([from_tails(t) for t in ties])
-    c = PolytopeComparator(k)
-    for sign in (1, -1):
-        c = c.update(Answers(d, np.full(k - 2, sign)))
-    ask = np.concatenate([shares(np.random.default_rng(9), k, 30), d, d[:1] - 2 * d[-1:]])
-    for _ in range(2):
-        assert c.compare(ask).tolist() == [sign_of(row, truth) for row in ask]
-        check_proofs(c)
-    assert c.values[1:] == pytest.approx(np.cumsum([float(g) for g in truth]), abs=1e-9)
-
-
-@pytest.mark.parametrize("size", [1e300, 1e-300, 5e-324])
-def test_answers_of_any_size(size: float) -> None:
-    t, ask = np.array([1.0, -1.0, 0.0, 1.0]), shares(np.random.default_rng(7), 5, 50)
-    d = np.concatenate([[0.0], (t[:-1] - t[1:]) * size, t[-1:] * size])
-    given = PolytopeComparator(5).update(Answers([d], [1])).compare(ask)
-    assert (given == PolytopeComparator(5).update(Answers([from_tails(t)], [1])).compare(ask)).all()
+    torn = PolytopeComparator(5).update(Answers(np.repeat(d[None], 20, axis=0), np.tile([1, -1], 10)))
+    assert rows_kept(torn) == 2  # 1,000 such answers take six seconds
