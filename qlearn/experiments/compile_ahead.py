@@ -18,6 +18,7 @@ from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments.parallel import Cell
 from qlearn.learners.learner import drive
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.problems.random_mdp import random_mdp
 
 __all__ = ["parts"]
@@ -31,6 +32,7 @@ def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
         proofs: bool(comparators & {"polytope", "relaxed"}),
         moves: any(name.startswith("posterior") for name in comparators),
         loops: any(cell["learner"] == "q-learning" for cell in cells),
+        sweeps: any(cell["learner"] == "ivi" for cell in cells),
     }
     return tuple(part for part, wanted in needed.items() if wanted)
 
@@ -52,9 +54,15 @@ def loops() -> None:
     FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
 
 
+def sweeps() -> None:
+    """Value iteration's sweep, and what its result is made of."""
+    mdp, values = random_mdp(6, 3, 5, rng=0)
+    drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values))
+
+
 def main() -> None:
     """Compile now, as a step of setting up: ``python -m qlearn.experiments.compile_ahead``."""
-    joblib.Parallel(n_jobs=-1)(joblib.delayed(part)() for part in (proofs, moves, loops))
+    joblib.Parallel(n_jobs=-1)(joblib.delayed(part)() for part in (proofs, moves, loops, sweeps))
 
 
 def _choose(comparator: Comparator) -> None:

@@ -164,10 +164,10 @@ def test_what_goes_ahead_of_an_ablation() -> None:
     def named(**cell: Any) -> list[str]:
         return [part.__name__ for part in parts([cell])]
 
-    assert named(comparator="always", learner="ivi") == []
-    assert named(comparator="relaxed", learner="ivi") == ["proofs"]
+    assert named(comparator="always", learner="ivi") == ["sweeps"]
+    assert named(comparator="relaxed", learner="ivi") == ["proofs", "sweeps"]
     assert named(comparator="posterior-close", learner="q-learning") == ["moves", "loops"]
-    both = [{"comparator": "polytope", "learner": "q-learning"}, {"comparator": "posterior", "learner": ""}]
+    both = [{"comparator": "polytope", "learner": "q-learning"}, {"comparator": "posterior", "learner": "ivi"}]
     for part in parts(both):
         part()
 

@@ -54,7 +54,7 @@ def learner_of(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> Inte
     exploration = Exploration(
         (lambda steps: chances[steps]) if isinstance(chances, np.ndarray) else chances, **explored
     )
-    return InteractiveQLearning(mdp, comparator, **{"steps": 400, "exploration": exploration, **settings})
+    return InteractiveQLearning(mdp, comparator, **{"steps": 400, "epsilon": exploration, **settings})
 
 
 def learn(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Result:
