@@ -9,16 +9,16 @@ from elicit.model.tutor import Tutor
 
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
-    from elicit.asking.choose import choose
+    from elicit.asking.choose_from_list import choose
     from elicit.comparators.baselines import AlwaysAsk, Dominance
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
     from elicit.comparators.polytope.comparator import PolytopeComparator
     from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-    from elicit.decision.decide import decide
+    from elicit.decision.verdicts import decide
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
-    from elicit.lp.inequalities import Inequality, inequalities, inequality
+    from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 _LATER = {  # imported when first used, so that `import elicit` stays light
     "AlwaysAsk": "elicit.comparators.baselines",
     "Dominance": "elicit.comparators.baselines",
-    "decide": "elicit.decision.decide",
-    "choose": "elicit.asking.choose",
+    "decide": "elicit.decision.verdicts",
+    "choose": "elicit.asking.choose_from_list",
     "AnswerLog": "elicit.tutors.answer_log",
     "Bags": "elicit.asking.bags",
     "BradleyTerryComparator": "elicit.comparators.bradley_terry.bootstrap_comparator",
     "BradleyTerryTutor": "elicit.tutors.simulated",
     "FlippingTutor": "elicit.tutors.simulated",
-    "Inequality": "elicit.lp.inequalities",
+    "Inequality": "elicit.lp.prior_inequalities",
     "PolytopeComparator": "elicit.comparators.polytope.comparator",
     "PosteriorComparator": "elicit.comparators.bradley_terry.particle_comparator",
     "RelaxedPolytopeComparator": "elicit.comparators.polytope.relaxed_comparator",
@@ -41,8 +41,8 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "TruthfulTutor": "elicit.tutors.simulated",
     "compare_held_out": "elicit.diagnostics.held_out",
     "held_out": "elicit.diagnostics.held_out",
-    "inequalities": "elicit.lp.inequalities",
-    "inequality": "elicit.lp.inequalities",
+    "inequalities": "elicit.lp.prior_inequalities",
+    "inequality": "elicit.lp.prior_inequalities",
     "tutor_report": "elicit.diagnostics.tutor_report",
 }
 _MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.cycles, say

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from elicit.comparators.baselines import AlwaysAsk
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums

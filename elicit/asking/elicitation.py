@@ -28,7 +28,7 @@ from elicit.asking.elicitation_kernel import (
     Judgement,
     settle_rows,
 )
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import pair_code, unit
 from elicit._support.jit import compiled
-from elicit.decision.judge import judge, within
-from elicit.decision.rule import Rule
-from elicit.lp.sign import BY_DOMINANCE
+from elicit.decision.comparator_rule import Rule
+from elicit.decision.judge_kernel import judge, within
+from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.comparator import BY_ANSWERS, Tier
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
 

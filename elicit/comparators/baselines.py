@@ -8,8 +8,8 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit.decision.decide import decide_by
-from elicit.decision.rule import Rule, asking, silent
+from elicit.decision.comparator_rule import Rule, asking, silent
+from elicit.decision.verdicts import decide_by
 from elicit.model.comparator import Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, values_of

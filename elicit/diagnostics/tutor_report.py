@@ -20,7 +20,7 @@ from scipy.stats import binomtest
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
-from elicit.lp.inequalities import PriorLike
+from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.query import Answer, Answers
 from elicit.model.scale import Floats, dominance, tail_sums

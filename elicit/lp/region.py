@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.jit import compiled
-from elicit.lp.inequalities import Prior
+from elicit.lp.prior_inequalities import Prior
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, order_bounds
 

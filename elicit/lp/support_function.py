@@ -14,7 +14,7 @@ import numpy as np
 from elicit._support.jit import compiled
 from elicit.lp.primal_simplex import bound_of, walk
 from elicit.lp.region import rounding
-from elicit.lp.sign import NOWHERE, outermost, signs_at_points, to_unit
+from elicit.lp.sign_proofs import NOWHERE, outermost, signs_at_points, to_unit
 from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known, largest, multipliers
 from elicit.model.scale import Floats, order_bounds, tail_sums
 

@@ -40,7 +40,7 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    What learners use beyond it, where a comparator has it, is declared below and in ``elicit.decision.rule``:
+    What learners use beyond it, where a comparator has it, is declared below and in ``decision.comparator_rule``:
     ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``Ruled``, ``Settling``.
     """
 

@@ -41,8 +41,8 @@ def run(options: dict[str, Any]) -> int:
         import tqdm  # noqa: F401 - for the bar
 
         from qlearn.paper.claims import claims, claims_page, summarise_series
+        from qlearn.paper.figure_runs import KEYS, figures
         from qlearn.paper.figures import plot_asked, plot_loss, save
-        from qlearn.paper.series import KEYS, figures
     except ModuleNotFoundError as error:
         return without(error)
     frame, code = frame_of("figures", partial(figures, settings, jobs=jobs, fresh=fresh), out)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import joblib
 import numpy as np
 
-from elicit.asking.choose import choose
+from elicit.asking.choose_from_list import choose
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator

@@ -6,7 +6,7 @@ Gaps are not negative, so whatever difference has tail sums t >= f, entry by ent
 same verdict ("not left, but right", with -t >= f). To look at k - 1 numbers costs a tenth of a proof. Where a verdict
 goes by the weight of drawn scales, f is such that the same draws stay on the same side. A certificate holds while the
 answers stay the same; one that was proven of all scales that fit them holds for ever, for answers only add
-(``elicit.decision.rule.outlasts_answers``).
+(``elicit.decision.comparator_rule.outlasts_answers``).
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import AskingRule, Judgement
 from elicit.comparators.baselines import AlwaysAsk
-from elicit.decision.judge import certifies
-from elicit.decision.rule import Rule, outlasts_answers, rule_of
-from elicit.lp.sign import BY_SCREEN, BY_SIMPLEX
+from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
+from elicit.decision.judge_kernel import certifies
+from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import UNSETTLED, by_dominance

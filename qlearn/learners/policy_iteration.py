@@ -12,7 +12,7 @@ from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import Elicitation, Judgements, Pair
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums

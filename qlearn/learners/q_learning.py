@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.validation import is_number, is_whole
 from elicit.asking.elicitation import Elicitation, Judgements, Pair, Place
-from elicit.decision.rule import rule_of
+from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats

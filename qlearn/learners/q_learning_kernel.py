@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
 from elicit.asking.elicitation_kernel import judge_pair
-from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL
+from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, certify, difference, keep

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit.asking.elicitation import Elicitation
-from elicit.decision.rule import ASKING, NOTHING, PROOFS, Rule, rule_of, silent
+from elicit.decision.comparator_rule import ASKING, NOTHING, PROOFS, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats

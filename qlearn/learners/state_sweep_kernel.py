@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from elicit._support.jit import unlocked
 from elicit.asking.elicitation_kernel import judge_pair
-from elicit.lp.sign import BY_DOMINANCE, BY_EQUAL
+from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED

@@ -41,7 +41,7 @@ class InteractiveValueIteration(Elicits):
     several runs side by side do not crowd each other; there is one, too, where somebody watches or answers by
     ``consult``. Beside the MDP only V is kept, twice (S, k), and what settled each (s, a) last, k - 1 numbers of half
     size; ``Result.q`` is computed when first read. Where only the comparator itself can tell, it is asked about many
-    pairs at a time; for one without a rule (``elicit.decision.rule``) that is all the time.
+    pairs at a time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
     """
 
     def __init__(

@@ -24,8 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
-from elicit.decision.decide import decide_by
-from elicit.decision.rule import Rule, box, ensemble, silent
+from elicit.decision.comparator_rule import Rule, box, ensemble, silent
+from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Verdicts, check_answers, check_levels
 from elicit.model.query import Answers

@@ -22,12 +22,12 @@ from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.mcmc import move
 from elicit.comparators.bradley_terry.smc import SWEEPS, effective_size, learn, thetas
-from elicit.decision.decide import decide_by
-from elicit.decision.rule import Rule, weighted
+from elicit.decision.comparator_rule import Rule, weighted
+from elicit.decision.verdicts import decide_by
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.lp.inequalities import PriorLike, as_prior
 from elicit.lp.infeasibility import is_empty
+from elicit.lp.prior_inequalities import PriorLike, as_prior
 from elicit.lp.region import Region, prior_rows
 from elicit.model.comparator import Verdicts, check_answers, check_levels
 from elicit.model.query import Answers

@@ -1,7 +1,7 @@
 """The reliable-tutor comparator (section 3.1): what every scale consistent with the answers agrees on.
 
 A verdict is the sign of the exact optimum of the two programs over K_t, reached by the cheapest proof that will
-do (``decision.judge``, ``plausible_set``). ``bounds`` are Clarabel's, made rigorous.
+do (``decision.judge_kernel``, ``plausible_set``). ``bounds`` are Clarabel's, made rigorous.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
-from elicit.decision.decide import decide_by
+from elicit.decision.verdicts import decide_by
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.lp.inequalities import Prior, PriorLike, as_prior
 from elicit.lp.infeasibility import Contradiction
+from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import Decisions, Verdicts, check_answers, check_levels
 from elicit.model.query import Answers
@@ -27,7 +27,7 @@ from elicit.model.scale import Floats, as_vectors, values_of
 
 if TYPE_CHECKING:
     from elicit.comparators.polytope.explanation import Explanation
-    from elicit.decision.rule import Rule
+    from elicit.decision.comparator_rule import Rule
 
 
 class PolytopeComparator:

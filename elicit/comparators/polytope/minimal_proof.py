@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
+from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
-from elicit.lp.inequalities import Prior
-from elicit.lp.programs import Programs
+from elicit.lp.prior_inequalities import Prior
 from elicit.lp.region import Region, strictly_inside
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict

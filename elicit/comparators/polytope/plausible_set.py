@@ -1,6 +1,6 @@
 """K_t as a set of gap vectors: the sign of t.g over it, exactly, and rigorous bounds.
 
-Most signs are settled in compiled code (``decision.judge``). What that leaves goes to Clarabel, then to the simplex
+Most signs are settled in compiled code (``decision.judge_kernel``). What that leaves goes to Clarabel, then to the simplex
 method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds`` are Clarabel's, made rigorous.
 """
 
@@ -11,13 +11,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.decision.decide import decide_by
-from elicit.decision.rule import Rule, proven, unaided
+from elicit.decision.comparator_rule import Rule, proven, unaided
+from elicit.decision.verdicts import decide_by
+from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.programs import Programs
 from elicit.lp.region import Region, rounding
-from elicit.lp.sign import settle, signs_at_points, to_unit
+from elicit.lp.sign_proofs import settle, signs_at_points, to_unit
 from elicit.lp.support_function import greatest
 from elicit.lp.vertex_store import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
 from elicit.lp.vertices import USED

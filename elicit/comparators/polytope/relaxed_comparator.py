@@ -25,12 +25,12 @@ from elicit._support.validation import is_number
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.plausible_set import PlausibleSet, tails_of_order_one
 from elicit.comparators.polytope.violation import Hinges, best_fit, solve
-from elicit.decision.decide import decide_by
-from elicit.decision.rule import PROVEN, Rule, outer
+from elicit.decision.comparator_rule import PROVEN, Rule, outer
+from elicit.decision.verdicts import decide_by
 from elicit.lp.analytic_centre import climb
 from elicit.lp.dual_simplex import End, minimise, minimise_exactly
 from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.lp.inequalities import PriorLike
+from elicit.lp.prior_inequalities import PriorLike
 from elicit.lp.region import rounding
 from elicit.model.comparator import Decisions, Verdicts, check_answers
 from elicit.model.query import Answers, InconsistentAnswers, Verdict

@@ -12,7 +12,7 @@ import numpy as np
 
 from elicit._support import jit
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.model.query import Answers
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor
 from tests.lp_cases import cases

@@ -12,7 +12,7 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryCo
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.testing import check_comparator

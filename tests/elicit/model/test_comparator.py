@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, check_levels, verdicts_from
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import as_vectors, dominance, dot, tail_sums

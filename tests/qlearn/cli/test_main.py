@@ -17,7 +17,7 @@ from qlearn import ablation
 from qlearn.cli import main as cli
 from qlearn.experiments.ablation import KEYS
 from qlearn.experiments.settings import AblationSettings, FiguresSettings, Settings
-from qlearn.paper import series
+from qlearn.paper import figure_runs as series
 
 
 @pytest.mark.parametrize(("command", "settings"), [("ablate", AblationSettings), ("figures", FiguresSettings)])

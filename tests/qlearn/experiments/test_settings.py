@@ -11,7 +11,7 @@ import pytest
 
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.settings import AblationSettings, FiguresSettings, Settings
-from qlearn.paper.series import figures
+from qlearn.paper.figure_runs import figures
 
 
 @pytest.mark.parametrize(

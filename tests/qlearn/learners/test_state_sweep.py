@@ -26,8 +26,8 @@ from elicit import (
     Verdict,
 )
 from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.decision.decide import decide
-from elicit.decision.rule import weighted
+from elicit.decision.comparator_rule import weighted
+from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, dot, gaps, tail_sums

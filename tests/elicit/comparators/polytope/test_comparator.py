@@ -16,7 +16,7 @@ from scipy.linalg import null_space
 
 from elicit.comparators.baselines import Dominance
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.lp.region import TIE_BAND
 from elicit.model.comparator import Tier
 from elicit.model.query import Answers, InconsistentAnswers, Verdict

@@ -14,9 +14,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.decision.decide import decide
+from elicit.decision.verdicts import decide
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.lp.sign import NOWHERE, lifting_row, lifts, settle, side_of, to_unit
+from elicit.lp.sign_proofs import NOWHERE, lifting_row, lifts, settle, side_of, to_unit
 from elicit.lp.vertex_store import know_rows, start
 from elicit.lp.vertices import ROW, Known, doubt_at
 from elicit.model.query import Answers, Verdict

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.asking.choose import ChoiceStatus, choose
+from elicit.asking.choose_from_list import ChoiceStatus, choose
 from elicit.comparators.baselines import AlwaysAsk, Dominance
 from elicit.model.comparator import Tier, verdicts_from
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict

@@ -13,9 +13,9 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryCo
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.decision.decide import decide, decide_by
-from elicit.decision.judge import certifies, judge, within
-from elicit.decision.rule import NOTHING, PROVEN, nothing, rule_of
+from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
+from elicit.decision.judge_kernel import certifies, judge, within
+from elicit.decision.verdicts import decide, decide_by
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums

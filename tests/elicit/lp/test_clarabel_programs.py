@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.lp.analytic_centre import analytic_centre
-from elicit.lp.programs import Programs, Solved
+from elicit.lp.clarabel_programs import Programs, Solved
 from elicit.lp.region import Region, certified_bound, pull_inside, strictly_inside
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, tail_sums

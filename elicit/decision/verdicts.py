@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from elicit.decision.judge import judge_all
-from elicit.decision.rule import Rule, Settling, compares_by_rule, rule_of
+from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
+from elicit.decision.judge_kernel import judge_all
 from elicit.model.comparator import Comparator, Decisions, Tier, dominance_tiers
 from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED

@@ -13,7 +13,7 @@ from scipy import stats
 from qlearn.experiments.ablation import ablate
 from qlearn.experiments.settings import FiguresSettings
 from qlearn.paper.claims import MEASURES, claims, claims_page, series_of, summarise_series
-from qlearn.paper.series import KEYS, figures
+from qlearn.paper.figure_runs import KEYS, figures
 
 TINY: dict[str, Any] = {
     "levels": (3, 5), "at_states": 8, "states": (8, 12), "at_levels": 5, "actions": 3, "seeds": 2, "steps": 250,

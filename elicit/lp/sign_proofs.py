@@ -4,7 +4,7 @@ In the order that pays: one known row lifted over t (dominance after adding an a
 multipliers at the best corner known; the closed form over K_0; and last a walk from vertex to vertex of K_t (the primal
 simplex method, started at the best vertex known). A walk ends at a point that shows t.g < 0, or at multipliers y >= 0
 whose bound, less every rounding, shows t.g > 0. What none of them can show is left UNSETTLED: nothing here is a guess,
-and nothing kept between two calls changes a verdict. Dominance comes before all of this (``decision.judge``).
+and nothing kept between two calls changes a verdict. Dominance comes before all of this (``decision.judge_kernel``).
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 ``judge_all`` serves ``compare``, an elicitation and whole arrays; ``judge`` serves the loops that compare by the
 million, one pair at a time. What a rule leaves open (an optimum that is 0, or nearly; a comparator without a rule)
-comes back UNSETTLED, and the comparator itself settles it (``decision.decide``).
+comes back UNSETTLED, and the comparator itself settles it (``decision.verdicts``).
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from elicit._support.jit import compiled
-from elicit.decision.rule import ASKING, BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
+from elicit.decision.comparator_rule import ASKING, BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
 from elicit.decision.votes import by_box, by_count, by_weight, spare_score
-from elicit.lp.sign import (
+from elicit.lp.sign_proofs import (
     BY_DOMINANCE,
     BY_EQUAL,
     BY_SCREEN,
@@ -134,7 +134,7 @@ def certifies(certificate: Any, side: int, t: Any) -> bool:
 
 @compiled
 def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int, int, bool]:
-    """By the proofs of ``lp.sign``, cheapest first; where a certificate is wanted, first those that give wide ones.
+    """By the proofs of ``lp.sign_proofs``, cheapest first; where a certificate is wanted, first those that give wide ones.
     Since the gaps total 1, t.g + shift is (t + shift).g."""
     p = len(t)
     for j in range(p):
