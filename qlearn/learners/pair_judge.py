@@ -115,12 +115,13 @@ class PairJudge:
 @compiled
 def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
     """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
+    mine, other = q[s, a], q[s, b]
     total = -0.0
     for j in range(len(d) - 1, 0, -1):
-        d[j] = q[s, a, j] - q[s, b, j]
+        d[j] = mine[j] - other[j]
         total += d[j]
         t[j - 1] = total
-    d[0] = q[s, a, 0] - q[s, b, 0]
+    d[0] = mine[0] - other[0]
     return by_dominance(t)
 
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from elicit._support.jit import unlocked
 from elicit.asking.elicitation_kernel import judge_pair
+from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, certify, difference, keep
+from qlearn.learners.pair_judge import BY_TUTOR, Judging, certify, difference, keep
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
@@ -63,6 +64,8 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
     ANSWERED. It stops behind a state where she comes back UNSETTLED.
     """
     rule, asking, oracle, certificates, kept = judging
+    limits, verdict_of, tier_of = certificates
+    keeps = len(kept.tiers) > 0
     v, following = work.v, work.following
     ends, terminal, cursor, incumbents = model.ends, model.terminal, work.cursor, work.best
     best_now, cursor_now, code_now, tiers = out.best, out.cursor, out.code, out.tiers
@@ -93,8 +96,8 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                     tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                 elif turns:
                     verdict, tier = respond(t, scratch[0], oracle), BY_TUTOR
-                elif plain and certified(t, row, certificates):
-                    verdict, tier = certificates.verdicts[row], certificates.tiers[row]
+                elif plain and verdict_of[row] != 0 and certifies(limits[row], verdict_of[row], t):
+                    verdict, tier = verdict_of[row], tier_of[row]
                 else:
                     judged = judge_pair(d, t, scratch, least, rule, asking)
                     verdict, tier = certify(judged, least, row, certificates)
@@ -102,7 +105,7 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                     code, at = verdict, a
                     break
                 tiers[tier] += 1
-                if len(kept.tiers) > 0:
+                if keeps:
                     keep(d, verdict, tier, kept)
                 if verdict == BETTER:
                     best = a
