@@ -134,7 +134,7 @@ def certifies(certificate: Any, side: int, t: Any) -> bool:
 
 @compiled
 def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int, int, bool]:
-    """By the proofs of ``lp.sign_proofs``, cheapest first; where a certificate is wanted, first those that give wide ones.
+    """By the proofs of ``lp.sign_proofs``, cheapest first; a certificate is wanted of those first that give wide ones.
     Since the gaps total 1, t.g + shift is (t + shift).g."""
     p = len(t)
     for j in range(p):
