@@ -1,7 +1,8 @@
 """K_t as a set of gap vectors: the sign of t.g over it, exactly, and rigorous bounds.
 
 Most signs are settled in compiled code (``decision.judge_kernel``). What that leaves goes to Clarabel, then to the
-simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds`` are Clarabel's, made rigorous.
+simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds`` are Clarabel's, made
+rigorous.
 """
 
 from __future__ import annotations
