@@ -17,10 +17,10 @@ from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
+from qlearn.learners.action_pair_kernel import PairJudge
 from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of
 from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, result_of
 from qlearn.learners.loss_bound import loss_bound
-from qlearn.learners.pair_judge import PairJudge
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]

@@ -14,8 +14,8 @@ from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
+from qlearn.learners.action_pair_kernel import PairJudge
 from qlearn.learners.learner import place
-from qlearn.learners.pair_judge import PairJudge
 from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP

@@ -17,10 +17,10 @@ from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Answer, Verdict
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import TruthfulTutor
-from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, policy_loss

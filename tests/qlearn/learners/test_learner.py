@@ -24,10 +24,10 @@ from elicit.model.tutor import Tutor
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.replay import ReplayTutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Learner, Result, Status, drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import messy_mdp

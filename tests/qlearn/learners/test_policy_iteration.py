@@ -19,11 +19,11 @@ from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.model.scale import values_of
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
 from qlearn.learners.loss_bound import advantages, drawn_set, guarantee, loss_bound, loss_over_draws
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import most_even_cut
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration

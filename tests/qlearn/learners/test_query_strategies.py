@@ -14,10 +14,10 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.query import Answer, Answers
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import strategies
-from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import Candidates
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import policy_loss
