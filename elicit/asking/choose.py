@@ -253,7 +253,7 @@ class Choosing:
         if stale.any():
             i, j = a[stale], b[stale]
             d = self._vectors[i] - self._vectors[j]
-            verdicts, tiers, _ = state.elicitation.judge(d)
+            verdicts, tiers = state.elicitation.judge(d)
             verdicts[tiers == Tier.GUESS] = Verdict.UNKNOWN  # all guesses together go by one order, without circles
             settled = verdicts != Verdict.UNKNOWN
             first = settled & (state.verdicts[i, j] == Verdict.UNKNOWN)

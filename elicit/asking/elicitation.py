@@ -55,25 +55,15 @@ class Audit:
         return self.answer is not None and self.expected * self.answer == -1
 
 
-class Judgements(NamedTuple):
-    """Of n differences: verdicts (n,), UNKNOWN where the tutor must be asked; the tier (n,) that settled each; and
-    whether (n,) it is settled, and the tutor is only to confirm it. An audit's tier is the one that settled it."""
-
-    verdicts: NDArray[np.int8]
-    tiers: NDArray[np.int8]
-    audited: NDArray[np.bool_]
-
-
 class Pair(NamedTuple):
-    """Two vectors (k,) to ask about, in words for people, and where they are compared. ``audited``: answers settled it,
-    and ``tier`` says by what; else it is the tutor who settles it."""
+    """Two vectors (k,) to ask about, in words for people, and where they are compared. With a ``tier`` other than TUTOR
+    it is an audit, of a pair that the answers settled by that tier."""
 
     left: Floats
     right: Floats
     about: str
     place: Place | None = None
     tier: int = int(Tier.TUTOR)
-    audited: bool = False
 
 
 class Pending(NamedTuple):
@@ -139,8 +129,9 @@ class Elicitation:
         twin._answered, twin._unclear = self._answered.copy(), set(self._unclear)
         return twin
 
-    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Judgements:
-        """Judge differences d (n, k). Counts nothing.
+    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
+        """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is TUTOR, or, where answers
+        have settled it and the tutor is only to confirm it in an audit, the one that settled it. Counts nothing.
 
         ``places`` gives the place of a row: where the tutor could not tell, its estimates keep changing a
         little, and a person must not be asked about each new version of the same pair."""
@@ -165,7 +156,7 @@ class Elicitation:
         if self.signs is not None:
             asked = np.flatnonzero((out.verdict == Verdict.UNKNOWN) & ~out.audited)
             out.verdict[asked] = self.signs(d[asked]) if len(asked) else 0
-        return Judgements(out.verdict, out.tier, out.audited)
+        return Decisions(out.verdict, out.tier)
 
     def rule(self) -> AskingRule:
         """What ``judge`` goes by, as arrays, for compiled loops."""
@@ -197,7 +188,8 @@ class Elicitation:
         for pair in pairs:
             query = Query.make(self._fingerprint, self._number, pair.left, pair.right, pair.about)
             self._number += 1
-            pending.append(Pending(query, pair, _implied(self.comparator, query.d) if pair.audited else None))
+            expected = None if pair.tier == Tier.TUTOR else _implied(self.comparator, query.d)
+            pending.append(Pending(query, pair, expected))
         self.pending = tuple(pending)
         return self.ask()
 

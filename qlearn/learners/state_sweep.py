@@ -40,7 +40,7 @@ class StateSweep:
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
-        self.judged: dict[int, tuple[int, bool]] = {}  # of waiting states: their pair's tier, and whether an audit
+        self.judged: dict[int, int] = {}  # of waiting states: their pair's tier, as ``Elicitation.judge`` has it
         self.lent = False  # whether somebody may still read V
         self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
         self._judged_by = elicitation.comparator  # whom certificates and copies are of
@@ -111,7 +111,7 @@ class StateSweep:
                 if self._elicitation.signs is not None:
                     by_python |= code == UNKNOWN
                 asks = part[(code == UNKNOWN) & ~by_python]
-                self.judged.update(dict.fromkeys(asks.tolist(), (int(Tier.TUTOR), False)))
+                self.judged.update(dict.fromkeys(asks.tolist(), int(Tier.TUTOR)))
                 needs = self._judge(part[by_python])
                 waiting += [asks, needs]
                 going_on += [part[code == ANSWERED], np.setdiff1d(part[by_python], needs)]
@@ -155,12 +155,11 @@ class StateSweep:
             return states
         left, right, challengers, incumbents = self.pairs(states)
         d = left - right
-        decisions = self._elicitation.judge(d, lambda row: place(states[row], challengers[row], incumbents[row]))
-        needs = decisions.verdicts == Verdict.UNKNOWN
-        how = zip(decisions.tiers[needs].tolist(), decisions.audited[needs].tolist(), strict=True)
-        self.judged.update(zip(states[needs].tolist(), how, strict=True))
-        self._elicitation.commit(d[~needs], Decisions(decisions.verdicts[~needs], decisions.tiers[~needs]))
-        self._settle(states[~needs], decisions.verdicts[~needs])
+        verdicts, tiers = self._elicitation.judge(d, lambda row: place(states[row], challengers[row], incumbents[row]))
+        needs = verdicts == Verdict.UNKNOWN
+        self.judged.update(zip(states[needs].tolist(), tiers[needs].tolist(), strict=True))
+        self._elicitation.commit(d[~needs], Decisions(verdicts[~needs], tiers[~needs]))
+        self._settle(states[~needs], verdicts[~needs])
         needed: States = states[needs]
         return needed
 

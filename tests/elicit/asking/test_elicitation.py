@@ -57,7 +57,13 @@ def put(asked_by: Elicitation, verdict: Verdict | None, d: Floats = OPEN, drop: 
 
 
 def judged(asked_by: Elicitation, *rows: Floats) -> list[tuple[int, int, bool]]:
-    return list(zip(*(column.tolist() for column in asked_by.judge(np.stack(rows))), strict=True))
+    """Verdict and tier of each row, and whether the tutor is only to confirm it."""
+    verdicts, tiers = asked_by.judge(np.stack(rows))
+    return list(zip(verdicts.tolist(), tiers.tolist(), audited(verdicts, tiers).tolist(), strict=True))
+
+
+def audited(verdicts: Any, tiers: Any) -> Any:
+    return (verdicts == UNKNOWN) & (tiers != Tier.TUTOR)
 
 
 def differences(n: int, seed: int = 0) -> Floats:
@@ -187,9 +193,9 @@ def test_arrays_single_pairs_and_loops_agree(
     d = np.concatenate([d, -d[:6]])
     together = asked_by.judge(d, lambda row: row % 7)
     rule, asks = rule_of(asked_by.comparator), asked_by.rule()
-    for i, (verdict, tier, audited) in enumerate(zip(*together, strict=True)):
+    for i, (verdict, tier) in enumerate(zip(*together, strict=True)):
         alone = asked_by.judge(d[i : i + 1], lambda row, i=i: i % 7)  # type: ignore[misc]
-        assert (alone.verdicts[0], alone.audited[0]) == (verdict, audited)
+        assert alone.verdicts[0] == verdict
         assert same(alone.tiers[0], tier)
         t = tail_sums(d[i]).copy()
         if dominance(t) != UNKNOWN:
@@ -197,7 +203,7 @@ def test_arrays_single_pairs_and_loops_agree(
         with np.errstate(all="ignore"):
             found = judge_pair(d[i], t, np.empty((2, K - 1)), np.empty(K - 1), rule, asks)
         if found.verdict != UNSETTLED:
-            assert (found.verdict, found.audited) == (verdict, audited)
+            assert (found.verdict, found.audited) == (verdict, audited(verdict, tier))
             assert same(found.tier, tier)
 
 
@@ -343,7 +349,7 @@ def test_a_copy_goes_its_own_way() -> None:
     before = (judged(asked_by, OPEN), asked_by.counts.tolist(), asked_by.rule().said.tolist())
     twin = asked_by.copy()
     put(twin, BETTER, OTHER)
-    put(twin, BETTER, 0.5 * OTHER, audited=True, tier=int(Tier.SCREEN))
+    put(twin, BETTER, 0.5 * OTHER, tier=int(Tier.SCREEN))
     assert (twin.asked, len(twin.audits)) == (2, 1)
     assert (judged(asked_by, OPEN), asked_by.counts.tolist(), asked_by.rule().said.tolist()) == before
     assert (asked_by.asked, asked_by.audits) == (1, [])
@@ -357,16 +363,15 @@ def test_the_share_of_audits_is_as_stated_and_answered_pairs_are_left_out() -> N
     counts = {}
     for share in (0.0, 0.2, 1.0):
         settled = elicitation(comparator, audit=share).judge(d)
-        counts[share] = settled.audited
-        assert (settled.verdicts[settled.audited] == UNKNOWN).all()
-        assert np.isin(settled.tiers[settled.audited], BY_ANSWERS).all()
+        counts[share] = audited(*settled)
+        assert np.isin(settled.tiers[counts[share]], BY_ANSWERS).all()
     every, fifth = counts[1.0].sum(), counts[0.2].sum()
     assert not counts[0.0].any()
     assert abs(fifth - 0.2 * every) < 4 * np.sqrt(0.16 * every)
     assert not (counts[0.2] & ~counts[1.0]).any()
     asked_by, row = elicitation(comparator, audit=1.0), d[np.flatnonzero(counts[1.0])[0]]
     (_, tier, _), expected = judged(asked_by, row)[0], Verdict(comparator.compare(row)[0])
-    put(asked_by, expected, row, audited=True, tier=tier)
+    put(asked_by, expected, row, tier=tier)
     assert judged(asked_by, row, -row) == [(expected, tier, False), (expected.flipped, tier, False)]
     assert (asked_by.asked, asked_by.counts[tier], len(asked_by.audits)) == (0, 1, 1)
 
@@ -383,7 +388,7 @@ def test_an_audit_s_answer_counts_but_the_model_has_the_last_word(
     assert judged(asked_by, OPEN) == [(UNKNOWN, Tier.MODEL, True)]
     seen: list[tuple[int, int]] = []
     asked_by.watch = lambda d, decisions: seen.extend(zip(*(column.tolist() for column in decisions), strict=True))
-    put(asked_by, answer, audited=True, tier=int(Tier.MODEL))
+    put(asked_by, answer, tier=int(Tier.MODEL))
     assert seen == [(verdict, tier)]
     assert (asked_by.asked, asked_by.audits[0].answer, asked_by.audits[0].expected) == (1, answer, WORSE)
     assert asked_by.audits[0].contradicts == (answer is BETTER)
