@@ -95,7 +95,7 @@ def measure(choice: Choice, states: int, levels: int, steps: int, seed: int) -> 
     settings = {"n_boot": 50, "refit_growth": 0.2, "precision": 300.0} | dict(choice.box)
     box = BradleyTerryComparator(levels, region="box", seed=seed, **settings)
     exploration = Exploration(choice.epsilon, start=choice.start)
-    common: Any = {"steps": steps, "rng": seed, "learning_rate": choice.learning_rate, "exploration": exploration}
+    common: Any = {"steps": steps, "rng": seed, "learning_rate": choice.learning_rate, "epsilon": exploration}
     oracle = drive(InteractiveQLearning(mdp, AlwaysAsk(levels), **common), truth)
     found = drive(InteractiveQLearning(mdp, box, **common), tutor)
     told = counts(found)

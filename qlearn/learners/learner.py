@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property, partial
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,28 +124,8 @@ class Result:
         return sum(self.decided.values())
 
 
-class Learner(Protocol):
-    """A solver that stops when it needs the tutor."""
-
-    def ask(self) -> tuple[Query, ...]:
-        """The pending queries, the same until told; () when finished."""
-
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries; returns those that on_conflict="drop" left unused."""
-
-    def result(self) -> Result:
-        """The policy and the counts at any time."""
-
-    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
-        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged."""
-
-    @property
-    def comparator(self) -> Comparator:
-        """What is known of the scale."""
-
-
-class Elicits:
-    """What all learners do alike, for they leave it to their elicitation."""
+class Learner:
+    """A solver that stops when it needs the tutor. What all learners do alike, they leave to their elicitation."""
 
     _elicitation: Elicitation
     _bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # for what the loss was last bounded
@@ -163,7 +142,7 @@ class Elicits:
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
-        """Let ``signs`` answer from now on: counted, not logged."""
+        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged."""
         self._elicitation.signs = signs
 
     def watch(self, watcher: Watch) -> None:
@@ -175,6 +154,10 @@ class Elicits:
     def comparator(self) -> Comparator:
         """What is known of the scale."""
         return self._elicitation.comparator
+
+    def result(self) -> Result:
+        """The policy and the counts at any time."""
+        raise NotImplementedError
 
     def _go_on(self) -> tuple[Query, ...]:
         """Go on to the next queries, or to the end."""

@@ -16,7 +16,7 @@ from elicit.decision.decide import decide
 from elicit.model.comparator import Comparator, Tier, Tiers, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, place
+from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
 from qlearn.learners.query_strategies import (
     Candidates,
@@ -37,7 +37,7 @@ _MATTERS = 0.5
 with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
 
 
-class InteractivePolicyIteration(Elicits):
+class InteractivePolicyIteration(Learner):
     """Solves the MDP for the comparator's central scale, bounds what the policy can lose under every plausible scale
     (``loss_bound``), and stops once that is within ``tolerance``, a share of the value range at every state: for
     every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an

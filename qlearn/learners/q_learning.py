@@ -18,7 +18,7 @@ from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.action_pair_kernel import PairJudge
 from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of
-from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of
+from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
@@ -36,7 +36,7 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
     return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
 
 
-class InteractiveQLearning(Elicits):
+class InteractiveQLearning(Learner):
     """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
 
     ``epsilon``: how it comes to see enough. The chance of a uniformly drawn action (a constant, a ``Decay``, or a

@@ -16,14 +16,14 @@ from elicit.asking.elicitation import Elicitation
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, check_problem, pair_of
+from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.learners.state_sweep import StateSweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
-class InteractiveValueIteration(Elicits):
+class InteractiveValueIteration(Learner):
     """Value iteration on share vectors: each sweep backs up Q(s, a) = (1 - discount) r(s, a) + discount P V
     and compares every state's actions, starting from the last sweep's best.
 

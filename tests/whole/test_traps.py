@@ -29,9 +29,7 @@ Make = Callable[..., Any]
 
 
 def q_learning(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveQLearning:
-    return InteractiveQLearning(
-        mdp, comparator, **{"steps": 600, "exploration": Exploration(0.3), "rng": 1, **settings}
-    )
+    return InteractiveQLearning(mdp, comparator, **{"steps": 600, "epsilon": Exploration(0.3), "rng": 1, **settings})
 
 
 def value_iteration(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveValueIteration:

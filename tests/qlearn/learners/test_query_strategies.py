@@ -205,7 +205,7 @@ def test_asking_late_halves_the_questions_on_the_papers_problems(k, exploration)
     few, many, lost = 0, 0, []
     for seed in range(6):
         mdp, values = random_mdp(100, 5, k, rng=seed)
-        settings = {"rng": seed, "exploration": exploration}
+        settings = {"rng": seed, "epsilon": exploration}
         tutor = FlippingTutor(values, 0.1, seed=seed)
         late, usual = (
             drive(learner(mdp, PosteriorComparator(k, lapse=0.2, seed=seed), **settings), tutor)
