@@ -23,7 +23,14 @@ from qlearn.learners.value_iteration import InteractiveValueIteration, LateValue
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
 
-ALL = ("first_come", "widest_bound", "max_regret", "most_even_cut", "mutual_information", "telling_violation")
+ALL = (
+    strategies.first_come,
+    strategies.widest_bound,
+    strategies.max_regret,
+    strategies.most_even_cut,
+    strategies.mutual_information,
+    strategies.telling_violation,
+)
 
 
 def candidates(comparator, n=7, limit=0.05, seed=0):
@@ -83,8 +90,7 @@ def test_a_truthful_tutor_tells_the_entropy_of_the_cut():
 def test_a_comparator_without_draws_is_served_by_all_ordered_scales():
     pool = candidates(Dominance(4))
     assert pool.scores.shape == (7, len(pool.weights))
-    for name in ALL:
-        assert np.isfinite(getattr(strategies, name)(pool)).all()
+    assert all(np.isfinite(strategy(pool)).all() for strategy in ALL)
 
 
 def test_the_strategy_of_the_documentation_is_one():
@@ -100,10 +106,9 @@ def test_the_strategy_of_the_documentation_is_one():
     assert drive(learner, TruthfulTutor(values)).status is Status.CONVERGED
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_every_strategy_reaches_the_same_promise(name):
+@pytest.mark.parametrize("strategy", ALL)
+def test_every_strategy_reaches_the_same_promise(strategy):
     mdp, values = random_mdp(20, 3, 5, rng=2)
-    strategy = getattr(strategies, name)
     for learner in (
         InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, strategy=strategy),
         LateValueIteration(mdp, PolytopeComparator(5), tolerance=1e-3, strategy=strategy),
