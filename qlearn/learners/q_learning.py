@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
-from elicit._support.validation import is_number, is_whole
+from elicit._support.validation import is_whole
 from elicit.asking.elicitation import Elicitation, Pair
 from elicit.decision.rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
@@ -17,7 +17,7 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.action_pair_kernel import PairJudge
-from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of
+from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of, schedule
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -160,17 +160,9 @@ class InteractiveQLearning(Learner):
 
 
 def _rates(learning_rate: LearningRate, steps: int) -> Floats:
+    """The learning rate (steps,) after so many visits, at least one."""
     wanted = "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,)"
-    if not (callable(learning_rate) or is_number(learning_rate)):
-        raise ValueError(f"{wanted}, not {learning_rate!r}")
-    visits = np.arange(max(1, steps))
-    rates = np.asarray(learning_rate(visits) if callable(learning_rate) else np.full(len(visits), learning_rate))
-    if rates.shape != visits.shape:
-        raise ValueError(f"{wanted}: for {len(visits)} steps it gives shape {rates.shape}")
-    wrong = ~((rates > 0) & (rates <= 1))
-    if wrong.any():
-        raise ValueError(f"{wanted}: for {len(visits)} steps it gives {rates[wrong][0]!r}")
-    return rates.astype(np.float64)
+    return np.resize(schedule(learning_rate, steps, wanted, positive=True), max(1, steps))
 
 
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:

@@ -41,7 +41,6 @@ class StateSweep:
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
         self.judged: dict[int, int] = {}  # of waiting states: their pair's tier, as ``Elicitation.judge`` has it
-        self.lent = False  # whether somebody may still read V
         self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
         self._judged_by = elicitation.comparator  # whom certificates and copies are of
         self._copies: list[Rule] = []
@@ -74,8 +73,7 @@ class StateSweep:
 
     def next_sweep(self) -> None:
         """Go on from the new V."""
-        spare = np.empty_like(self.v) if self.lent else self.v
-        self.v, self._following, self.lent = self._following, spare, False
+        self.v, self._following = self._following, self.v
         self.begin()
 
     def begin(self) -> None:

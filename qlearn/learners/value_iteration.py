@@ -91,8 +91,7 @@ class InteractiveValueIteration(Learner):
 
     def result(self) -> Result:
         """The policy and the counts so far."""
-        self._states.lent = True
-        shares = partial(_q, self._states.v, self._mdp)  # computed when first read
+        shares = partial(_q, self._states.v.copy(), self._mdp)  # computed when first read
         return self._result(self._mdp, self._states.best.copy(), shares, self._end, self._sweeps)
 
     def _go_on(self) -> tuple[Query, ...]:
