@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from copy import deepcopy
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
@@ -110,10 +111,6 @@ class _State:
     ranking: list[int] = field(default_factory=list)
     pair: tuple[int, int] = (0, 0)  # the rows that the query is about; the first is ahead by the best guess
 
-    def copy(self) -> _State:
-        verdicts, judged = self.verdicts.copy(), self.judged.copy()
-        return replace(self, elicitation=self.elicitation.copy(), verdicts=verdicts, judged=judged)
-
     def enter(self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], judged: NDArray[np.int8]) -> None:
         """The verdicts (n,) on rows i against rows j, both (n,), and so those on j against i."""
         self.verdicts[i, j], self.judged[i, j], self.judged[j, i] = verdicts, judged, judged
@@ -142,7 +139,9 @@ class Choosing:
         Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the comparator's
         InconsistentAnswers through; then nothing has changed.
         """
-        state, before = self._state.copy(), self._state.elicitation
+        before = self._state.elicitation
+        values = (before.comparator, before.answers)  # never change, and so are shared
+        state = deepcopy(self._state, {id(value): value for value in values})
         told, _ = state.elicitation.tell(answers, "raise")
         for verdict in told.values():
             if state.elicitation.cannot_tell == before.cannot_tell:

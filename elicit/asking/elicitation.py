@@ -8,7 +8,6 @@ question budget, audits, "cannot tell", never asking a pair twice, and the count
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from copy import copy
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -121,13 +120,6 @@ class Elicitation:
         self._undecided = undecided
         self._unclear: set[Place] = set()  # where the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
-
-    def copy(self) -> Elicitation:
-        """One that stands as this does, and goes its own way from here."""
-        twin = copy(self)
-        twin.audits, twin.counts = list(self.audits), self.counts.copy()
-        twin._answered, twin._unclear = self._answered.copy(), set(self._unclear)
-        return twin
 
     def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
         """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is TUTOR, or, where answers

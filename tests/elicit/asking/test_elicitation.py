@@ -29,7 +29,7 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.decision.rule import rule_of
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
@@ -332,27 +332,6 @@ def test_of_several_answers_only_what_contradicts_is_dropped() -> None:
     _, dropped = asked_by.tell([Answer(q, v) for q, v in zip(queries, (BETTER, WORSE, BETTER), strict=True)], "drop")
     assert [answer.query for answer in dropped] == [queries[1]]
     assert asked_by.answers.ids == (queries[0].id, queries[2].id)
-
-
-def test_answers_of_another_run_are_stale() -> None:
-    ours, theirs = elicitation(), Elicitation(Dominance(K), "another problem")
-    ours.open([pair()])
-    (query,) = theirs.open([pair()])
-    with pytest.raises(StaleAnswer, match="another run"):
-        ours.tell([Answer(query, BETTER)], "raise")
-    assert (ours.asked, len(ours.pending)) == (0, 1)
-
-
-def test_a_copy_goes_its_own_way() -> None:
-    asked_by = elicitation(PolytopeComparator(K), audit=1.0)
-    put(asked_by, None, place="here")
-    before = (judged(asked_by, OPEN), asked_by.counts.tolist(), asked_by.rule().said.tolist())
-    twin = asked_by.copy()
-    put(twin, BETTER, OTHER)
-    put(twin, BETTER, 0.5 * OTHER, tier=int(Tier.SCREEN))
-    assert (twin.asked, len(twin.audits)) == (2, 1)
-    assert (judged(asked_by, OPEN), asked_by.counts.tolist(), asked_by.rule().said.tolist()) == before
-    assert (asked_by.asked, asked_by.audits) == (1, [])
 
 
 # --- audits
