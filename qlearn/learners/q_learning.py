@@ -125,7 +125,8 @@ class InteractiveQLearning(Learner):
             if code == kernel.ASK and elicitation.signs is None:
                 return elicitation.open([pair])
             d = (pair.left - pair.right)[None, :]
-            verdicts, tiers = elicitation.judge(d, [pair.place].__getitem__)
+            places = [pair.place]  # of the only row
+            verdicts, tiers = elicitation.judge(d, places.__getitem__)
             if verdicts[0] == Verdict.UNKNOWN:
                 return elicitation.open([pair._replace(tier=int(tiers[0]))])
             self._verdict = int(verdicts[0])

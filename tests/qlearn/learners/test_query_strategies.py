@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -141,16 +142,13 @@ def test_value_iteration_that_asks_late_keeps_its_promise_with_fewer_questions()
 def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
     mdp, values = random_mdp(15, 3, 4, discount=0.8, rng=4)
     comparator = PosteriorComparator(4, lapse=0.2, particles=100)
-    learner = LateValueIteration(mdp, comparator, tolerance=0.01)
-    assert drive(learner, FlippingTutor(values, 0.1, seed=0)).status is Status.CONVERGED
-    learner = LateValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, max_queries=2)
-    spent = drive(learner, TruthfulTutor(values))
+    make = partial(LateValueIteration, mdp, tolerance=0.01)
+    assert drive(make(comparator), FlippingTutor(values, 0.1, seed=0)).status is Status.CONVERGED
+    spent = drive(make(PolytopeComparator(4), max_queries=2), TruthfulTutor(values))
     assert (spent.status, spent.asked) == (Status.GUESSED, 2)
-    learner = LateValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, batch=3)
-    while queries := learner.ask():
-        learner.tell([Answer(query, None) for query in queries])
-    assert learner.result().status is Status.UNSURE
-    assert learner.result().cannot_tell == learner.result().asked > 0
+    silent = drive(make(PolytopeComparator(4), batch=3), lambda query: Answer(query, None))
+    assert silent.status is Status.UNSURE
+    assert silent.cannot_tell == silent.asked > 0
 
 
 @pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=100)])
@@ -274,8 +272,7 @@ def test_late_questions_are_about_actions_that_were_tried():
         return strategies.first_come(pool)
 
     learner = LateQLearning(mdp, Doubtful(3), steps=6, epsilon=1.0, strategy=strategy)
-    while queries := learner.ask():
-        learner.tell([Answer(query, None) for query in queries])
+    drive(learner, lambda query: Answer(query, None))
     assert offered
     assert all(len(pairs) <= 6 for pairs in offered)  # in six steps no more are tried
 
