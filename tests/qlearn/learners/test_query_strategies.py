@@ -182,16 +182,19 @@ def test_learners_stop_where_the_loss_is_small_enough(learner, settings, enough)
     assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= enough
 
 
+def late_and_usual(mdp, values, seed, particles, **settings):
+    """What both kinds of Q-learning come to with a tutor who errs."""
+    tutor = FlippingTutor(values, 0.1, seed=seed)
+    comparator = PosteriorComparator(mdp.k, lapse=0.2, particles=particles, seed=seed)
+    learners = [learner(mdp, comparator, rng=seed, **settings) for learner in (LateQLearning, InteractiveQLearning)]
+    return [drive(learner, tutor) for learner in learners]
+
+
 def test_q_learning_that_asks_late_asks_few_and_loses_no_more():
     few, many, lost = 0, 0, []
     for seed in range(4):
         mdp, values = random_mdp(30, 3, 5, discount=0.9, rng=seed)
-        settings = {"steps": 20_000, "epsilon": 1.0, "rng": seed}
-        tutor = FlippingTutor(values, 0.1, seed=seed)
-        late, usual = (
-            drive(learner(mdp, PosteriorComparator(5, lapse=0.2, particles=150, seed=seed), **settings), tutor)
-            for learner in (LateQLearning, InteractiveQLearning)
-        )
+        late, usual = late_and_usual(mdp, values, seed, 150, steps=20_000, epsilon=1.0)
         few, many = few + late.asked, many + usual.asked
         losses = [policy_loss(mdp, r.policy, values).mean() for r in (late, usual)]
         lost.append(losses[0] - losses[1])
@@ -208,13 +211,9 @@ def test_asking_late_halves_the_questions_on_the_papers_problems(k, exploration)
     few, many, lost = 0, 0, []
     for seed in range(6):
         mdp, values = random_mdp(100, 5, k, rng=seed)
-        settings = {"rng": seed, "epsilon": exploration}
-        tutor = FlippingTutor(values, 0.1, seed=seed)
-        late, usual = (
-            drive(learner(mdp, PosteriorComparator(k, lapse=0.2, seed=seed), **settings), tutor)
-            for learner in (LateQLearning, InteractiveQLearning)
-        )
-        oracle = drive(InteractiveQLearning(mdp, AlwaysAsk(k), **settings), TruthfulTutor(values))
+        late, usual = late_and_usual(mdp, values, seed, 1000, epsilon=exploration)
+        known = InteractiveQLearning(mdp, AlwaysAsk(k), rng=seed, epsilon=exploration)
+        oracle = drive(known, TruthfulTutor(values))
         few, many = few + late.asked, many + usual.asked
         lost.append(policy_loss(mdp, late.policy, values).mean() - policy_loss(mdp, oracle.policy, values).mean())
     assert few <= many / 2
