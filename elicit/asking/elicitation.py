@@ -132,7 +132,7 @@ class Elicitation:
         said, unclear, close = np.full((3, n), UNSETTLED)
         facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), said, unclear, close)
         verdict, tier, needed = np.empty((3, n), np.int8)
-        out = Judgement(verdict, tier, np.empty(0, np.bool_), np.empty(n, np.bool_), needed)
+        out = Judgement(verdict, tier, np.empty(0, np.bool_), needed)
         asking, rows = self.rule(), np.arange(n)
         while len(rows):
             with np.errstate(all="ignore"):  # hashes wrap around
@@ -146,9 +146,9 @@ class Elicitation:
                 near = (low >= -self.indifference) & (high <= self.indifference)
                 close[of[2]] = np.where(near, Verdict.EQUAL, Verdict.UNKNOWN)
         if self.signs is not None:
-            asked = np.flatnonzero((out.verdict == Verdict.UNKNOWN) & ~out.audited)
-            out.verdict[asked] = self.signs(d[asked]) if len(asked) else 0
-        return Decisions(out.verdict, out.tier)
+            asked = np.flatnonzero((verdict == Verdict.UNKNOWN) & (tier == Tier.TUTOR))
+            verdict[asked] = self.signs(d[asked]) if len(asked) else 0
+        return Decisions(verdict, tier)
 
     def rule(self) -> AskingRule:
         """What ``judge`` goes by, as arrays, for compiled loops."""

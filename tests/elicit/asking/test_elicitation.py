@@ -82,22 +82,22 @@ class Convinced(Dominance):
 
 def policy(
     verdict: int, tier: int, bound: bool, said: int, drawn: bool, unclear: bool, close: bool, guess: int
-) -> tuple[int, int, bool]:
-    """What settles a pair, in words of one line each: verdict, tier, whether the tutor is to confirm it."""
+) -> tuple[int, int]:
+    """What settles a pair, in words of one line each: verdict and tier."""
     if verdict != UNKNOWN and tier <= Tier.DOMINANCE:
-        return verdict, tier, False
+        return verdict, tier
     if bound and said != UNKNOWN:
-        return said, Tier.KNOWN, False
+        return said, Tier.KNOWN
     if verdict != UNKNOWN:
         audited = drawn and said == UNKNOWN and verdict != EQUAL and tier in BY_ANSWERS
-        return (UNKNOWN if audited else verdict), tier, audited
+        return (UNKNOWN if audited else verdict), tier
     if said != UNKNOWN:
-        return said, Tier.KNOWN, False
+        return said, Tier.KNOWN
     if unclear:
-        return EQUAL, Tier.KNOWN, False
+        return EQUAL, Tier.KNOWN
     if close:
-        return EQUAL, Tier.INDIFFERENT, False
-    return (UNKNOWN, Tier.TUTOR, False) if guess == UNKNOWN else (guess, Tier.GUESS, False)
+        return EQUAL, Tier.INDIFFERENT
+    return (UNKNOWN, Tier.TUTOR) if guess == UNKNOWN else (guess, Tier.GUESS)
 
 
 def asking(audit: float = 0.0, guess: int = UNKNOWN, said: bool = False, bound: bool = False) -> AskingRule:
@@ -122,7 +122,7 @@ def test_what_settles_a_pair_and_in_which_order() -> None:
             with np.errstate(all="ignore"):
                 found = settle(tail_sums(OPEN).copy(), np.empty(K - 1), rule, facts)
             wanted = policy(verdict, tier, bound, said, drawn and not bound, unclear, close, guess)
-            assert (found.verdict, found.tier, found.audited) == wanted
+            assert (found.verdict, found.tier) == wanted
             assert found.needed == NO_FACT
 
 
@@ -173,7 +173,7 @@ def test_arrays_single_pairs_and_loops_agree(
         with np.errstate(all="ignore"):
             found = judge_pair(d[i], t, np.empty((2, K - 1)), np.empty(K - 1), rule, asks)
         if found.verdict != UNSETTLED:
-            assert (found.verdict, found.audited) == (verdict, audited(verdict, tier))
+            assert found.verdict == verdict
             assert same(found.tier, tier)
 
 
