@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from elicit.asking.elicitation import Audit
-    from qlearn.learners.late_q_learning import LateQLearning
     from qlearn.learners.learner import Learner, Result, Status, drive
     from qlearn.learners.loss_bound import Guarantee, loss_bound
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
+    from qlearn.learners.q_learning_asking_late import LateQLearning
     from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
     from qlearn.mdp.ordinal_mdp import OrdinalMDP
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
@@ -22,7 +22,7 @@ _LATER = {  # imported when first used, so that the command line starts fast
     "InteractivePolicyIteration": "qlearn.learners.policy_iteration",
     "InteractiveQLearning": "qlearn.learners.q_learning",
     "InteractiveValueIteration": "qlearn.learners.value_iteration",
-    "LateQLearning": "qlearn.learners.late_q_learning",
+    "LateQLearning": "qlearn.learners.q_learning_asking_late",
     "LateValueIteration": "qlearn.learners.value_iteration",
     "Learner": "qlearn.learners.learner",
     "OrdinalMDP": "qlearn.mdp.ordinal_mdp",

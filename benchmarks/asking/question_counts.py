@@ -26,11 +26,11 @@ from benchmarks.reporting import save, with_interval
 from elicit.model.scale import Floats
 from qlearn import strategies
 from qlearn.experiments.parallel import Cell, sweep
-from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Learner
 from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration

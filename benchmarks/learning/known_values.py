@@ -56,10 +56,10 @@ class Knowing:
     ``e`` (k,) are the values, from 0 to 1."""
 
     def __init__(self, learner: InteractiveQLearning, e: Floats) -> None:
-        state: Any = learner._loop.state
+        state: Any = learner.state
         if state.cursor[STEP]:
             raise ValueError(f"the learner has done {state.cursor[STEP]} steps already: take a new one")
-        self._state, self._model = State(*(array.copy() for array in state)), learner._loop.model
+        self._state, self._model = State(*(array.copy() for array in state)), learner.model
         self._e = np.array(e, dtype=np.float64)
         self._worth = first_worth(self._state, self._e)
 

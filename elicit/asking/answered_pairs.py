@@ -3,8 +3,6 @@ compared."""
 
 from __future__ import annotations
 
-from copy import copy
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,12 +23,6 @@ class AnsweredPairs:
         self.binding: Codes = np.empty(0, np.uint64)  # sorted: those whose answer no model may overrule
         self._key = key
         self._said: dict[bytes, int] = {}  # in the pair's canonical direction
-
-    def copy(self) -> AnsweredPairs:
-        """The same answers, to which others can be added."""
-        twin = copy(self)
-        twin._said = dict(self._said)
-        return twin
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
         """Keep what was said of a difference d (k,)."""

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from copy import deepcopy
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -97,29 +98,6 @@ def choose(
     return Choosing(rows, elicitation, bool(order), [str(x) for x in (range(n) if labels is None else labels)])
 
 
-@dataclass
-class _State:
-    """All that an answer can change. ``tell`` works on a copy, and keeps it only if all went well."""
-
-    elicitation: Elicitation
-    verdicts: NDArray[np.int8]  # (n, n) so far
-    judged: NDArray[np.int8]  # (n, n) 0: not with all that is known now; 1: so; 2: for good
-    standing: list[int]  # best of: those not beaten so far, in the order of the list
-    learns: bool = True  # False for a comparator that answers teach nothing
-    guessed: int = 0  # comparisons that rest on the best guess, once the budget is spent
-    ranking: list[int] = field(default_factory=list)
-    pair: tuple[int, int] = (0, 0)  # the rows that the query is about; the first is ahead by the best guess
-
-    def copy(self) -> _State:
-        verdicts, judged = self.verdicts.copy(), self.judged.copy()
-        return replace(self, elicitation=self.elicitation.copy(), verdicts=verdicts, judged=judged)
-
-    def enter(self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], judged: NDArray[np.int8]) -> None:
-        """The verdicts (n,) on rows i against rows j, both (n,), and so those on j against i."""
-        self.verdicts[i, j], self.judged[i, j], self.judged[j, i] = verdicts, judged, judged
-        self.verdicts[j, i] = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
-
-
 class Choosing:
     """A choice under way, as ``choose`` returns it. Holds no tutor, file or clock."""
 
@@ -128,13 +106,19 @@ class Choosing:
         self._vectors = vectors
         self._wants_order = order
         self._labels = labels
-        unknown, never = np.full((n, n), Verdict.UNKNOWN, dtype=np.int8), np.zeros((n, n), dtype=np.int8)
-        self._state = _State(elicitation, unknown, never, list(range(n)))
-        self._advance(self._state)
+        self._elicitation = elicitation
+        self._verdicts = np.full((n, n), Verdict.UNKNOWN, dtype=np.int8)  # so far
+        self._judged = np.zeros((n, n), dtype=np.int8)  # 0: not with all that is known now; 1: so; 2: for good
+        self._standing = list(range(n))  # best of: those not beaten so far, in the order of the list
+        self._learns = True  # False for a comparator that answers teach nothing
+        self._guessed = 0  # comparisons that rest on the best guess, once the budget is spent
+        self._ranking: list[int] = []
+        self._pair = (0, 0)  # the rows that the query is about; the first is ahead by the best guess
+        self._advance()
 
     def ask(self) -> tuple[Query, ...]:
         """The pending query, the same one until it is told; () when finished."""
-        return self._state.elicitation.ask()
+        return self._elicitation.ask()
 
     def tell(self, answers: Sequence[Answer]) -> None:
         """Take the answer to the pending query; with the verdict None the vector that is ahead stays ahead.
@@ -142,34 +126,36 @@ class Choosing:
         Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the comparator's
         InconsistentAnswers through; then nothing has changed.
         """
-        state, before = self._state.copy(), self._state.elicitation
-        told, _ = state.elicitation.tell(answers, "raise")
+        before = self._elicitation
+        never_change = (self._vectors, before.comparator, before.answers)
+        after = deepcopy(self, {id(value): value for value in never_change})
+        told, _ = after._elicitation.tell(answers, "raise")
         for verdict in told.values():
-            if state.elicitation.cannot_tell == before.cannot_tell:
-                state.learns = state.elicitation.comparator is not before.comparator
-            if state.learns:
-                state.judged[state.judged == 1] = 0
-            i, j = np.array([state.pair]).T
-            state.enter(i, j, np.array([verdict], np.int8), np.zeros(1, np.int8))
-            self._advance(state)
-            self._state = state
+            if after._elicitation.cannot_tell == before.cannot_tell:
+                after._learns = after._elicitation.comparator is not before.comparator
+            if after._learns:
+                after._judged[after._judged == 1] = 0
+            i, j = np.array([after._pair]).T
+            after._enter(i, j, np.array([verdict], np.int8), np.zeros(1, np.int8))
+            after._advance()
+            vars(self).update(vars(after))  # only now: all went well
 
     def result(self) -> Choice:
         """The choice; before the end, the one by the best guess at the scale so far."""
-        state, asked = self._state, self._state.elicitation
+        asked = self._elicitation
         if asked.pending:
             status = ChoiceStatus.WAITING
-        elif state.guessed:
+        elif self._guessed:
             status = ChoiceStatus.GUESSED
         else:
             status = ChoiceStatus.UNSURE if asked.cannot_tell else ChoiceStatus.FINISHED
         counts = dict(zip((tier.name.lower() for tier in Tier), asked.counts.tolist(), strict=True))
         counts["tutor"] -= asked.cannot_tell
-        counts["guess"] = state.guessed
+        counts["guess"] = self._guessed
         return Choice(
-            best=state.ranking[0],
-            order=tuple(state.ranking) if self._wants_order else None,
-            label=self._labels[state.ranking[0]],
+            best=self._ranking[0],
+            order=tuple(self._ranking) if self._wants_order else None,
+            label=self._labels[self._ranking[0]],
             status=status,
             asked=asked.asked,
             cannot_tell=asked.cannot_tell,
@@ -178,43 +164,43 @@ class Choosing:
             answers=asked.answers,
         )
 
-    def _advance(self, state: _State) -> None:
+    def _advance(self) -> None:
         """Choose by what is known and, where that is silent, by the best guess; find the next question."""
-        scores = dot(tail_sums(self._vectors), np.diff(state.elicitation.comparator.values))
+        scores = dot(tail_sums(self._vectors), np.diff(self._elicitation.comparator.values))
         by_guess = np.argsort(-scores, kind="stable")
         plan = self._plan_order if self._wants_order else self._plan_best
         while True:
-            state.ranking, guessed, candidates = plan(state, by_guess)
-            if not guessed or state.elicitation.spent:
-                state.guessed = guessed
+            self._ranking, guessed, candidates = plan(by_guess)
+            if not guessed or self._elicitation.spent:
+                self._guessed = guessed
                 return
             # what no answer teaches is best asked in the order of the search, whose steps halve the rest
-            ahead, other = self._most_open(state, candidates) if state.learns else candidates[0].tolist()
-            state.judged[ahead, other] = 0  # another pair of the same difference may have been answered
-            if self._judge(state, [ahead], other)[0] == Verdict.UNKNOWN:
+            ahead, other = self._most_open(candidates) if self._learns else candidates[0].tolist()
+            self._judged[ahead, other] = 0  # another pair of the same difference may have been answered
+            if self._judge([ahead], other)[0] == Verdict.UNKNOWN:
                 break
-        state.pair = ahead, other
+        self._pair = ahead, other
         about = f"{self._labels[ahead]} or {self._labels[other]}"
-        state.elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
+        self._elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
-    def _plan_best(self, state: _State, by_guess: _Indices) -> _Plan:
+    def _plan_best(self, by_guess: _Indices) -> _Plan:
         """The vectors not beaten so far, the best guess first; how many of them the guess alone puts
         behind it; and the pairs worth a question, each with the better guess first."""
         left: list[int] = []
-        for i in state.standing:
-            codes = self._judge(state, left, i)
+        for i in self._standing:
+            codes = self._judge(left, i)
             if not ((codes == Verdict.BETTER) | (codes == Verdict.EQUAL)).any():
                 left = [j for j, code in zip(left, codes, strict=True) if code != Verdict.WORSE]
                 left.append(i)
-        state.standing = left
+        self._standing = left
         standing = by_guess[np.isin(by_guess, left)]
         first, second = np.triu_indices(min(len(standing), _CONTENDERS), 1)
         return standing.tolist(), len(standing) - 1, np.stack([standing[first], standing[second]], axis=1)
 
-    def _plan_order(self, state: _State, by_guess: _Indices) -> _Plan:
+    def _plan_order(self, by_guess: _Indices) -> _Plan:
         """As above, for the whole order: each vector is inserted from the end of those whose guess is
         better, by a search that doubles its steps, so a good guess costs one comparison each."""
-        self._judge(state, by_guess[:-1], by_guess[1:])
+        self._judge(by_guess[:-1], by_guess[1:])
         groups: list[list[int]] = []
         guessed: list[tuple[int, int]] = []
         for i in by_guess.tolist():
@@ -222,7 +208,7 @@ class Choosing:
             while low < high:
                 middle = max(low, high - step) if step else (low + high) // 2
                 j = groups[middle][0]
-                code = self._judge(state, [j], i)[0]
+                code = self._judge([j], i)[0]
                 if code == Verdict.UNKNOWN:
                     guessed.append((j, i))
                     code = Verdict.BETTER
@@ -237,30 +223,35 @@ class Choosing:
                 groups.insert(low, [i])
         return [i for group in groups for i in sorted(group)], len(guessed), np.array(guessed, dtype=np.intp)
 
-    def _most_open(self, state: _State, pairs: _Indices) -> tuple[int, int]:
+    def _most_open(self, pairs: _Indices) -> tuple[int, int]:
         """The pair whose d.e reaches about as far above 0 as below it: either answer then teaches much."""
-        low, high = state.elicitation.comparator.bounds(self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]])
+        low, high = self._elicitation.comparator.bounds(self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]])
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.minimum(high, -low) / (high - low)
         ahead, other = pairs[int(np.argmax(np.nan_to_num(share, nan=0.5)))].tolist()
         return ahead, other
 
-    def _judge(self, state: _State, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
+    def _enter(self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], judged: NDArray[np.int8]) -> None:
+        """The verdicts (n,) on rows i against rows j, both (n,), and so those on j against i."""
+        self._verdicts[i, j], self._judged[i, j], self._judged[j, i] = verdicts, judged, judged
+        self._verdicts[j, i] = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
+
+    def _judge(self, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
         """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row. The comparator's are final, and
         so is a tie; what else the tutor said stands until the comparator can tell."""
         a, b = np.broadcast_arrays(np.asarray(ahead, dtype=np.intp), np.asarray(other, dtype=np.intp))
-        stale = state.judged[a, b] == 0
+        stale = self._judged[a, b] == 0
         if stale.any():
             i, j = a[stale], b[stale]
             d = self._vectors[i] - self._vectors[j]
-            verdicts, tiers, _ = state.elicitation.judge(d)
+            verdicts, tiers = self._elicitation.judge(d)
             verdicts[tiers == Tier.GUESS] = Verdict.UNKNOWN  # all guesses together go by one order, without circles
             settled = verdicts != Verdict.UNKNOWN
-            first = settled & (state.verdicts[i, j] == Verdict.UNKNOWN)
-            state.elicitation.commit(d[first], Decisions(verdicts[first], tiers[first]))
+            first = settled & (self._verdicts[i, j] == Verdict.UNKNOWN)
+            self._elicitation.commit(d[first], Decisions(verdicts[first], tiers[first]))
             final = settled & ((tiers != Tier.KNOWN) | (verdicts == Verdict.EQUAL))
-            state.enter(i, j, verdicts, np.where(final, 2, 1).astype(np.int8))
-        found: NDArray[np.int8] = state.verdicts[a, b]
+            self._enter(i, j, verdicts, np.where(final, 2, 1).astype(np.int8))
+        found: NDArray[np.int8] = self._verdicts[a, b]
         return found
 
 

@@ -8,7 +8,6 @@ question budget, audits, "cannot tell", never asking a pair twice, and the count
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from copy import copy
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -55,25 +54,15 @@ class Audit:
         return self.answer is not None and self.expected * self.answer == -1
 
 
-class Judgements(NamedTuple):
-    """Of n differences: verdicts (n,), UNKNOWN where the tutor must be asked; the tier (n,) that settled each; and
-    whether (n,) it is settled, and the tutor is only to confirm it. An audit's tier is the one that settled it."""
-
-    verdicts: NDArray[np.int8]
-    tiers: NDArray[np.int8]
-    audited: NDArray[np.bool_]
-
-
 class Pair(NamedTuple):
-    """Two vectors (k,) to ask about, in words for people, and where they are compared. ``audited``: answers settled it,
-    and ``tier`` says by what; else it is the tutor who settles it."""
+    """Two vectors (k,) to ask about, in words for people, and where they are compared. With a ``tier`` other than TUTOR
+    it is an audit, of a pair that the answers settled by that tier."""
 
     left: Floats
     right: Floats
     about: str
     place: Place | None = None
     tier: int = int(Tier.TUTOR)
-    audited: bool = False
 
 
 class Pending(NamedTuple):
@@ -132,15 +121,9 @@ class Elicitation:
         self._unclear: set[Place] = set()  # where the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
 
-    def copy(self) -> Elicitation:
-        """One that stands as this does, and goes its own way from here."""
-        twin = copy(self)
-        twin.audits, twin.counts = list(self.audits), self.counts.copy()
-        twin._answered, twin._unclear = self._answered.copy(), set(self._unclear)
-        return twin
-
-    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Judgements:
-        """Judge differences d (n, k). Counts nothing.
+    def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
+        """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is TUTOR, or, where answers
+        have settled it and the tutor is only to confirm it in an audit, the one that settled it. Counts nothing.
 
         ``places`` gives the place of a row: where the tutor could not tell, its estimates keep changing a
         little, and a person must not be asked about each new version of the same pair."""
@@ -149,7 +132,7 @@ class Elicitation:
         said, unclear, close = np.full((3, n), UNSETTLED)
         facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), said, unclear, close)
         verdict, tier, needed = np.empty((3, n), np.int8)
-        out = Judgement(verdict, tier, np.empty(0, np.bool_), np.empty(n, np.bool_), needed)
+        out = Judgement(verdict, tier, np.empty(0, np.bool_), needed)
         asking, rows = self.rule(), np.arange(n)
         while len(rows):
             with np.errstate(all="ignore"):  # hashes wrap around
@@ -163,9 +146,9 @@ class Elicitation:
                 near = (low >= -self.indifference) & (high <= self.indifference)
                 close[of[2]] = np.where(near, Verdict.EQUAL, Verdict.UNKNOWN)
         if self.signs is not None:
-            asked = np.flatnonzero((out.verdict == Verdict.UNKNOWN) & ~out.audited)
-            out.verdict[asked] = self.signs(d[asked]) if len(asked) else 0
-        return Judgements(out.verdict, out.tier, out.audited)
+            asked = np.flatnonzero((verdict == Verdict.UNKNOWN) & (tier == Tier.TUTOR))
+            verdict[asked] = self.signs(d[asked]) if len(asked) else 0
+        return Decisions(verdict, tier)
 
     def rule(self) -> AskingRule:
         """What ``judge`` goes by, as arrays, for compiled loops."""
@@ -197,7 +180,8 @@ class Elicitation:
         for pair in pairs:
             query = Query.make(self._fingerprint, self._number, pair.left, pair.right, pair.about)
             self._number += 1
-            pending.append(Pending(query, pair, _implied(self.comparator, query.d) if pair.audited else None))
+            expected = None if pair.tier == Tier.TUTOR else _implied(self.comparator, query.d)
+            pending.append(Pending(query, pair, expected))
         self.pending = tuple(pending)
         return self.ask()
 

@@ -51,9 +51,8 @@ class Judgement(NamedTuple):
     """Of one pair (or of n, as arrays): UNKNOWN means that the tutor must be asked, UNSETTLED that a fact is needed."""
 
     verdict: Any
-    tier: Any  # who settled it; of an audit, who would have
+    tier: Any  # who settled it; UNKNOWN by another than TUTOR is an audit: the tutor is to confirm what is settled
     certified: Any  # whether ``judge`` wrote a certificate
-    audited: Any  # UNKNOWN only because the tutor is to confirm it
     needed: Any  # which fact
 
 
@@ -72,7 +71,7 @@ def settle(t: Any, work: Any, asking: AskingRule, facts: Facts) -> Judgement:
         if asking.audit > 0.0 and verdict != EQUAL and FIRST_BY_ANSWERS <= tier <= LAST_BY_ANSWERS:
             drawn = unit(pair_code(asking.key, t, work)) < asking.audit
             if drawn and not among(asking.key, t, work, asking.said):
-                return Judgement(UNKNOWN, tier, False, True, NO_FACT)
+                return judgement(UNKNOWN, tier)
         return judgement(verdict, tier)
     if facts.said != UNKNOWN and among(asking.key, t, work, asking.said):
         return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN)
@@ -95,8 +94,7 @@ def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgem
     for i in rows:
         known = Facts(facts.verdict[i], facts.tier[i], facts.said[i], facts.unclear[i], facts.close[i])
         found = settle(t[i], work, asking, known)
-        out.verdict[i], out.tier[i], out.audited[i] = found.verdict, found.tier, found.audited
-        out.needed[i] = found.needed
+        out.verdict[i], out.tier[i], out.needed[i] = found.verdict, found.tier, found.needed
 
 
 @compiled
@@ -108,7 +106,7 @@ def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: 
         sums[j] = t[j]
     verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
     if asking.plain and verdict != UNKNOWN and verdict != UNSETTLED:  # then the policy has nothing to add
-        return Judgement(verdict, tier, certified, False, NO_FACT)
+        return Judgement(verdict, tier, certified, NO_FACT)
     found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, UNSETTLED))
     if found.needed == BOUNDS:
         for j in range(len(t)):
@@ -116,19 +114,19 @@ def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: 
         close = within(d, t, asking.indifference, rule)
         found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, close))
     certified = certified and found.verdict == verdict
-    return Judgement(found.verdict, found.tier, certified, found.audited, found.needed)
+    return Judgement(found.verdict, found.tier, certified, found.needed)
 
 
 @compiled
 def judgement(verdict: int, tier: int) -> Judgement:
     """A judgement that needs nothing more."""
-    return Judgement(verdict, tier, False, False, NO_FACT)
+    return Judgement(verdict, tier, False, NO_FACT)
 
 
 @compiled
 def missing(fact: int) -> Judgement:
     """Only with this fact can the pair be judged."""
-    return Judgement(UNSETTLED, UNSETTLED, False, False, fact)
+    return Judgement(UNSETTLED, UNSETTLED, False, fact)
 
 
 @compiled

@@ -14,6 +14,7 @@ from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
 
 Verdicts = NDArray[np.int8]
+Tiers = NDArray[np.int8]
 
 
 class Tier(IntEnum):
@@ -66,7 +67,7 @@ class Decisions(NamedTuple):
     """Verdicts (n,) int8 and the tier (n,) int8 that decided each (meaningless where UNKNOWN)."""
 
     verdicts: Verdicts
-    tiers: NDArray[np.int8]
+    tiers: Tiers
 
 
 @runtime_checkable
@@ -95,7 +96,7 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     return order_bounds(tail_sums(as_vectors(d, comparator.k)), 0.0)[1], 1.0
 
 
-def dominance_tiers(codes: Verdicts, otherwise: Tier) -> NDArray[np.int8]:
+def dominance_tiers(codes: Verdicts, otherwise: Tier) -> Tiers:
     """EQUAL or DOMINANCE where ``scale.dominance`` decided, else the given tier."""
     by_code = np.array([Tier.EQUAL, Tier.DOMINANCE, otherwise, Tier.DOMINANCE], dtype=np.int8)
     return by_code[codes]  # -1, worse, is the last

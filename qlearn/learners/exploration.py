@@ -99,19 +99,19 @@ def epsilons(epsilon: Epsilon, steps: int) -> Floats:
 
     Raises ValueError unless all lie in 0..1.
     """
-    if callable(epsilon):
-        shape = (max(1, steps),)
-        chances = np.asarray(epsilon(np.arange(shape[0])), dtype=np.float64)
-        if chances.shape != shape:
-            raise ValueError(
-                f"epsilon must be a number in 0..1, or a function from steps (n,) to chances (n,): for {shape[0]} "
-                f"steps it gives shape {chances.shape}"
-            )
-    else:
-        if not is_number(epsilon):
-            raise ValueError(f"epsilon must be a number in 0..1, a Decay, or a function of steps, not {epsilon!r}")
-        chances = np.array([epsilon], dtype=np.float64)
-    wrong = ~((chances >= 0) & (chances <= 1))
+    return schedule(epsilon, steps, "epsilon must be a number in 0..1, or a function from steps (n,) to chances (n,)")
+
+
+def schedule(choice: object, n: int, wanted: str, *, positive: bool = False) -> Floats:
+    """A number itself, as (1,), or what a function gives for 0, 1, ... n - 1, at least for 0. Raises ValueError, which
+    says what is ``wanted``, unless all lie in 0..1, or above 0 where they are to be ``positive``."""
+    if not (callable(choice) or is_number(choice)):
+        raise ValueError(f"{wanted}, not {choice!r}")
+    times = np.arange(max(1, n))
+    numbers = np.asarray(choice(times) if callable(choice) else [choice], dtype=np.float64)
+    if callable(choice) and numbers.shape != times.shape:
+        raise ValueError(f"{wanted}: for {len(times)} it gives shape {numbers.shape}")
+    wrong = ~((numbers > 0 if positive else numbers >= 0) & (numbers <= 1))
     if wrong.any():
-        raise ValueError(f"epsilon must lie in 0..1, not {float(chances[wrong][0])!r} (in step {int(wrong.argmax())})")
-    return chances
+        raise ValueError(f"{wanted}, not {float(numbers[wrong][0])!r} (at {int(wrong.argmax())})")
+    return numbers

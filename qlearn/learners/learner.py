@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import cached_property
-from math import nan
-from typing import Protocol, TypeAlias
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +18,8 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor, TutorOfMany
 from elicit.tutors.answer_log import AnswerLog
+from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-
-Guarantor: TypeAlias = Callable[[], tuple[float, float]]
-"""Computes a bound on a policy's loss and the confidence in it (``qlearn.learners.loss_bound``)."""
 
 
 class Status(Enum):
@@ -53,12 +49,10 @@ def place(state: int, a: int, b: int) -> tuple[int, int, int]:
     return int(state), int(min(a, b)), int(max(a, b))
 
 
-def pair_of(
-    left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR), audited: bool = False
-) -> Pair:
+def pair_of(left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR)) -> Pair:
     """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
     about = f"state {state}: action {a} (left) or action {b} (right)?"
-    return Pair(left, right, about, place(state, a, b), tier, audited)
+    return Pair(left, right, about, place(state, a, b), tier)
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
@@ -77,16 +71,11 @@ def check_max_loss(max_loss: float | None) -> float | None:
     return max_loss
 
 
-def no_guarantee() -> tuple[float, float]:
-    """Nothing can be said."""
-    return nan, nan
-
-
 @dataclass(frozen=True, eq=False)
 class Result:
     """What a learner knows so far. ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted;
-    ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it;
-    ``rounds``: steps, sweeps, or policies solved for.
+    ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes the
+    loss bound; ``rounds``: steps, sweeps, or policies solved for.
 
     ``loss_bound`` is an upper bound on what the policy loses against the best, from whatever state, as a share of the
     value range, and ``confidence`` the probability with which it holds: 1 where every scale that fits the answers
@@ -103,7 +92,7 @@ class Result:
     cannot_tell: int
     rounds: int
     shares: Floats | Callable[[], Floats] = field(repr=False)
-    guarantee: Guarantor = field(default=no_guarantee, repr=False)
+    guarantee: Callable[[], Guarantee] = field(repr=False)
 
     @cached_property
     def q(self) -> Floats:
@@ -111,18 +100,18 @@ class Result:
         return self.shares() if callable(self.shares) else self.shares
 
     @cached_property
-    def _guaranteed(self) -> tuple[float, float]:
+    def _guaranteed(self) -> Guarantee:
         return self.guarantee()
 
     @property
     def loss_bound(self) -> float:
         """The policy loses at most this share of the value range from any state; nan where no bound can be given."""
-        return float(self._guaranteed[0])
+        return float(self._guaranteed.loss_bound)
 
     @property
     def confidence(self) -> float:
         """How certain ``loss_bound`` is: 1 if the answers are right, a comparator's level, or nan."""
-        return float(self._guaranteed[1])
+        return float(self._guaranteed.confidence)
 
     @property
     def audited(self) -> int:
@@ -135,56 +124,11 @@ class Result:
         return sum(self.decided.values())
 
 
-def result_of(
-    elicitation: Elicitation,
-    *,
-    policy: NDArray[np.int64],
-    shares: Floats | Callable[[], Floats],
-    status: Status,
-    tiers: NDArray[np.int64],
-    rounds: int,
-    guarantee: Guarantor,
-) -> Result:
-    """The Result of a learner that stands on this elicitation; ``tiers`` (len(Tier),) counts its comparisons."""
-    return Result(
-        policy=policy,
-        shares=shares,
-        status=status,
-        asked=elicitation.asked,
-        decided={tier.name.lower(): int(n) for tier, n in zip(Tier, tiers, strict=True)},
-        comparator=elicitation.comparator,
-        answers=elicitation.answers,
-        audits=tuple(elicitation.audits),
-        cannot_tell=elicitation.cannot_tell,
-        rounds=rounds,
-        guarantee=guarantee,
-    )
-
-
-class Learner(Protocol):
-    """A solver that stops when it needs the tutor."""
-
-    def ask(self) -> tuple[Query, ...]:
-        """The pending queries, the same until told; () when finished."""
-
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries; returns those that on_conflict="drop" left unused."""
-
-    def result(self) -> Result:
-        """The policy and the counts at any time."""
-
-    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
-        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged."""
-
-    @property
-    def comparator(self) -> Comparator:
-        """What is known of the scale."""
-
-
-class Elicits:
-    """What all learners do alike, for they leave it to their elicitation."""
+class Learner:
+    """A solver that stops when it needs the tutor. What all learners do alike, they leave to their elicitation."""
 
     _elicitation: Elicitation
+    _bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # for what the loss was last bounded
 
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
@@ -198,7 +142,7 @@ class Elicits:
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
-        """Let ``signs`` answer from now on: counted, not logged."""
+        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged."""
         self._elicitation.signs = signs
 
     def watch(self, watcher: Watch) -> None:
@@ -211,12 +155,53 @@ class Elicits:
         """What is known of the scale."""
         return self._elicitation.comparator
 
+    def result(self) -> Result:
+        """The policy and the counts at any time."""
+        raise NotImplementedError
+
     def _go_on(self) -> tuple[Query, ...]:
         """Go on to the next queries, or to the end."""
         raise NotImplementedError
 
     def _take(self, verdicts: Mapping[str, Verdict]) -> None:
         """Act on the verdicts, by query id."""
+
+    def _certified(self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None) -> bool:
+        """Whether no plausible scale lets the policy (S,) lose more than ``max_loss``; False also where that was asked
+        of the same policy and the same answers last time."""
+        comparator, last = self.comparator, self._bounded
+        if max_loss is None or (last is not None and last[0] is comparator and (last[1] == policy).all()):
+            return False
+        self._bounded = comparator, policy.copy()
+        return loses_at_most(mdp, policy, comparator, max_loss)
+
+    def _result(
+        self,
+        mdp: OrdinalMDP,
+        policy: NDArray[np.int64],
+        shares: Floats | Callable[[], Floats],
+        status: Status | None,
+        rounds: int,
+        *,
+        more: NDArray[np.int64] | int = 0,
+        guarantee: Callable[[], Guarantee] | None = None,
+    ) -> Result:
+        """The Result of this policy, which must stay as it is; ``more`` (len(Tier),): comparisons beside those that the
+        elicitation counted. Without a status the tutor is waited for."""
+        elicitation = self._elicitation
+        return Result(
+            policy=policy,
+            shares=shares,
+            status=status or Status.WAITING,
+            asked=elicitation.asked,
+            decided={tier.name.lower(): int(n) for tier, n in zip(Tier, elicitation.counts + more, strict=True)},
+            comparator=elicitation.comparator,
+            answers=elicitation.answers,
+            audits=tuple(elicitation.audits),
+            cannot_tell=elicitation.cannot_tell,
+            rounds=rounds,
+            guarantee=guarantee or partial(loss_bound, mdp, policy.copy(), elicitation.comparator),
+        )
 
 
 def drive(

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import Elicitation, Judgements, Pair
+from elicit.asking.elicitation import Elicitation, Pair
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Tier, lapse_of, simultaneous_bounds
+from elicit.model.comparator import Comparator, Tier, Tiers, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, place, result_of
+from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
 from qlearn.learners.query_strategies import (
     Candidates,
@@ -37,7 +37,7 @@ _MATTERS = 0.5
 with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
 
 
-class InteractivePolicyIteration(Elicits):
+class InteractivePolicyIteration(Learner):
     """Solves the MDP for the comparator's central scale, bounds what the policy can lose under every plausible scale
     (``loss_bound``), and stops once that is within ``tolerance``, a share of the value range at every state: for
     every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
@@ -119,16 +119,10 @@ class InteractivePolicyIteration(Elicits):
         policy's alternatives by what settled them, and the questions."""
         over, found = self._round()
         high = simultaneous_bounds(self._elicitation.comparator, over.d)[0]
-        tiers = self._elicitation.counts + np.bincount(self._settled_by(over, high), minlength=len(Tier))
-        return result_of(
-            self._elicitation,
-            policy=over.policy.copy(),
-            shares=over.q,
-            status=self._end or Status.WAITING,
-            tiers=tiers,
-            rounds=self._rounds,
-            guarantee=partial(_in_full, found, self._mdp, over, self._elicitation.comparator),
-        )
+        settled = np.bincount(self._settled_by(over, high), minlength=len(Tier))
+        in_full = partial(_in_full, found, self._mdp, over, self._elicitation.comparator)
+        policy = over.policy.copy()
+        return self._result(self._mdp, policy, over.q, self._end, self._rounds, more=settled, guarantee=in_full)
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Has no effect: each question is asked and logged, also by a comparator that never learns."""
@@ -184,18 +178,19 @@ class InteractivePolicyIteration(Elicits):
     def _audit(self, over: Advantages) -> tuple[Query, ...]:
         """The certificate stands: audit some of what it rests on."""
         judged = self._elicitation.judge(over.d, partial(self._place, over))
-        rows = np.flatnonzero(judged.audited)[: self._elicitation.batch]
+        rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
         if len(rows):
-            return self._open(over, rows, judged)
+            return self._open(over, rows[: self._elicitation.batch], judged.tiers)
         self._end = Status.CONVERGED
         return ()
 
-    def _open(self, over: Advantages, rows: NDArray[np.int64], audits: Judgements | None = None) -> tuple[Query, ...]:
+    def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None) -> tuple[Query, ...]:
+        """Ask about these rows; of an audit with the tiers (n,) that settled all rows."""
         pairs = []
         for row in rows:
             s, a = int(over.states[row]), int(over.actions[row])
-            pair = pair_of(over.q[s, a], over.v[s], s, a, int(over.policy[s]))
-            pairs.append(pair if audits is None else pair._replace(tier=int(audits.tiers[row]), audited=True))
+            tier = int(Tier.TUTOR if tiers is None else tiers[row])
+            pairs.append(pair_of(over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
         return self._elicitation.open(pairs)
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
-from elicit._support.validation import is_number, is_whole
-from elicit.asking.elicitation import Elicitation, Judgements, Pair, Place
+from elicit._support.validation import is_whole
+from elicit.asking.elicitation import Elicitation, Pair
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
-from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of
-from qlearn.learners.learner import Elicits, Result, Status, check_problem, pair_of, result_of
-from qlearn.learners.loss_bound import loss_bound
-from qlearn.learners.pair_judge import PairJudge
+from qlearn.learners.action_pair_kernel import PairJudge
+from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of, schedule
+from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
@@ -38,7 +36,7 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
     return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
 
 
-class InteractiveQLearning(Elicits):
+class InteractiveQLearning(Learner):
     """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
 
     ``epsilon``: how it comes to see enough. The chance of a uniformly drawn action (a constant, a ``Decay``, or a
@@ -49,7 +47,7 @@ class InteractiveQLearning(Elicits):
     it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
     share of the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
     run of Q-learning has one pair in question at a time. Only for ``Result.loss_bound`` are the MDP's transition
-    probabilities read: learning itself samples them.
+    probabilities read: learning itself samples them. ``model`` and ``state``: what the compiled loop reads and changes.
     """
 
     def __init__(
@@ -66,47 +64,13 @@ class InteractiveQLearning(Elicits):
         audit: float = 0.0,
         batch: int = 1,
     ) -> None:
-        chosen = exploration_of(epsilon)
-        self._loop = QLearningLoop(
-            mdp, comparator, steps, chosen, learning_rate, rng, max_queries, indifference, audit, batch
-        )
-        self._elicitation = self._loop.elicitation
-
-    def _go_on(self) -> tuple[Query, ...]:
-        return self._loop.run(self._loop.model.steps)
-
-    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
-        self._loop.take(verdicts)
-
-    def result(self) -> Result:
-        """The greedy policy and the counts so far."""
-        if self._elicitation.pending or not self._loop.done:
-            return self._loop.result(Status.WAITING)
-        return self._loop.result(Status.GUESSED if self._elicitation.counts[Tier.GUESS] else Status.DONE)
-
-
-class QLearningLoop:
-    """The loop of Algorithm 1 and the elicitation that it stands on, whenever its learner asks."""
-
-    def __init__(
-        self,
-        mdp: OrdinalMDP,
-        comparator: Comparator,
-        steps: int,
-        exploration: Exploration,
-        learning_rate: LearningRate | None,
-        rng: Seed,
-        max_queries: int | None,
-        indifference: float,
-        audit: float,
-        batch: int,
-    ) -> None:
         check_problem(mdp, comparator)
+        exploration = exploration_of(epsilon)
         if not is_whole(steps, 0):
             raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
         key = key_of(rng)
         self._mdp = mdp
-        self.elicitation = Elicitation(
+        self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/q-learning/{key}",
             indifference=indifference,
@@ -132,13 +96,18 @@ class QLearningLoop:
             key=np.uint64(key),
         )
         self.state = _first_state(mdp, self.model, exploration.start)
-        self._pairs = PairJudge(self.elicitation, mdp.n_states * mdp.n_actions)
+        self._pairs = PairJudge(self._elicitation, mdp.n_states * mdp.n_actions)
         self._verdict = int(Verdict.UNKNOWN)  # on the pair at the cursor
 
-    def run(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
-        """Run the loop to this step, or to a pair that only the tutor can settle: then the query. Where questions are
-        put off, such pairs go by the best guess."""
-        elicitation, state, model = self.elicitation, self.state, self.model._replace(steps=steps)
+    def result(self) -> Result:
+        """The greedy policy and the counts so far."""
+        rounds = int(self.state.cursor[kernel.STEP])
+        return self._result(self._mdp, self.state.best.copy(), self.state.q.copy(), self._status(), rounds)
+
+    def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
+        """Run to this step, or to a pair that only the tutor can settle: then the query. Where questions are put off,
+        such pairs go by the best guess."""
+        elicitation, state, model = self._elicitation, self.state, self.model._replace(steps=steps)
         elicitation.puts_off = puts_off
         rule = rule_of(elicitation.comparator)
         while True:
@@ -156,39 +125,32 @@ class QLearningLoop:
             if code == kernel.ASK and elicitation.signs is None:
                 return elicitation.open([pair])
             d = (pair.left - pair.right)[None, :]
-            verdicts, tiers, audited = self._judge(d, pair.place)
+            places = [pair.place]  # of the only row
+            verdicts, tiers = elicitation.judge(d, places.__getitem__)
             if verdicts[0] == Verdict.UNKNOWN:
-                return elicitation.open([pair._replace(tier=int(tiers[0]), audited=bool(audited[0]))])
+                return elicitation.open([pair._replace(tier=int(tiers[0]))])
             self._verdict = int(verdicts[0])
             elicitation.commit(d, Decisions(verdicts, tiers))
-
-    def take(self, verdicts: Mapping[str, Verdict]) -> None:
-        """The tutor has answered: her verdict is on the pair at the cursor, if the question was about that."""
-        if self.state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
-            for verdict in verdicts.values():
-                self._verdict = int(verdict)
-        self._pairs.take_answers()
-
-    def result(self, status: Status) -> Result:
-        """The greedy policy and the counts so far."""
-        policy = self.state.best.copy()
-        return result_of(
-            self.elicitation,
-            policy=policy,
-            shares=self.state.q.copy(),
-            status=status,
-            tiers=self.elicitation.counts,
-            rounds=int(self.state.cursor[kernel.STEP]),
-            guarantee=partial(loss_bound, self._mdp, policy.copy(), self.elicitation.comparator),
-        )
 
     @property
     def done(self) -> bool:
         """Whether all steps are done."""
         return bool(self.state.cursor[kernel.STEP] >= self.model.steps)
 
-    def _judge(self, d: Floats, where: Place | None) -> Judgements:
-        return self.elicitation.judge(d, lambda row: where)
+    def _go_on(self) -> tuple[Query, ...]:
+        return self.run_to(self.model.steps)
+
+    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+        """The tutor's verdict is on the pair at the cursor, if the question was about that."""
+        if self.state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
+            for verdict in verdicts.values():
+                self._verdict = int(verdict)
+        self._pairs.take_answers()
+
+    def _status(self) -> Status:
+        if self._elicitation.pending or not self.done:
+            return Status.WAITING
+        return Status.GUESSED if self._elicitation.counts[Tier.GUESS] else Status.DONE
 
     def _pair(self) -> Pair:
         """The two actions at the cursor."""
@@ -199,17 +161,9 @@ class QLearningLoop:
 
 
 def _rates(learning_rate: LearningRate, steps: int) -> Floats:
+    """The learning rate (steps,) after so many visits, at least one."""
     wanted = "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,)"
-    if not (callable(learning_rate) or is_number(learning_rate)):
-        raise ValueError(f"{wanted}, not {learning_rate!r}")
-    visits = np.arange(max(1, steps))
-    rates = np.asarray(learning_rate(visits) if callable(learning_rate) else np.full(len(visits), learning_rate))
-    if rates.shape != visits.shape:
-        raise ValueError(f"{wanted}: for {len(visits)} steps it gives shape {rates.shape}")
-    wrong = ~((rates > 0) & (rates <= 1))
-    if wrong.any():
-        raise ValueError(f"{wanted}: for {len(visits)} steps it gives {rates[wrong][0]!r}")
-    return rates.astype(np.float64)
+    return np.resize(schedule(learning_rate, steps, wanted, positive=True), max(1, steps))
 
 
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:

@@ -17,7 +17,7 @@ from elicit.asking.elicitation_kernel import judge_pair
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.pair_judge import BY_TUTOR, Judging, certified, certify, difference, keep
+from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certified, certify, difference, keep
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers

@@ -14,8 +14,8 @@ from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
+from qlearn.learners.action_pair_kernel import PairJudge
 from qlearn.learners.learner import place
-from qlearn.learners.pair_judge import PairJudge
 from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -40,8 +40,7 @@ class StateSweep:
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
-        self.judged: dict[int, tuple[int, bool]] = {}  # of waiting states: their pair's tier, and whether an audit
-        self.lent = False  # whether somebody may still read V
+        self.judged: dict[int, int] = {}  # of waiting states: their pair's tier, as ``Elicitation.judge`` has it
         self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
         self._judged_by = elicitation.comparator  # whom certificates and copies are of
         self._copies: list[Rule] = []
@@ -74,8 +73,7 @@ class StateSweep:
 
     def next_sweep(self) -> None:
         """Go on from the new V."""
-        spare = np.empty_like(self.v) if self.lent else self.v
-        self.v, self._following, self.lent = self._following, spare, False
+        self.v, self._following = self._following, self.v
         self.begin()
 
     def begin(self) -> None:
@@ -111,7 +109,7 @@ class StateSweep:
                 if self._elicitation.signs is not None:
                     by_python |= code == UNKNOWN
                 asks = part[(code == UNKNOWN) & ~by_python]
-                self.judged.update(dict.fromkeys(asks.tolist(), (int(Tier.TUTOR), False)))
+                self.judged.update(dict.fromkeys(asks.tolist(), int(Tier.TUTOR)))
                 needs = self._judge(part[by_python])
                 waiting += [asks, needs]
                 going_on += [part[code == ANSWERED], np.setdiff1d(part[by_python], needs)]
@@ -155,12 +153,11 @@ class StateSweep:
             return states
         left, right, challengers, incumbents = self.pairs(states)
         d = left - right
-        decisions = self._elicitation.judge(d, lambda row: place(states[row], challengers[row], incumbents[row]))
-        needs = decisions.verdicts == Verdict.UNKNOWN
-        how = zip(decisions.tiers[needs].tolist(), decisions.audited[needs].tolist(), strict=True)
-        self.judged.update(zip(states[needs].tolist(), how, strict=True))
-        self._elicitation.commit(d[~needs], Decisions(decisions.verdicts[~needs], decisions.tiers[~needs]))
-        self._settle(states[~needs], decisions.verdicts[~needs])
+        verdicts, tiers = self._elicitation.judge(d, lambda row: place(states[row], challengers[row], incumbents[row]))
+        needs = verdicts == Verdict.UNKNOWN
+        self.judged.update(zip(states[needs].tolist(), tiers[needs].tolist(), strict=True))
+        self._elicitation.commit(d[~needs], Decisions(verdicts[~needs], tiers[~needs]))
+        self._settle(states[~needs], verdicts[~needs])
         needed: States = states[needs]
         return needed
 

@@ -19,7 +19,7 @@ from elicit.model.comparator import Tier
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.pair_judge import BY_TUTOR, Judging, certify, difference, keep
+from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, keep
 from qlearn.mdp.backup import Model, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands

@@ -19,11 +19,11 @@ from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.model.scale import values_of
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
 from qlearn.learners.loss_bound import advantages, drawn_set, guarantee, loss_bound, loss_over_draws
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import most_even_cut
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
@@ -112,8 +112,7 @@ def test_the_loss_under_each_draw_is_that_of_solving_for_it():
     mdp, values = random_mdp(20, 3, 5, discount=0.9, rng=3)
     comparator = PosteriorComparator(5, seed=2, particles=60)
     tutor = FlippingTutor(values, 0.1, seed=1)
-    learner = InteractivePolicyIteration(mdp, comparator, tolerance=0.001, max_queries=6)
-    result = drive(learner, tutor)
+    result = solve(mdp, comparator, tutor, tolerance=0.001, max_queries=6)
     draws, level = drawn_set(result.comparator)
     exact = losses_under(mdp, result.policy, draws.gaps)
     order = np.argsort(exact)
@@ -146,24 +145,18 @@ def test_the_same_seeds_give_the_same_questions_and_ask_is_idempotent():
     assert runs[0].answers.ids == runs[1].answers.ids
     assert (runs[0].policy == runs[1].policy).all()
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-4)
-    assert learner.ask() is not None
-    assert [q.id for q in learner.ask()] == [q.id for q in learner.ask()]
+    assert learner.ask() == learner.ask() != ()
     assert learner.result().status is Status.WAITING
+    (other,) = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=0.0123).ask()
     with pytest.raises(StaleAnswer):
-        learner.tell([Answer(solve_query(mdp), Verdict.BETTER)])
-
-
-def solve_query(mdp):
-    """A query of another run."""
-    return InteractivePolicyIteration(mdp, PolytopeComparator(mdp.k), tolerance=0.0123).ask()[0]
+        learner.tell([Answer(other, Verdict.BETTER)])
 
 
 def test_batches_budgets_and_logs():
     mdp, values = random_mdp(30, 3, 6, rng=2)
     log = AnswerLog()
-    result = drive(
-        InteractivePolicyIteration(mdp, PolytopeComparator(6), tolerance=1e-3, batch=3), TruthfulTutor(values), log
-    )
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(6), tolerance=1e-3, batch=3)
+    result = drive(learner, TruthfulTutor(values), log)
     assert result.status is Status.CONVERGED
     assert len(log.answers()) == result.asked == result.decided["tutor"]
     stopped = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=1e-4, max_queries=3)
@@ -178,14 +171,11 @@ def test_batches_budgets_and_logs():
 
 def test_what_a_tutor_cannot_tell_is_not_asked_again():
     mdp, _ = random_mdp(10, 3, 4, rng=5)
+    log = AnswerLog()
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), tolerance=1e-4)
-    seen = []
-    while queries := learner.ask():
-        seen += [query.about for query in queries]
-        learner.tell([Answer(query, None) for query in queries])
-    result = learner.result()
+    result = drive(learner, lambda query: Answer(query, None), log)
     assert result.status is Status.EXHAUSTED
-    assert len(seen) == len(set(seen)) == result.cannot_tell
+    assert len({entry.answer.query.about for entry in log}) == len(log) == result.cannot_tell
     assert result.loss_bound > 1e-4  # and it says so
 
 
@@ -200,13 +190,12 @@ def test_audits_ask_what_the_finished_policy_rests_on():
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, audit=1.0)
     honest = TruthfulTutor(values)
 
-    def answer_all():
-        while queries := learner.ask():
-            audit = any(p.expected is not None for p in learner._elicitation.pending)
-            learner.tell([lies(q) if audit else honest(q) for q in queries])
+    def tutor(query):
+        audit = learner.result().loss_bound <= 1e-3  # all that is asked from then on
+        return lies(query) if audit else honest(query)
 
     with pytest.raises(InconsistentAnswers):
-        answer_all()
+        drive(learner, tutor)
 
 
 @pytest.mark.parametrize(
@@ -231,9 +220,7 @@ def test_every_comparator_serves_and_none_promises_too_much(make):
 def test_bags_replace_the_long_questions():
     mdp, values = random_mdp(30, 3, 5, rng=7)
     bags = Bags(days=10, simplicity=0.5)
-    log = AnswerLog()
-    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=0.02, bags=bags)
-    result = drive(learner, TruthfulTutor(values), log)
+    result = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), tolerance=0.02, bags=bags)
     assert result.status is Status.CONVERGED
     assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 0.02
     simple = [np.allclose(row * 10, np.round(row * 10)) for row in result.answers.d]
@@ -242,17 +229,16 @@ def test_bags_replace_the_long_questions():
 
 def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked():
     mdp, values = random_mdp(30, 3, 5, rng=7)
-    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=0.02, bags=Bags())
-    tutor, first, seen = TruthfulTutor(values), True, []
-    while queries := learner.ask():
-        seen.append(queries[0].about)
-        learner.tell([Answer(queries[0], None) if first else tutor(queries[0])])
-        first = False
-    assert learner.result().cannot_tell == 1
-    assert seen[0].startswith("of 10 days")
-    assert seen[1].startswith("of 10 days")
+    truthful, seen = TruthfulTutor(values), []
+
+    def tutor(query):
+        seen.append(query.about)
+        return Answer(query, None) if len(seen) == 1 else truthful(query)
+
+    result = solve(mdp, PolytopeComparator(5), tutor, tolerance=0.02, bags=Bags())
+    assert (result.cannot_tell, result.status) == (1, Status.CONVERGED)
+    assert all(about.startswith("of 10 days") for about in seen[:2])
     assert seen.count(seen[0]) == 1
-    assert learner.result().status is Status.CONVERGED
 
 
 def test_a_bound_can_be_had_for_any_policy():

@@ -20,7 +20,7 @@ from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
 from qlearn.learners.learner import Result, Status, drive
-from qlearn.learners.q_learning import InteractiveQLearning, QLearningLoop, polynomial_rate, rescaled_linear_rate
+from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
@@ -70,30 +70,46 @@ def reference(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings:
     )
 
 
+def compared_with_the_reference(
+    mdp: OrdinalMDP, values: Floats, comparator: str, tutor: str, **settings: Any
+) -> Result:
+    """A run, which has been found to be the reference's."""
+    make = COMPARATORS[comparator]
+    result = learn(mdp, make(mdp.k), TUTORS[tutor](values), **settings)
+    expected, model, told = reference(mdp, make(mdp.k), TUTORS[tutor](values), **settings)
+    assert result.q.tobytes() == expected.q.tobytes()
+    assert result.policy.tolist() == expected.best
+    assert result.asked == len(told.answers)
+    assert result.compared == len(expected.comparisons)
+    assert result.status is Status.DONE
+    if comparator == "always ask":
+        assert len(result.answers) == 0  # a simulated tutor's answers to the oracle are only counted
+    else:
+        answers = Answers.of(told.answers, mdp.k)
+        assert result.answers.d.tobytes() == answers.d.tobytes()
+        assert result.answers.y.tolist() == answers.y.tolist()
+    assert result.comparator.values.tolist() == model.values.tolist()
+    return result
+
+
 @pytest.mark.parametrize("settings", SETTINGS)
 @pytest.mark.parametrize("tutor", TUTORS)
 @pytest.mark.parametrize("comparator", COMPARATORS)
 def test_agrees_with_the_reference_to_the_last_bit(comparator: str, tutor: str, settings: str) -> None:
     repeated = 0
     for seed, (mdp, values) in enumerate((random_mdp(8, 3, 5, rng=0), messy_mdp(1), messy_mdp(2, k=2, discount=0.0))):
-        make, options = COMPARATORS[comparator], {"rng": seed, **SETTINGS[settings]}
-        result = learn(mdp, make(mdp.k), TUTORS[tutor](values), **options)
-        expected, model, told = reference(mdp, make(mdp.k), TUTORS[tutor](values), **options)
-        assert result.q.tobytes() == expected.q.tobytes()
-        assert result.policy.tolist() == expected.best
-        assert result.asked == len(told.answers)
-        assert result.compared == len(expected.comparisons)
-        assert result.status is Status.DONE
-        if comparator == "always ask":
-            assert len(result.answers) == 0  # a simulated tutor's answers to the oracle are only counted
-        else:
-            answers = Answers.of(told.answers, mdp.k)
-            assert result.answers.d.tobytes() == answers.d.tobytes()
-            assert result.answers.y.tolist() == answers.y.tolist()
-        assert result.comparator.values.tolist() == model.values.tolist()
+        result = compared_with_the_reference(mdp, values, comparator, tutor, rng=seed, **SETTINGS[settings])
         repeated += result.decided["known"]
     if comparator == "dominance" and settings == "zero start, rate 1":
         assert repeated > 0  # else this says nothing about pairs met again
+
+
+@pytest.mark.parametrize("seed", [10, 22, 34])
+@pytest.mark.parametrize("comparator", ["polytope", "ensemble"])
+def test_judging_ahead_does_not_outlive_the_incumbent(comparator: str, seed: int) -> None:
+    # with many actions dominance may change the best one between two comparisons that were judged together
+    mdp, values = random_mdp(3, 8, 4, discount=0.3, rng=seed)
+    compared_with_the_reference(mdp, values, comparator, "truthful", rng=seed, learning_rate=0.9, epsilon=0.7)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -141,36 +157,27 @@ def test_learns_a_good_policy() -> None:
     assert (result.q >= 0).all()
 
 
-def loop_of(
-    mdp: OrdinalMDP, comparator: Comparator, steps: int, exploration: Exploration, budget: int | None = None
-) -> QLearningLoop:
-    return QLearningLoop(
-        mdp, comparator, steps=steps, exploration=exploration, learning_rate=None, rng=9, max_queries=budget,
-        indifference=0.0, audit=0.0, batch=1,
-    )  # fmt: skip
+def run_to(learner: InteractiveQLearning, tutor: Tutor, step: int) -> None:
+    while queries := learner.run_to(step):
+        learner.tell([tutor(query) for query in queries])
 
 
-def run(loop: QLearningLoop, tutor: Tutor, step: int) -> None:
-    while queries := loop.run(step):
-        loop.take(loop.elicitation.tell([tutor(query) for query in queries], "raise")[0])
-
-
-def trace(loop: QLearningLoop, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
-    """The successor at each (state, action, visit), seen by letting the loop go one step at a time."""
-    seen = {}
+def trace(learner: InteractiveQLearning, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
+    """The successor at each (state, action, visit), seen by letting the learner go one step at a time."""
+    seen, now = {}, learner.state
     for step in range(1, steps + 1):
-        before, state = loop.state.visits.copy(), int(loop.state.cursor[kernel.STATE])
-        run(loop, tutor, step)
-        ((s, a),) = np.argwhere(loop.state.visits != before)
+        before, state = now.visits.copy(), int(now.cursor[kernel.STATE])
+        run_to(learner, tutor, step)
+        ((s, a),) = np.argwhere(now.visits != before)
         assert s == state
-        seen[int(s), int(a), int(before[s, a])] = int(loop.state.cursor[kernel.STATE])
+        seen[int(s), int(a), int(before[s, a])] = int(now.cursor[kernel.STATE])
     return seen
 
 
 def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
     traces = [
-        trace(loop_of(mdp, COMPARATORS[name](5), 300, Exploration(0.3)), tutor(values), 300)
+        trace(learner_of(mdp, COMPARATORS[name](5), rng=9), tutor(values), 300)
         for name in ("polytope", "ensemble", "always ask")
         for tutor in TUTORS.values()
     ]
@@ -185,7 +192,7 @@ def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
 def test_exploration_does_not_depend_on_the_comparator() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
     ways = [
-        trace(loop_of(mdp, make(5), 300, Exploration(1.0), budget), TruthfulTutor(values), 300)
+        trace(learner_of(mdp, make(5), epsilon=1.0, max_queries=budget, rng=9), TruthfulTutor(values), 300)
         for make in COMPARATORS.values()
         for budget in (None, 0)  # with none, guesses decide
     ]
@@ -214,28 +221,14 @@ def test_learning_rates_are_functions_of_the_visit() -> None:
     assert slower.q.tobytes() != default.q.tobytes()
 
 
-@pytest.mark.parametrize("seed", [10, 22, 34])
-def test_judging_ahead_does_not_outlive_the_incumbent(seed: int) -> None:
-    # with many actions dominance may change the best one between two comparisons that were judged together
-    mdp, values = random_mdp(3, 8, 4, discount=0.3, rng=seed)
-    settings = {"rng": seed, "learning_rate": 0.9, "epsilon": 0.7}
-    for make in (COMPARATORS["polytope"], COMPARATORS["ensemble"]):
-        result = learn(mdp, make(4), TruthfulTutor(values), **settings)
-        expected, _, told = reference(mdp, make(4), TruthfulTutor(values), **settings)
-        assert result.q.tobytes() == expected.q.tobytes()
-        assert result.policy.tolist() == expected.best
-        assert result.asked == len(told.answers)
-        assert result.compared == len(expected.comparisons)
-
-
 def test_episodes_restart_from_the_initial_distribution() -> None:
     mdp, _ = random_mdp(6, 2, 4, rng=1)
     at_three = OrdinalMDP(
         mdp.successors, mdp.probabilities, mdp.levels, mdp.discount, mdp.labels, initial=np.arange(6) == 3
     )
-    loop = loop_of(at_three, Dominance(4), 50, Exploration(1.0, episode_length=1))
-    run(loop, TruthfulTutor([0, 1, 2, 3]), 50)
-    assert loop.state.visits.sum() == loop.state.visits[3].sum() == 50
+    learner = learner_of(at_three, Dominance(4), steps=50, epsilon=1.0, episode_length=1)
+    run_to(learner, TruthfulTutor([0, 1, 2, 3]), 50)
+    assert learner.state.visits.sum() == learner.state.visits[3].sum() == 50
 
 
 def test_draws_never_hit_what_has_no_probability() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,16 +15,23 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.query import Answer, Answers
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import strategies
-from qlearn.learners.late_q_learning import LateQLearning
 from qlearn.learners.learner import Status, drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import Candidates
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
 
-ALL = ("first_come", "widest_bound", "max_regret", "most_even_cut", "mutual_information", "telling_violation")
+ALL = (
+    strategies.first_come,
+    strategies.widest_bound,
+    strategies.max_regret,
+    strategies.most_even_cut,
+    strategies.mutual_information,
+    strategies.telling_violation,
+)
 
 
 def candidates(comparator, n=7, limit=0.05, seed=0):
@@ -83,8 +91,7 @@ def test_a_truthful_tutor_tells_the_entropy_of_the_cut():
 def test_a_comparator_without_draws_is_served_by_all_ordered_scales():
     pool = candidates(Dominance(4))
     assert pool.scores.shape == (7, len(pool.weights))
-    for name in ALL:
-        assert np.isfinite(getattr(strategies, name)(pool)).all()
+    assert all(np.isfinite(strategy(pool)).all() for strategy in ALL)
 
 
 def test_the_strategy_of_the_documentation_is_one():
@@ -100,10 +107,9 @@ def test_the_strategy_of_the_documentation_is_one():
     assert drive(learner, TruthfulTutor(values)).status is Status.CONVERGED
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_every_strategy_reaches_the_same_promise(name):
+@pytest.mark.parametrize("strategy", ALL)
+def test_every_strategy_reaches_the_same_promise(strategy):
     mdp, values = random_mdp(20, 3, 5, rng=2)
-    strategy = getattr(strategies, name)
     for learner in (
         InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-3, strategy=strategy),
         LateValueIteration(mdp, PolytopeComparator(5), tolerance=1e-3, strategy=strategy),
@@ -136,16 +142,13 @@ def test_value_iteration_that_asks_late_keeps_its_promise_with_fewer_questions()
 def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
     mdp, values = random_mdp(15, 3, 4, discount=0.8, rng=4)
     comparator = PosteriorComparator(4, lapse=0.2, particles=100)
-    learner = LateValueIteration(mdp, comparator, tolerance=0.01)
-    assert drive(learner, FlippingTutor(values, 0.1, seed=0)).status is Status.CONVERGED
-    learner = LateValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, max_queries=2)
-    spent = drive(learner, TruthfulTutor(values))
+    make = partial(LateValueIteration, mdp, tolerance=0.01)
+    assert drive(make(comparator), FlippingTutor(values, 0.1, seed=0)).status is Status.CONVERGED
+    spent = drive(make(PolytopeComparator(4), max_queries=2), TruthfulTutor(values))
     assert (spent.status, spent.asked) == (Status.GUESSED, 2)
-    learner = LateValueIteration(mdp, PolytopeComparator(4), tolerance=0.01, batch=3)
-    while queries := learner.ask():
-        learner.tell([Answer(query, None) for query in queries])
-    assert learner.result().status is Status.UNSURE
-    assert learner.result().cannot_tell == learner.result().asked > 0
+    silent = drive(make(PolytopeComparator(4), batch=3), lambda query: Answer(query, None))
+    assert silent.status is Status.UNSURE
+    assert silent.cannot_tell == silent.asked > 0
 
 
 @pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=100)])
@@ -179,16 +182,19 @@ def test_learners_stop_where_the_loss_is_small_enough(learner, settings, enough)
     assert policy_loss(mdp, some.policy, values).max() <= some.loss_bound <= enough
 
 
+def late_and_usual(mdp, values, seed, particles, **settings):
+    """What both kinds of Q-learning come to with a tutor who errs."""
+    tutor = FlippingTutor(values, 0.1, seed=seed)
+    comparator = PosteriorComparator(mdp.k, lapse=0.2, particles=particles, seed=seed)
+    learners = [learner(mdp, comparator, rng=seed, **settings) for learner in (LateQLearning, InteractiveQLearning)]
+    return [drive(learner, tutor) for learner in learners]
+
+
 def test_q_learning_that_asks_late_asks_few_and_loses_no_more():
     few, many, lost = 0, 0, []
     for seed in range(4):
         mdp, values = random_mdp(30, 3, 5, discount=0.9, rng=seed)
-        settings = {"steps": 20_000, "epsilon": 1.0, "rng": seed}
-        tutor = FlippingTutor(values, 0.1, seed=seed)
-        late, usual = (
-            drive(learner(mdp, PosteriorComparator(5, lapse=0.2, particles=150, seed=seed), **settings), tutor)
-            for learner in (LateQLearning, InteractiveQLearning)
-        )
+        late, usual = late_and_usual(mdp, values, seed, 150, steps=20_000, epsilon=1.0)
         few, many = few + late.asked, many + usual.asked
         losses = [policy_loss(mdp, r.policy, values).mean() for r in (late, usual)]
         lost.append(losses[0] - losses[1])
@@ -205,13 +211,9 @@ def test_asking_late_halves_the_questions_on_the_papers_problems(k, exploration)
     few, many, lost = 0, 0, []
     for seed in range(6):
         mdp, values = random_mdp(100, 5, k, rng=seed)
-        settings = {"rng": seed, "epsilon": exploration}
-        tutor = FlippingTutor(values, 0.1, seed=seed)
-        late, usual = (
-            drive(learner(mdp, PosteriorComparator(k, lapse=0.2, seed=seed), **settings), tutor)
-            for learner in (LateQLearning, InteractiveQLearning)
-        )
-        oracle = drive(InteractiveQLearning(mdp, AlwaysAsk(k), **settings), TruthfulTutor(values))
+        late, usual = late_and_usual(mdp, values, seed, 1000, epsilon=exploration)
+        known = InteractiveQLearning(mdp, AlwaysAsk(k), rng=seed, epsilon=exploration)
+        oracle = drive(known, TruthfulTutor(values))
         few, many = few + late.asked, many + usual.asked
         lost.append(policy_loss(mdp, late.policy, values).mean() - policy_loss(mdp, oracle.policy, values).mean())
     assert few <= many / 2
@@ -269,8 +271,7 @@ def test_late_questions_are_about_actions_that_were_tried():
         return strategies.first_come(pool)
 
     learner = LateQLearning(mdp, Doubtful(3), steps=6, epsilon=1.0, strategy=strategy)
-    while queries := learner.ask():
-        learner.tell([Answer(query, None) for query in queries])
+    drive(learner, lambda query: Answer(query, None))
     assert offered
     assert all(len(pairs) <= 6 for pairs in offered)  # in six steps no more are tried
 

@@ -33,9 +33,9 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats, dot, gaps, tail_sums
 from elicit.model.tutor import Tutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, drive, policy_loss, random_mdp
-from qlearn.learners import pair_judge, state_sweep
+from qlearn.learners import action_pair_kernel, state_sweep
+from qlearn.learners.action_pair_kernel import round_up
 from qlearn.learners.learner import Status
-from qlearn.learners.pair_judge import round_up
 from qlearn.reference import interactive_value_iteration
 from tests.mdp_cases import messy_mdp
 
@@ -119,7 +119,7 @@ def test_python_is_asked_only_for_what_it_alone_can_tell(model: str, tutor: str)
 def test_neither_python_nor_a_watcher_changes_what_settings_do(
     settings: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pair_judge, "_KEPT_AT_ONCE", 5)  # the watcher is called in the midst of a sweep
+    monkeypatch.setattr(action_pair_kernel, "_KEPT_AT_ONCE", 5)  # the watcher is called in the midst of a sweep
     for seed in range(2):
         mdp, values = random_mdp(12, 3, 5, discount=0.8, rng=seed)
         plain = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), **settings)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -109,27 +110,14 @@ def test_asks_the_questions_of_the_reference_in_its_order(
         assert result.status is Status.CONVERGED
 
 
+SMALL = [(0.0, 0.01), (0.5, 0.1), (0.5, 0.0005), (0.95, 0.1), (0.95, 0.0005), (0.99, 0.1), (0.99, 0.01)]
+LARGE = list(product((0.0, 0.5, 0.95, 0.99), (0.1, 0.01, 0.0005)))
+
+
 @pytest.mark.parametrize(
     ("discount", "tolerance", "seeds", "size"),
-    [
-        *(
-            (discount, tolerance, 2, (8, 3, 5))
-            for discount, tolerance in (
-                (0.0, 0.01),
-                (0.5, 0.1),
-                (0.5, 0.0005),
-                (0.95, 0.1),
-                (0.95, 0.0005),
-                (0.99, 0.1),
-                (0.99, 0.01),
-            )
-        ),
-        *(
-            pytest.param(discount, tolerance, 8, (20, 4, 6), marks=pytest.mark.slow)
-            for discount in (0.0, 0.5, 0.95, 0.99)
-            for tolerance in (0.1, 0.01, 0.0005)
-        ),
-    ],
+    [(*case, 2, (8, 3, 5)) for case in SMALL]
+    + [pytest.param(*case, 8, (20, 4, 6), marks=pytest.mark.slow) for case in LARGE],
 )
 def test_loses_no_more_than_the_tolerance(
     discount: float, tolerance: float, seeds: int, size: tuple[int, int, int]
@@ -215,14 +203,10 @@ def test_limit_of_sweeps() -> None:
         result = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), max_sweeps=limit)
         assert (result.rounds, result.status) == (limit, Status.SWEEP_LIMIT)
     assert "max_sweeps" in Status.SWEEP_LIMIT.value
-
-
-def test_an_erring_oracle_meets_the_default_limit_of_sweeps() -> None:
     # a tutor who errs anew each time keeps the values moving: there must be an end to it
     mdp, values = random_mdp(6, 3, 5, discount=0.5, rng=0)
     result = solve(mdp, AlwaysAsk(5), FlippingTutor(values, 0.4, seed=0), tolerance=0.001)
-    assert result.status is Status.SWEEP_LIMIT
-    assert result.rounds == 2 * sweeps_needed(0.5, 0.001)
+    assert (result.rounds, result.status) == (2 * sweeps_needed(0.5, 0.001), Status.SWEEP_LIMIT)
 
 
 @pytest.mark.parametrize("discount", [0.05, 0.5, 0.9, 0.99])
@@ -244,19 +228,6 @@ def test_loose_indifference_asks_less() -> None:
     assert loose.asked < tight.asked
 
 
-@pytest.mark.parametrize("batch", [1, 2, 100])
-def test_at_most_a_batch_at_a_time(batch: int) -> None:
-    mdp, values = random_mdp(12, 4, 6, discount=0.9, rng=0)
-    learner = InteractiveValueIteration(mdp, PolytopeComparator(6), tolerance=0.01, batch=batch)
-    tutor, sizes = TruthfulTutor(values), []
-    while queries := learner.ask():
-        sizes.append(len(queries))
-        learner.tell([tutor(query) for query in queries])
-    assert max(sizes) <= batch
-    assert batch == 1 or max(sizes) > 1
-    assert policy_loss(mdp, learner.result().policy, values).max() <= 0.01
-
-
 @pytest.mark.parametrize("make", [Dominance, PolytopeComparator, lambda k: BradleyTerryComparator(k, n_boot=20)])
 @pytest.mark.parametrize("batch", [1, 3, 7])
 @pytest.mark.parametrize("audit", [0.0, 1.0])
@@ -274,16 +245,20 @@ def test_twins_in_one_batch_are_asked_once(make: Callable[[int], Comparator], ba
         assert policy[:6].tolist() == policy[6:].tolist()
 
 
-def test_part_of_a_batch_may_be_told() -> None:
+@pytest.mark.parametrize("batch", [1, 2, 5, 100])
+def test_at_most_a_batch_is_asked_at_a_time_and_part_of_it_may_be_told(batch: int) -> None:
     mdp, values = random_mdp(12, 4, 6, discount=0.9, rng=0)
-    tutor = TruthfulTutor(values)
-    learner = InteractiveValueIteration(mdp, PolytopeComparator(6), tolerance=0.01, batch=5)
+    tutor, sizes = TruthfulTutor(values), []
+    learner = InteractiveValueIteration(mdp, PolytopeComparator(6), tolerance=0.01, batch=batch)
     while queries := learner.ask():
+        sizes.append(len(queries))
         learner.tell([tutor(queries[-1])])
         assert learner.ask() == queries[:-1] or len(queries) == 1
-    whole = solve(mdp, PolytopeComparator(6), tutor, batch=5)
-    assert learner.result().asked == whole.asked
-    assert learner.result().policy.tolist() == whole.policy.tolist()
+    assert min(2, batch) <= max(sizes) <= batch
+    whole, result = solve(mdp, PolytopeComparator(6), tutor, batch=batch), learner.result()
+    assert result.asked == whole.asked
+    assert result.policy.tolist() == whole.policy.tolist()
+    assert policy_loss(mdp, result.policy, values).max() <= 0.01
 
 
 def test_answers_by_a_function_and_audits_do_not_hang() -> None:

@@ -26,7 +26,7 @@ from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import UNSETTLED, by_dominance
+from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED, by_dominance
 from elicit.tutors.simulated_kernel import Respondent, nobody
 
 BY_TUTOR = int(Tier.TUTOR)
@@ -136,7 +136,9 @@ def certified(t: Any, row: int, certificates: Certificates) -> bool:
 def certify(judged: Judgement, least: Any, row: int, certificates: Certificates) -> tuple[int, int]:
     """Verdict and tier of what ``judge_pair`` has just judged, UNSETTLED of an audit, which is for Python to see to. If
     it has written a certificate in ``least`` (p,), that is the row's from now on."""
-    verdict, tier = UNSETTLED if judged.audited else judged.verdict, judged.tier
+    verdict, tier = judged.verdict, judged.tier
+    if verdict == UNKNOWN and tier != BY_TUTOR:
+        verdict = UNSETTLED
     certificates.verdicts[row] = 0
     if judged.certified:
         round_up(least, certificates.least[row])

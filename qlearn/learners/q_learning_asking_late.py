@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import Seed
 from elicit.model.comparator import Comparator
-from elicit.model.query import Query, Verdict
+from elicit.model.query import Query
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.exploration import Epsilon, Exploration, exploration_of
-from qlearn.learners.learner import Elicits, Result, Status, check_max_loss, pair_of, place
-from qlearn.learners.loss_bound import loses_at_most
-from qlearn.learners.q_learning import LearningRate, QLearningLoop
+from qlearn.learners.learner import Status, check_max_loss, pair_of, place
+from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation, worth_asking
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -22,7 +19,7 @@ FIRST = 2  # checkpoint, in visits for each pair of state and action
 MOVED = 0.25  # of the way that a difference has come since the last checkpoint: it may come as far again
 
 
-class LateQLearning(Elicits):
+class LateQLearning(InteractiveQLearning):
     """Q-learning on share vectors that asks only at checkpoints, about what could matter.
 
     Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at doubling numbers of
@@ -43,59 +40,39 @@ class LateQLearning(Elicits):
         mdp: OrdinalMDP,
         comparator: Comparator,
         *,
-        steps: int = 100_000,
-        epsilon: Epsilon | Exploration | str | None = None,
-        learning_rate: LearningRate | None = None,
-        rng: Seed = 0,
-        max_queries: int | None = None,
-        indifference: float = 0.0,
-        audit: float = 0.0,
         strategy: Strategy = telling_violation,
         max_loss: float | None = None,
+        **settings: Any,
     ) -> None:
-        chosen = exploration_of(epsilon)
-        self._loop = QLearningLoop(
-            mdp, comparator, steps, chosen, learning_rate, rng, max_queries, indifference, audit, batch=1
-        )
-        self._elicitation = self._loop.elicitation
+        super().__init__(mdp, comparator, **settings)
         self._strategy, self._max_loss = check_strategy(strategy), check_max_loss(max_loss)
-        self._mdp, self._live = mdp, mdp.admissible & ~mdp.terminal[:, None]
-        self._checkpoint = min(int(steps), int(FIRST * self._live.sum()))
-        self._before = np.zeros_like(self._loop.state.q)  # Q (S, A, k) at the last checkpoint
+        self._live = mdp.admissible & ~mdp.terminal[:, None]
+        self._checkpoint = min(self.model.steps, int(FIRST * self._live.sum()))
+        self._before = np.zeros_like(self.state.q)  # Q (S, A, k) at the last checkpoint
         self._asked = 0  # at this one
         self._refused = False  # whether a question was worth asking, but the budget was spent
         self._end: Status | None = None
 
     def _go_on(self) -> tuple[Query, ...]:
         while self._end is None:
-            queries = self._loop.run(self._checkpoint, puts_off=True) or self._question()
+            queries = self.run_to(self._checkpoint, puts_off=True) or self._question()
             if queries:
                 return queries
-            if self._certified():
+            if self._certified(self._mdp, self.state.best, self._max_loss):
                 self._end = Status.CERTIFIED
-            elif self._loop.done:
+            elif self.done:
                 self._end = Status.GUESSED if self._refused else Status.DONE
             else:
-                self._before, self._asked = self._loop.state.q.copy(), 0
-                self._checkpoint = min(self._loop.model.steps, 2 * self._checkpoint)
+                self._before, self._asked = self.state.q.copy(), 0
+                self._checkpoint = min(self.model.steps, 2 * self._checkpoint)
         return ()
 
-    def _certified(self) -> bool:
-        """Whether no plausible scale lets the greedy policy lose more than ``max_loss``."""
-        if self._max_loss is None:
-            return False
-        return loses_at_most(self._mdp, self._loop.state.best, self._elicitation.comparator, self._max_loss)
-
-    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
-        self._loop.take(verdicts)
-
-    def result(self) -> Result:
-        """The greedy policy and the counts so far."""
-        return self._loop.result(self._end or Status.WAITING)
+    def _status(self) -> Status:
+        return self._end or Status.WAITING
 
     def _question(self) -> tuple[Query, ...]:
         """Go by what is known now, and ask the next question of this checkpoint, if one is worth it."""
-        elicitation, state = self._elicitation, self._loop.state
+        elicitation, state = self._elicitation, self.state
         if elicitation.signs is not None:
             return ()
         q, policy = state.q, state.best
@@ -128,8 +105,8 @@ class LateQLearning(Elicits):
     def _moving(self, states: NDArray[np.int64], actions: NDArray[np.int64], own: NDArray[np.int64]) -> Floats:
         """(n,) how far each difference is likely to move still, under the central scale: a share of how far it has
         come since the last checkpoint; 0 at the end."""
-        if self._loop.done:
+        if self.done:
             return np.zeros(len(states))
-        way = self._loop.state.q - self._before
+        way = self.state.q - self._before
         gaps = np.diff(self._elicitation.comparator.values)
         return np.asarray(MOVED * np.abs(tail_sums(way[states, actions] - way[states, own]) @ gaps))
