@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
+import re
 import sys
 import tempfile
 import time
@@ -30,6 +31,7 @@ from nbformat import NotebookNode
 HERE = Path(__file__).resolve().parent
 SETTINGS = ("small", "full")
 _TIMEOUT = 600  # seconds a cell
+_COMPILING = re.compile(r"(elicit: compiling, once on this machine: .*\n)+")
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -66,13 +68,16 @@ def execute(notebook: NotebookNode, setting: str, folder: Path) -> NotebookNode:
 
 
 def clean(notebook: NotebookNode, setting: str) -> NotebookNode:
-    """Put fixed metadata in place of what depends on time and machine, and the setting and ``code_hash`` beside it."""
+    """Put fixed metadata in place of what depends on time and machine, and the setting and ``code_hash`` beside it. Of
+    the outputs only the word that something is compiled here for the first time depends on the machine: it goes."""
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     executed = {"setting": setting, "code": code_hash(notebook)}
     metadata = {"kernelspec": kernel, "language_info": {"name": "python"}, "executed": executed}
     notebook.metadata = nbformat.from_dict(metadata)  # type: ignore[no-untyped-call, unused-ignore]
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
+        if cell.cell_type == "code":
+            cell.outputs = [output for output in cell.outputs if not _COMPILING.fullmatch(output.get("text", ""))]
     return notebook
 
 
