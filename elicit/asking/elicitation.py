@@ -2,12 +2,12 @@
 
 It is given differences, and gives back verdicts or the word that the tutor must be asked; it is told on which verdicts
 its user acted. Here lives everything that is the same whoever asks: what the comparator knows, indifference, the
-question budget, audits, "cannot tell", never asking a pair twice, and the counts.
+question budget, audits, "cannot tell", "about equal", never asking a pair twice, and the counts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -27,11 +27,21 @@ from elicit.asking.elicitation_kernel import (
     Judgement,
     settle_rows,
 )
+from elicit.decision.comparator_rule import ASKING, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Decisions, Tier
+from elicit.model.comparator import Comparator, Decisions, KeepsAnswers, Tier, bounds_of, tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.tutors.answer_log import EXPECTED, Entry
+
+Known: TypeAlias = Answers | Iterable[Answer | Entry]
+"""What was answered before: Answers, an AnswerLog, or a list of Answer."""
+
+MAX_AUDITS = 50
+"""Of settled pairs put to the tutor, unless told otherwise: enough to tell a tenth of wrong answers from none."""
+
+_IN_A_ROW = 5  # answers "equal" to pairs that are no farther apart than the tie; then such pairs are asked no more
 
 Watch = Callable[[Floats, Decisions], None]
 OnConflict: TypeAlias = Literal["raise", "drop"]
@@ -78,8 +88,13 @@ class Elicitation:
 
     ``indifference``: an undecided pair whose bounds lie within it counts as equal. ``max_queries``: beyond it undecided
     pairs go by the sign at ``comparator.values``. ``audit``: share of the pairs decided by answers that is put to the
-    tutor all the same, picked by ``seed``. ``batch``: how many questions at once. ``undecided``: the verdict on a
-    question's left vector where the tutor cannot tell. Raises ValueError.
+    tutor all the same, picked by ``seed``, ``max_audits`` at most. ``batch``: how many questions at once.
+    ``undecided``: the verdict on a question's left vector where the tutor cannot tell. ``known``: what was answered
+    before. The comparator learns it, unless it has it; none of its pairs is asked again; its audits count as audits,
+    but its questions not as asked. Raises ValueError, InconsistentAnswers.
+
+    A pair that is certainly no farther from equal than the comparator's ``tie`` may be called equal, which would teach
+    nothing. After the last few such pairs were, no more of them are asked about: they count as equal.
     """
 
     def __init__(
@@ -90,14 +105,17 @@ class Elicitation:
         indifference: float = 0.0,
         max_queries: int | None = None,
         audit: float = 0.0,
+        max_audits: int = MAX_AUDITS,
         batch: int = 1,
         seed: Seed = 0,
+        known: Known = (),
         undecided: Verdict = Verdict.EQUAL,
     ) -> None:
         require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
         limited = max_queries is not None
         require(not limited or is_whole(max_queries, 0), "max_queries", "None or a whole number from 0 on", max_queries)
         require(is_number(audit, 0, 1), "audit, the share of settled pairs to ask about,", "in 0..1", audit)
+        require(is_whole(max_audits, 0), "max_audits", "a whole number of at least 0", max_audits)
         require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
         self.comparator = comparator
         self.batch = int(batch)
@@ -111,15 +129,20 @@ class Elicitation:
         self.pending: tuple[Pending, ...] = ()
         self.puts_off = False  # whether undecided pairs go by the best guess for now, to be asked about later
         self._fingerprint = fingerprint
-        self.indifference = float(indifference)
+        self._indifference = float(indifference)
         self._max_queries = max_queries
-        self._audit = float(audit)
+        self._audit, self._max_audits = float(audit), int(max_audits)
+        asks_all = compares_by_rule(type(comparator)) and rule_of(comparator).kind == ASKING
+        self._tie = 0.0 if asks_all else tie_of(comparator)
+        self._equal_in_a_row = 0  # answers "equal", to pairs no farther apart than the tie
         self._key = np.uint64(key_of(seed))
         self._number = 0
         self._answered = AnsweredPairs(self._key)
         self._undecided = undecided
         self._unclear: set[Place] = set()  # where the tutor could not tell
+        self._untold = False  # whether there are pairs known as such that she could not tell
         self._guess: tuple[Comparator, Floats] | None = None
+        self._learn_known(known)
 
     def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
         """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is TUTOR, or, where answers
@@ -142,7 +165,7 @@ class Elicitation:
             said[of[0]] = self._answered.said(t[of[0]])
             unclear[of[1]] = [places is not None and places(int(row)) in self._unclear for row in of[1]]
             if len(of[2]):
-                low, high = self.comparator.bounds(d[of[2]])
+                low, high = bounds_of(self.comparator, d[of[2]])
                 near = (low >= -self.indifference) & (high <= self.indifference)
                 close[of[2]] = np.where(near, Verdict.EQUAL, Verdict.UNKNOWN)
         if self.signs is not None:
@@ -155,7 +178,7 @@ class Elicitation:
         asks = self.signs is None
         return AskingRule(
             indifference=self.indifference if asks else 0.0,
-            audit=self._audit,
+            audit=self._audit if self.audits_left else 0.0,
             key=self._key,
             binding=self._answered.binding,
             said=self._answered.codes,
@@ -198,10 +221,12 @@ class Elicitation:
         answers = match(answers, self.ask())
         waiting = {p.query.id: p for p in self.pending}
         comparator, used, dropped = self._learn(answers, on_conflict)
+        equal_in_a_row = self._count_equal(answers)
         settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
         verdicts = [self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled]
         # from here on nothing can fail but the watcher, which comes last
         self.comparator, self.answers = comparator, self.answers + used
+        self._equal_in_a_row = equal_in_a_row
         seen = []
         for (answer, (query, pair, expected), unused), verdict in zip(settled, verdicts, strict=True):
             del waiting[query.id]
@@ -225,6 +250,29 @@ class Elicitation:
         return {answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)}, dropped
 
     @property
+    def audits_left(self) -> int:
+        """How many settled pairs may still be put to the tutor."""
+        return max(0, self._max_audits - len(self.audits))
+
+    @property
+    def indifference(self) -> float:
+        """Undecided pairs whose bounds lie within it count as equal: as given, or the tie once such pairs are asked
+        about no more."""
+        return max(self._indifference, self._tie) if self.gave_up else self._indifference
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether pairs no farther apart than the tie are asked about no more, because the last ones were called
+        equal."""
+        return self._equal_in_a_row >= _IN_A_ROW
+
+    @property
+    def called_equal(self) -> bool:
+        """Whether pairs count as equal that the tutor called so, and that may be farther apart than the indifference
+        given."""
+        return self._tie > self._indifference and bool((self.answers.y == 0).any() or self.gave_up)
+
+    @property
     def spent(self) -> bool:
         """Whether the question budget is used up."""
         return self._max_queries is not None and self.asked >= self._max_queries
@@ -232,7 +280,7 @@ class Elicitation:
     @property
     def unsure(self) -> bool:
         """Whether pairs count as ties because the tutor could not tell them (an audit's stand as the answers say)."""
-        return bool(self._unclear)
+        return bool(self._unclear) or self._untold
 
     @property
     def guesses(self) -> bool:
@@ -252,6 +300,52 @@ class Elicitation:
         and budget allow, and of several rows about one pair only the first."""
         room = self.batch if self._max_queries is None else max(1, min(self.batch, self._max_queries - self.asked))
         return first_of_each_pair(d, room)
+
+    def _learn_known(self, known: Known) -> None:
+        """Take in what was answered before."""
+        k = self.comparator.k
+        if isinstance(known, Answers):
+            told = known
+            for d, y in zip(known.d, known.y, strict=True):
+                self._answered.add(d, int(y), binding=bool(y == 0))
+        else:
+            told = Answers.of([answer for answer in map(self._enter, known) if answer is not None], k)
+        had = set(_rows(self.comparator.answers)) if isinstance(self.comparator, KeepsAnswers) else set()
+        new = [i for i, row in enumerate(_rows(told)) if row not in had]
+        if new:
+            self.comparator = self.comparator.update(Answers(told.d[new], told.y[new], [told.ids[i] for i in new]))
+        self.answers = told
+
+    def _enter(self, known: Answer | Entry) -> Answer | None:
+        """Keep what was said of one pair; the answer itself where the comparator is to learn it."""
+        entry = known if isinstance(known, Entry) else Entry(known)
+        answer = entry.answer
+        if not isinstance(answer, Answer):
+            raise TypeError(f"known takes Answers, an AnswerLog, or a list of elicit.Answer, but among it is {known!r}")
+        if entry.retracted:
+            return None
+        if len(answer.query.left) != self.comparator.k:
+            raise ValueError(
+                f"known is about other levels: query {answer.query.id} has {len(answer.query.left)}, but the "
+                f"comparator was made for k = {self.comparator.k}"
+            )
+        if EXPECTED in entry.metadata:
+            self.audits.append(Audit(answer.query, Verdict(entry.metadata[EXPECTED]), answer.verdict))
+        said = self._undecided if answer.verdict is None else answer.verdict
+        self._untold |= answer.verdict is None
+        self._answered.add(answer.query.d, said, binding=not entry.used or said == Verdict.EQUAL)
+        return answer if entry.used and answer.verdict is not None else None
+
+    def _count_equal(self, answers: Sequence[Answer]) -> int:
+        """How many answers in a row are "equal" now, among those to pairs no farther apart than the tie."""
+        count = self._equal_in_a_row
+        for answer in answers if self._tie else ():
+            equal = answer.verdict is Verdict.EQUAL
+            if equal or (count and answer.verdict is not None):
+                low, high = bounds_of(self.comparator, answer.query.d[None, :])
+                if max(-low[0], high[0]) <= self._tie * (1.0 + 1e-9):
+                    count = count + 1 if equal else 0
+        return count
 
     def _learn(
         self, answers: Sequence[Answer], on_conflict: OnConflict
@@ -289,6 +383,11 @@ class Elicitation:
         if self._guess is None or self._guess[0] is not self.comparator:
             self._guess = (self.comparator, np.diff(self.comparator.values))
         return self._guess[1]
+
+
+def _rows(answers: Answers) -> Iterator[tuple[str, bytes, int]]:
+    """Each answer's id, difference and verdict."""
+    return zip(answers.ids, map(np.ndarray.tobytes, answers.d), answers.y.tolist(), strict=True)
 
 
 def _implied(comparator: Comparator, d: Floats) -> Verdict:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from elicit.decision.comparator_rule import Rule, asking, silent
 from elicit.decision.verdicts import decide_by
-from elicit.model.comparator import Verdicts, check_answers, check_levels
+from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, values_of
 
@@ -21,9 +21,11 @@ class _Unlearning:
 
     rule: ClassVar[Rule]  # what it knows, as plain arrays
     k: int
+    tie: float = TIE  # learners go by it (see PolytopeComparator); verdicts and bounds do not
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "k", check_levels(self.k))
+        object.__setattr__(self, "tie", check_tie(self.tie))
 
     @property
     def values(self) -> Floats:

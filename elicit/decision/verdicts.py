@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
 from elicit.decision.judge_kernel import judge_all
-from elicit.model.comparator import Comparator, Decisions, Tier, dominance_tiers
+from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts, dominance_tiers
+from elicit.model.query import Verdict
 from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
-from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
@@ -20,8 +21,20 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
     rows = as_vectors(d, comparator.k)
     if compares_by_rule(type(comparator)):
         return decide_by(rule_of(comparator), rows, comparator.settle if isinstance(comparator, Settling) else None)
-    verdicts = np.asarray(comparator.compare(rows), dtype=np.int8)
+    verdicts = _checked(comparator.compare(rows), comparator, len(rows))
     return Decisions(verdicts, dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+
+
+def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:
+    """What a comparator's ``compare`` has returned for n differences; raises TypeError unless it is codes (n,) int8."""
+    codes = np.asarray(verdicts)
+    if codes.shape == (n,) and codes.dtype == np.int8 and (codes >= Verdict.WORSE).all() and (codes <= UNKNOWN).all():
+        return codes
+    raise TypeError(
+        f"{type(comparator).__name__}.compare(d) must return an int8 array (n,) of verdicts, -1, 0, 1, or 2 where only "
+        f"the tutor can tell, but of {n} differences it returns {verdicts!r}, of shape {codes.shape} and type "
+        f"{codes.dtype}; elicit.testing.check_comparator tries a comparator out"
+    )
 
 
 def decide_by(rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | None = None) -> Decisions:

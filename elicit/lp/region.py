@@ -21,7 +21,7 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats, order_bounds
 
 TIE_BAND = 1e-9
-"""An answer "equal" means |d.e| <= TIE_BAND |d|_1."""
+"""An answer "equal" means |d.e| <= tie, or <= TIE_BAND |d|_1 where that is wider (as it is where the tie is 0)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +105,14 @@ def scale_rows(d: Any, spare: int, t: Any, small: Any, exponents: Any) -> int:
     return -1
 
 
-def answer_rows(answers: Answers, first: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Rows, right-hand sides and owners of the cuts: y t.g >= 0, and for y = 0 the band on both sides."""
-    t, d, _ = _unit_rows(answers.d, "the answers")
-    # |t.g| <= 1 at this scale; a little wider, so that rounding cannot exclude what the band allows
-    band = -TIE_BAND * (1 + 1e-14) * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND)
+def answer_rows(answers: Answers, first: int, tie: float) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Rows, right-hand sides and owners of the cuts: y t.g >= 0, and for y = 0 the band on both sides, as wide as
+    ``tie`` in units of d.e."""
+    t, d, exponent = _unit_rows(answers.d, "the answers")
+    with np.errstate(over="ignore"):
+        tied = np.minimum(np.ldexp(tie, -exponent), 1.0)  # |t.g| <= 1 at this scale
+    # a little wider, so that rounding cannot exclude what the band allows
+    band = -(1 + 1e-14) * np.maximum(TIE_BAND * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND), tied)
     rows, rhs, owner = [], [], []
     for i, y in enumerate(answers.y):
         if not t[i].any():

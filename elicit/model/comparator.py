@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.validation import is_whole
+from elicit._support.validation import is_number, is_whole, require
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
 
@@ -32,6 +32,10 @@ class Tier(IntEnum):
     GUESS = 9  # the question budget is spent, or the question put off: the sign at the comparator's best scale
     TUTOR = 10  # asked
 
+
+TIE = 0.01
+"""How far from equal two vectors may be that a tutor calls equal, unless a comparator is told otherwise: |d.e| as a
+share of the value range e_k - e_1."""
 
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 """The tiers that rest on the tutor's answers."""
@@ -88,12 +92,26 @@ class Foretells(Protocol):
         ends of an interval, say) the last is the best guess."""
 
 
+def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
+    """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi (n,), no nan."""
+    found = comparator.bounds(d)
+    both = np.asarray(found, dtype=np.float64) if isinstance(found, tuple) and len(found) == 2 else None
+    if both is None or both.shape != (2, len(d)) or not (both[0] <= both[1] + 1e-9 * np.abs(d).sum(axis=1)).all():
+        raise TypeError(
+            f"{type(comparator).__name__}.bounds(d) must return two arrays (n,), the least and the greatest d.e (-inf, "
+            f"inf where nothing is known), but of d {d.shape} it returns {found!r}; elicit.testing.check_comparator "
+            "tries a comparator out"
+        )
+    return both[0], both[1]
+
+
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
     """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
-    comparator that is not ``BoundsAllAtOnce``, what holds for every ordered scale."""
+    comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan."""
     if isinstance(comparator, BoundsAllAtOnce):
         return comparator.simultaneous_bounds(d)
-    return order_bounds(tail_sums(as_vectors(d, comparator.k)), 0.0)[1], 1.0
+    rows = as_vectors(d, comparator.k)
+    return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
 
 
 def dominance_tiers(codes: Verdicts, otherwise: Tier) -> Tiers:
@@ -148,6 +166,20 @@ class KeepsAnswers(Protocol):
         """All answers, in told order."""
 
 
+@runtime_checkable
+class AllowsTies(Protocol):
+    """A comparator whose tutor may call equal what is only nearly so."""
+
+    @property
+    def tie(self) -> float:
+        """The largest |d.e|, as a share of the value range, that the tutor may call equal."""
+
+
+def tie_of(comparator: Comparator) -> float:
+    """The largest |d.e| that the comparator's tutor may call equal: 0 where it does not say."""
+    return float(comparator.tie) if isinstance(comparator, AllowsTies) else 0.0
+
+
 def lapse_of(comparator: Comparator) -> float:
     """The share of answers that the comparator takes to be given at random: 0 where it does not say."""
     return float(comparator.lapse) if isinstance(comparator, AllowsLapses) else 0.0
@@ -158,6 +190,13 @@ def check_levels(k: int) -> int:
     if not is_whole(k, 2):
         raise ValueError(f"k, the number of levels, must be a whole number of at least 2, not {k!r}")
     return int(k)
+
+
+def check_tie(tie: float) -> float:
+    """A tie as a float, at least 0 and below 1; raises ValueError."""
+    wanted = "a share of the value range, at least 0 and below 1 (0: equal means equal)"
+    require(is_number(tie, 0) and tie < 1, "tie, the largest |d.e| that a tutor may call equal,", wanted, tie)
+    return float(tie)
 
 
 def check_comparator_made(comparator: Comparator) -> None:

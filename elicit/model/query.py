@@ -31,6 +31,20 @@ class Verdict(IntEnum):
         return self if self is Verdict.UNKNOWN else Verdict(-self)
 
 
+def as_verdict(code: Any) -> Verdict:
+    """An answer's Verdict from its code -1, 0 or 1 (an int, also one of NumPy's). Raises TypeError and ValueError."""
+    if isinstance(code, (bool, np.bool_)) or not isinstance(code, (int, np.integer)):
+        raise TypeError(
+            f"a verdict is Verdict.BETTER, WORSE or EQUAL (1, -1, 0), or None for 'cannot tell', not {code!r}: for a "
+            "comparison of two numbers write Verdict.BETTER if left > right else Verdict.WORSE"
+        )
+    if code == Verdict.UNKNOWN:
+        raise ValueError("an answer cannot be UNKNOWN: use None where the tutor cannot tell")
+    if code not in (-1, 0, 1):
+        raise ValueError(f"a verdict is 1 (left is better), -1 (worse) or 0 (equal), not {code!r}")
+    return Verdict(int(code))
+
+
 class StaleAnswer(ValueError):
     """The caller's fault: there is no such pending query (answered already, or of another run)."""
 
@@ -86,18 +100,19 @@ class Query:
 
 @dataclass(frozen=True)
 class Answer:
-    """A tutor's answer, in terms of ``query.left``; None means "cannot tell". ``swapped`` records
-    that the pair was shown right to left (``verdict`` is already turned back)."""
+    """A tutor's answer, in terms of ``query.left``: a Verdict, or -1, 0, 1; None means "cannot tell". ``swapped``
+    records that the pair was shown right to left (``verdict`` is already turned back). Raises TypeError for a verdict
+    that is no code, such as True or a float, and ValueError for another number."""
 
     query: Query
     verdict: Verdict | None
     swapped: bool = False
 
     def __post_init__(self) -> None:
-        if self.verdict == Verdict.UNKNOWN:
-            raise ValueError("an answer cannot be UNKNOWN: use None where the tutor cannot tell")
+        if not isinstance(self.query, Query):
+            raise TypeError(f"an answer is to a Query, the one that was asked, not to {self.query!r}")
         if self.verdict is not None:
-            object.__setattr__(self, "verdict", Verdict(self.verdict))
+            object.__setattr__(self, "verdict", as_verdict(self.verdict))
 
 
 @dataclass
@@ -122,6 +137,8 @@ class Answers:
         if rows.ndim != 2:
             raise ValueError(f"no answers still need a shape: give d of shape (0, k), not {rows.shape}")
         signs = np.atleast_1d(np.asarray(y))
+        if signs.size and signs.dtype.kind not in "iu":
+            as_verdict(next((code for code in signs.ravel().tolist() if type(code) is not int), signs.flat[0]))
         if signs.shape != (len(rows),):
             raise ValueError(f"y must have one entry a row of d: {len(rows)} rows, but y has shape {signs.shape}")
         bad = ~np.isin(signs, (-1, 0, 1))

@@ -26,6 +26,8 @@ VERSION = 1
 _START = f'{{"format": "{FORMAT}"'
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 _RETRACT = "retract"
+EXPECTED = "expected"
+"""The metadata of an audit's answer: the verdict that the other answers imply."""
 
 
 class BadLog(ValueError):

@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from elicit._support.hashing import Seed, fold, key_of, name_code
 from elicit._support.validation import is_number, require
+from elicit.model.comparator import check_tie
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, exact_dot, gaps, normalise, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
@@ -32,13 +33,14 @@ class _Simulated:
 
     _kind = kernel.TRUTHFUL
 
-    def __init__(self, values: ArrayLike, seed: Seed = 0, rate: float = 0.0) -> None:
+    def __init__(self, values: ArrayLike, seed: Seed = 0, rate: float = 0.0, tie: float = 0.0) -> None:
         self._e = normalise(values)
         self._g = gaps(values)
         self._key = np.uint64(fold(key_of(seed), _PURPOSE))
         self._pairs, self._times = np.zeros(1024, np.uint64), np.zeros(1024, np.int64)
         self._tally = np.zeros(3, dtype=np.int64)
         self._rate = rate  # the parameter of the error law
+        self.tie = check_tie(tie)
 
     @property
     def k(self) -> int:
@@ -86,34 +88,35 @@ class _Simulated:
             pairs, times = np.zeros(2 * len(self._pairs), np.uint64), np.zeros(2 * len(self._pairs), np.int64)
             kernel.rehash(self._pairs, self._times, pairs, times)
             self._pairs, self._times = pairs, times
-        return Respondent(self._kind, self._g, self._rate, self._key, self._pairs, self._times, self._tally)
+        return Respondent(self._kind, self._g, self._rate, self.tie, self._key, self._pairs, self._times, self._tally)
 
 
 class TruthfulTutor(_Simulated):
-    """Always right: answers the exact sign of d.e, 0 (EQUAL) on an exact tie.
+    """Always right: answers the exact sign of d.e, and 0 (EQUAL) where |d.e| <= ``tie``, which is 0 by default.
 
-    values (k,) is the hidden scale, increasing, in any unit. Exact means: for the float numbers ``tail_sums(d)`` and
-    ``gaps(values)``, the sign of their product in rational arithmetic. Raises ValueError unless the values increase.
+    values (k,) is the hidden scale, increasing, in any unit; tie a share of its range, at least 0 and below 1. Exact
+    means: for the float numbers ``tail_sums(d)`` and ``gaps(values)``, the sign of their product in rational
+    arithmetic. Raises ValueError unless the values increase.
     """
 
-    def __init__(self, values: ArrayLike) -> None:
-        super().__init__(values)
+    def __init__(self, values: ArrayLike, tie: float = 0.0) -> None:
+        super().__init__(values, tie=tie)
 
 
 class FlippingTutor(_Simulated):
     """Gives the opposite of the truth with probability ``error_rate``, however clear the case is.
 
-    values (k,) increasing, in any unit; error_rate in [0, 1]; seed an int, SeedSequence or Generator.
-    An exact tie has no opposite: it is answered EQUAL. Raises ValueError on values that do not
-    increase and on an error rate outside [0, 1].
+    values (k,) increasing, in any unit; error_rate in [0, 1]; seed an int, SeedSequence or Generator. An exact tie has
+    no opposite: it is answered EQUAL, and so is all that lies within ``tie`` (see TruthfulTutor). Raises ValueError on
+    values that do not increase and on an error rate outside [0, 1].
     """
 
     _kind = kernel.FLIPPING
 
-    def __init__(self, values: ArrayLike, error_rate: float, seed: Seed = 0) -> None:
+    def __init__(self, values: ArrayLike, error_rate: float, seed: Seed = 0, tie: float = 0.0) -> None:
         require(is_number(error_rate, 0, 1), "error_rate", "a number between 0 and 1", error_rate)
         self.error_rate = float(error_rate)
-        super().__init__(values, seed, self.error_rate)
+        super().__init__(values, seed, self.error_rate, tie)
 
     @classmethod
     def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> FlippingTutor:
@@ -125,7 +128,8 @@ class FlippingTutor(_Simulated):
 
 
 class BradleyTerryTutor(_Simulated):
-    """Eq. (6): says left is better with probability 1 / (1 + exp(-precision * d.e)).
+    """Eq. (6): says left is better with probability 1 / (1 + exp(-precision * d.e)); with a ``tie`` w > 0, by Rao and
+    Kupper (1967), left with 1 / (1 + exp(-precision * (d.e - w))), right likewise, and EQUAL otherwise.
 
     values (k,) increasing, in any unit; ``precision`` >= 0 is the paper's c in logits per unit of
     d.e, with the scale normalised to 0..1; seed an int, SeedSequence or Generator. An exact tie is a
@@ -136,10 +140,10 @@ class BradleyTerryTutor(_Simulated):
 
     _kind = kernel.LOGISTIC
 
-    def __init__(self, values: ArrayLike, precision: float, seed: Seed = 0) -> None:
+    def __init__(self, values: ArrayLike, precision: float, seed: Seed = 0, tie: float = 0.0) -> None:
         require(is_number(precision, 0), "precision", "a finite number of at least 0", precision)
         self.precision = float(precision)
-        super().__init__(values, seed, self.precision)
+        super().__init__(values, seed, self.precision, tie)
 
     @classmethod
     def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> BradleyTerryTutor:

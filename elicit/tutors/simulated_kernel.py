@@ -26,6 +26,7 @@ class Respondent(NamedTuple):
     kind: int
     gaps: Floats  # (p,)
     rate: float  # FLIPPING: of errors; LOGISTIC: precision, logits per unit of d.e
+    tie: float  # what |d.e| up to it is called equal; LOGISTIC: Rao and Kupper's width
     key: Any  # np.uint64, of the errors
     pairs: NDArray[np.uint64]  # (c,) hash table of the pairs' hashes, 0 where it is free
     times: NDArray[np.int64]  # (c,)
@@ -35,7 +36,7 @@ class Respondent(NamedTuple):
 def nobody() -> Respondent:
     """One who is not asked."""
     pairs, times = np.empty(0, np.uint64), np.empty(0, np.int64)
-    return Respondent(NOBODY, np.empty(0), 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64))
+    return Respondent(NOBODY, np.empty(0), 0.0, 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64))
 
 
 @compiled
@@ -77,8 +78,8 @@ def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
 
 @compiled
 def chance(size: float, precision: float) -> float:
-    """Of a logistic error: 1 / (1 + exp(precision |d.e|))."""
-    return 1.0 / (1.0 + math.exp(min(precision * size, 700.0)))
+    """Of a logistic error: 1 / (1 + exp(precision |d.e|)), of |d.e| plus the width of ties where there are any."""
+    return 1.0 / (1.0 + math.exp(max(min(precision * size, 700.0), -700.0)))
 
 
 @compiled
@@ -87,7 +88,7 @@ def answer(t: Any, sign: int, size: float, work: Any, tutor: Respondent) -> int:
     asking. There must be room in the table. ``work`` (p,) is written in."""
     tutor.tally[GIVEN] += 1
     if tutor.kind == TRUTHFUL:
-        return sign
+        return sign if size > tutor.tie else 0
     code = pair_code(tutor.key, t, work)
     i = place_of(code, tutor.pairs)
     if tutor.pairs[i] == np.uint64(0):
@@ -96,10 +97,17 @@ def answer(t: Any, sign: int, size: float, work: Any, tutor: Respondent) -> int:
     u = unit(mix(code, tutor.times[i]))
     tutor.times[i] += 1
     if sign == 0:  # no answer is wrong, and the logistic law tosses a coin, but for two identical vectors
-        return 0 if tutor.kind == FLIPPING else orientation(t) * (1 if u < 0.5 else -1)
-    if u < (tutor.rate if tutor.kind == FLIPPING else chance(size, tutor.rate)):
+        if tutor.kind == FLIPPING:
+            return 0
+        either = chance(tutor.tie, tutor.rate)
+        return orientation(t) * (1 if u < either else -1 if u < 2.0 * either else 0)
+    if tutor.kind == FLIPPING and size <= tutor.tie:
+        return 0
+    if u < (tutor.rate if tutor.kind == FLIPPING else chance(size + tutor.tie, tutor.rate)):
         tutor.tally[WRONG] += 1
         return -sign
+    if tutor.kind == LOGISTIC and tutor.tie > 0.0 and u < chance(size - tutor.tie, tutor.rate):
+        return 0
     return sign
 
 
@@ -112,7 +120,7 @@ def respond(t: Any, work: Any, tutor: Respondent) -> int:
         return UNSETTLED
     if tutor.kind == TRUTHFUL:  # without handing all of the tutor on
         tutor.tally[GIVEN] += 1
-        return sign
+        return sign if size > tutor.tie else 0
     return answer(t, sign, size, work, tutor)
 
 

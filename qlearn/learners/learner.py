@@ -17,7 +17,7 @@ from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor, TutorOfMany
-from elicit.tutors.answer_log import AnswerLog
+from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -28,6 +28,14 @@ class Status(Enum):
     WAITING = "not finished: it waits for the tutor; answer what ask() returns"
     DONE = "finished: all steps are done"
     CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
+    BOUNDED = (
+        "finished: the policy is within the tolerance by the comparator's bounds, which it does not say hold for all "
+        "pairs at once: with what confidence is unknown"
+    )
+    CALLED_EQUAL = (
+        "finished: what the answers leave open, the tutor calls equal, or may call so by the comparator's tie; "
+        "loss_bound says how much that can matter"
+    )
     UNSURE = (
         "finished, but pairs that the tutor could not tell (cannot_tell) were taken for ties: the policy may lose more "
         "than the tolerance; loss_bound says how much"
@@ -151,6 +159,11 @@ class Learner:
         self._elicitation.watch = watcher
 
     @property
+    def implied(self) -> dict[str, Verdict]:
+        """Of pending queries that are audits, by query id: the verdict that the answers so far imply."""
+        return {p.query.id: p.expected for p in self._elicitation.pending if p.expected is not None}
+
+    @property
     def comparator(self) -> Comparator:
         """What is known of the scale."""
         return self._elicitation.comparator
@@ -225,19 +238,22 @@ def drive(
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
         learner.consult(tutor.signs)
     while queries := learner.ask():
-        answers = [tutor(query) for query in queries]
+        answers, implied = [tutor(query) for query in queries], learner.implied
         try:
             dropped = learner.tell(answers, on_conflict)
         except InconsistentAnswers:
-            _write(log, answers, answers)
+            _write(log, answers, answers, implied)
             raise
-        _write(log, answers, dropped)
+        _write(log, answers, dropped, implied)
         if progress is not None:
             progress(learner.result())
     return learner.result()
 
 
-def _write(log: AnswerLog | None, answers: Sequence[Answer], unused: Sequence[Answer]) -> None:
+def _write(
+    log: AnswerLog | None, answers: Sequence[Answer], unused: Sequence[Answer], implied: Mapping[str, Verdict]
+) -> None:
     if log is not None:
         for answer in answers:
-            log.append(answer, used=not any(answer is other for other in unused))
+            audited = {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
+            log.append(answer, used=not any(answer is other for other in unused), **audited)

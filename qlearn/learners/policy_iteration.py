@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import Elicitation, Pair
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Tier, Tiers, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
@@ -68,7 +68,9 @@ class InteractivePolicyIteration(Learner):
         max_queries: int | None = None,
         indifference: float | None = None,
         audit: float = 0.0,
+        max_audits: int = MAX_AUDITS,
         batch: int = 1,
+        known: Known = (),
     ) -> None:
         check_problem(mdp, comparator)
         for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
@@ -78,15 +80,16 @@ class InteractivePolicyIteration(Learner):
         self._enough = max(tolerance, max_loss or 0.0)
         if bags is not None and not isinstance(bags, Bags):
             raise ValueError(f"bags must be None or an elicit.Bags, such as Bags(days=10), not {bags!r}")
-        self._limit = self._enough * (1 - mdp.discount) if indifference is None else indifference
         self._strategy, self._bags = check_strategy(strategy), bags
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
-            indifference=self._limit,
+            indifference=self._enough * (1 - mdp.discount) if indifference is None else indifference,
             max_queries=max_queries,
             audit=audit,
+            max_audits=max_audits,
             batch=batch,
+            known=known,
             seed=rng,
         )
         self._rounds = 0
@@ -98,13 +101,13 @@ class InteractivePolicyIteration(Learner):
             return ()
         over, found = self._round()
         if found.loss_bound <= self._enough:
-            return self._audit(over)
+            return self._audit(over, found)
         if self._elicitation.spent:
             self._end = Status.GUESSED
             return ()
         rows = self._open_pairs(over)
         if not len(rows):
-            self._end = Status.EXHAUSTED
+            self._end = Status.CALLED_EQUAL if self._elicitation.called_equal else Status.EXHAUSTED
             return ()
         candidates = Candidates(
             over.d[rows], over.states[rows], over.actions[rows], _MATTERS * self._enough, self._elicitation.comparator
@@ -139,9 +142,12 @@ class InteractivePolicyIteration(Learner):
 
     def _simple(self, candidates: Candidates, about: Floats, bags: Bags) -> tuple[Query, ...]:
         """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
-        asked = bags.questions(self._mdp.k)
-        skip = np.flatnonzero(~self._elicitation.may_ask(asked.left / bags.days - asked.right / bags.days, _nowhere))
-        row, _ = bags.best(candidates.draws, about, lapse_of(candidates.comparator), skip.tolist())
+        asked, draws = bags.questions(self._mdp.k), candidates.draws
+        d = asked.left / bags.days - asked.right / bags.days
+        may = self._elicitation.may_ask(d, _nowhere)
+        if self._elicitation.gave_up:
+            may &= (np.abs(tail_sums(d) @ draws.gaps) > self._elicitation.indifference).any(axis=1)
+        row, _ = bags.best(draws, about, lapse_of(candidates.comparator), np.flatnonzero(~may).tolist())
         if row < 0:
             return ()
         sentence = bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)
@@ -160,9 +166,11 @@ class InteractivePolicyIteration(Learner):
         """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
         scale puts above the limit; of drawn scales, where no draw is left out, if there are none else."""
         comparator, places = self._elicitation.comparator, partial(self._place, over)
-        rows = worth_asking(self._elicitation, over.d, places, self._limit)
+        limit = self._elicitation.indifference
+        rows = worth_asking(self._elicitation, over.d, places, limit)
         if not len(rows) and drawn_set(comparator) is not None:
-            rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > 0).any(axis=1))
+            least = limit if self._elicitation.gave_up else 0.0
+            rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > least).any(axis=1))
             rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
         return rows
 
@@ -171,17 +179,20 @@ class InteractivePolicyIteration(Learner):
         budget that is spent."""
         verdicts, tiers = decide(self._elicitation.comparator, over.d)
         tiers = np.where(
-            verdicts != Verdict.UNKNOWN, tiers, np.where(high <= self._limit, Tier.INDIFFERENT, Tier.GUESS)
+            verdicts != Verdict.UNKNOWN,
+            tiers,
+            np.where(high <= self._elicitation.indifference, Tier.INDIFFERENT, Tier.GUESS),
         )
         return np.asarray(tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8)
 
-    def _audit(self, over: Advantages) -> tuple[Query, ...]:
+    def _audit(self, over: Advantages, found: Guarantee) -> tuple[Query, ...]:
         """The certificate stands: audit some of what it rests on."""
         judged = self._elicitation.judge(over.d, partial(self._place, over))
         rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
         if len(rows):
-            return self._open(over, rows[: self._elicitation.batch], judged.tiers)
-        self._end = Status.CONVERGED
+            most = min(self._elicitation.batch, self._elicitation.audits_left)
+            return self._open(over, rows[:most], judged.tiers)
+        self._end = Status.BOUNDED if np.isnan(found.confidence) else Status.CONVERGED
         return ()
 
     def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None) -> tuple[Query, ...]:

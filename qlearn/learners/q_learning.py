@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.validation import is_whole
-from elicit.asking.elicitation import Elicitation, Pair
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Query, Verdict
@@ -45,7 +45,9 @@ class InteractiveQLearning(Learner):
     ``learning_rate``: a constant in (0, 1], or a function from the number of earlier visits of (s, a) to rates; by
     default ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie within
     it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
-    share of the pairs decided by answers that is put to the tutor all the same. ``batch`` has no effect here: one
+    share of the pairs decided by answers that is put to the tutor all the same, ``max_audits`` of them at most.
+    ``known``: what was answered before (Answers, an AnswerLog, or a list of Answer): learned, and not asked again.
+    ``batch`` has no effect here: one
     run of Q-learning has one pair in question at a time. Only for ``Result.loss_bound`` are the MDP's transition
     probabilities read: learning itself samples them. ``model`` and ``state``: what the compiled loop reads and changes.
     """
@@ -62,7 +64,9 @@ class InteractiveQLearning(Learner):
         max_queries: int | None = None,
         indifference: float = 0.0,
         audit: float = 0.0,
+        max_audits: int = MAX_AUDITS,
         batch: int = 1,
+        known: Known = (),
     ) -> None:
         check_problem(mdp, comparator)
         exploration = exploration_of(epsilon)
@@ -76,7 +80,9 @@ class InteractiveQLearning(Learner):
             indifference=indifference,
             max_queries=max_queries,
             audit=audit,
+            max_audits=max_audits,
             batch=batch,
+            known=known,
             seed=int(fold(key, kernel.AUDITS)),
         )
         rates = _rates(rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate, steps)
@@ -150,7 +156,9 @@ class InteractiveQLearning(Learner):
     def _status(self) -> Status:
         if self._elicitation.pending or not self.done:
             return Status.WAITING
-        return Status.GUESSED if self._elicitation.counts[Tier.GUESS] else Status.DONE
+        if self._elicitation.counts[Tier.GUESS]:
+            return Status.GUESSED
+        return Status.CALLED_EQUAL if self._elicitation.gave_up else Status.DONE
 
     def _pair(self) -> Pair:
         """The two actions at the cursor."""

@@ -61,7 +61,8 @@ class LateQLearning(InteractiveQLearning):
             if self._certified(self._mdp, self.state.best, self._max_loss):
                 self._end = Status.CERTIFIED
             elif self.done:
-                self._end = Status.GUESSED if self._refused else Status.DONE
+                tied = Status.CALLED_EQUAL if self._elicitation.gave_up else Status.DONE
+                self._end = Status.GUESSED if self._refused else tied
             else:
                 self._before, self._asked = self.state.q.copy(), 0
                 self._checkpoint = min(self.model.steps, 2 * self._checkpoint)

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
-from elicit.asking.elicitation import Elicitation
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of
+from qlearn.learners.loss_bound import loses_at_most
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.learners.state_sweep import StateSweep
 from qlearn.mdp.backup import model_of, q_of
@@ -30,8 +31,9 @@ class InteractiveValueIteration(Learner):
     ``tolerance``: with right answers and verdicts the policy loses at most this share of the value range.
     ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose bounds lie within it
     counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
-    UNSURE in place of CONVERGED. Stops when V changes by less than tolerance (1 - discount) / (4 discount) under every
-    ordered scale, or after ``max_sweeps`` (default: twice what value iteration with known values can need;
+    UNSURE in place of CONVERGED; so does what she calls equal, which may be farther apart (the comparator's ``tie``):
+    then it is CALLED_EQUAL, unless the loss is bounded within the tolerance all the same. Stops when V changes by less
+    than tolerance (1 - discount) / (4 discount) under every ordered scale, or after ``max_sweeps`` (default: twice what value iteration with known values can need;
     a tutor who errs anew each time can keep V moving for ever). ``max_loss`` stops after a sweep whose policy no
     plausible scale lets lose more (``Result.loss_bound``, computed whenever policy or answers have changed). Other
     keywords as for InteractiveQLearning; ``rng`` only picks the audits. Questions come in order of states, each asked
@@ -55,7 +57,9 @@ class InteractiveValueIteration(Learner):
         max_queries: int | None = None,
         indifference: float | None = None,
         audit: float = 0.0,
+        max_audits: int = MAX_AUDITS,
         batch: int = 1,
+        known: Known = (),
         jobs: int = 1,
         max_loss: float | None = None,
     ) -> None:
@@ -67,7 +71,7 @@ class InteractiveValueIteration(Learner):
         if not is_whole(jobs, 1):
             raise ValueError(f"jobs, the number of threads, must be a whole number of at least 1, not {jobs!r}")
         gamma = mdp.discount
-        self._mdp = mdp
+        self._mdp, self._tolerance = mdp, float(tolerance)
         self._max_sweeps = max_sweeps or 2 * sweeps_needed(gamma, tolerance)
         self._small_change = tolerance * (1 - gamma) / (4 * gamma) if gamma > 0 else np.inf
         self._max_loss = check_max_loss(max_loss)
@@ -77,7 +81,9 @@ class InteractiveValueIteration(Learner):
             indifference=tolerance * (1 - gamma) / 2 if indifference is None else indifference,
             max_queries=max_queries,
             audit=audit,
+            max_audits=max_audits,
             batch=batch,
+            known=known,
             seed=rng,
         )
         self._states = StateSweep(mdp, self._elicitation, int(jobs))
@@ -117,6 +123,9 @@ class InteractiveValueIteration(Learner):
         d = left - right
         order = self._in_order(d, heads, challengers)
         chosen = [order[i] for i in self._elicitation.next_batch(d[order])]
+        audits = [i for i in chosen if self._states.judged[int(heads[i])] != Tier.TUTOR]
+        beyond = set(audits[self._elicitation.audits_left :])
+        chosen = [i for i in chosen if i not in beyond]
         pairs = []
         for i in chosen:
             s, a, b = int(heads[i]), int(challengers[i]), int(incumbents[i])
@@ -145,7 +154,12 @@ class InteractiveValueIteration(Learner):
         """How it ends where V has settled; None: it does not."""
         if self._elicitation.counts[Tier.GUESS] > self._guessed:
             return Status.GUESSED
-        return Status.UNSURE if self._elicitation.unsure else Status.CONVERGED
+        if self._elicitation.unsure:
+            return Status.UNSURE
+        proven = not self._elicitation.called_equal or loses_at_most(
+            self._mdp, self._states.best, self.comparator, self._tolerance
+        )
+        return Status.CONVERGED if proven else Status.CALLED_EQUAL
 
 
 class LateValueIteration(InteractiveValueIteration):

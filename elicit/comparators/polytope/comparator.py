@@ -21,7 +21,7 @@ from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.infeasibility import Contradiction
 from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
-from elicit.model.comparator import Decisions, Verdicts, check_answers, check_levels
+from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, values_of
 
@@ -32,16 +32,20 @@ if TYPE_CHECKING:
 
 class PolytopeComparator:
     """All scales in K_t: at least ``margin`` (eta) between neighbouring levels, the prior inequalities
-    A e >= b, and one inequality for each answer. A frozen value.
+    A e >= b, and what each answer says: d.e >= 0, d.e <= 0, or, of "equal", |d.e| <= ``tie``. A frozen value.
 
+    ``tie`` is the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call equal, of differences
+    of share vectors; 0: equal means equal. It matters only once the tutor says "equal": then a larger one is safer,
+    and teaches less (docs/about-equal.md).
     ``prior`` is (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", and what
-    ``elicit.inequality`` makes of them. Raises ValueError for k < 2, a margin outside [0, 1/(k-1)], and a prior
-    that no scale satisfies.
+    ``elicit.inequality`` makes of them. Raises ValueError for k < 2, a margin outside [0, 1/(k-1)], a prior
+    that no scale satisfies, and a tie outside [0, 1).
     """
 
-    def __init__(self, k: int, margin: float = 1e-6, prior: PriorLike = None) -> None:
+    def __init__(self, k: int, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE) -> None:
         self.k = check_levels(k)
         self.margin = _check_margin(margin, self.k)
+        self.tie = check_tie(tie)
         self.answers = Answers.none(self.k)
         self.prior = as_prior(prior, self.k)
         try:
@@ -59,7 +63,7 @@ class PolytopeComparator:
     def region(self) -> Region:
         """K_t in gap space, with every constraint: the prior's, and those of all answers, also the redundant."""
         prior = prior_rows(self.prior, self.k)
-        return Region(self.margin, *prior).plus(*answer_rows(self.answers, 0))
+        return Region(self.margin, *prior).plus(*answer_rows(self.answers, 0, self.tie))
 
     @cached_property
     def values(self) -> Floats:
@@ -72,17 +76,17 @@ class PolytopeComparator:
         """K_t cut by these answers. Raises InconsistentAnswers, with a minimal contradictory set of rows
         of ``self.answers + answers``, where that leaves no scale."""
         new = object.__new__(PolytopeComparator)
-        new.k, new.margin, new.prior = self.k, self.margin, self.prior
+        new.k, new.margin, new.prior, new.tie = self.k, self.margin, self.prior, self.tie
         new.answers = self.answers + check_answers(answers, self.k)
         try:
-            new._set = self._set.cut(*answer_rows(answers, len(self.answers)))
+            new._set = self._set.cut(*answer_rows(answers, len(self.answers), self.tie))
         except Empty as empty:
             raise Contradiction(empty.region, empty.proof, new.answers) from None
         return new
 
     def retract(self, *ids: str) -> PolytopeComparator:
         """What is known without the answers of these ids. Raises ValueError for an id that is not among them."""
-        fresh = PolytopeComparator(self.k, self.margin, self.prior)
+        fresh = PolytopeComparator(self.k, self.margin, self.prior, self.tie)
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:

@@ -19,12 +19,13 @@ _MOST_STEPS = 4  # steps of the order to name; more are "the order of the levels
 
 class UsedAnswer(NamedTuple):
     """An answer: its row in the comparator's answers (from 0), its id, sign s (s d_row . e >= 0 is what was
-    answered; of an answer "equal", the side that is used) and multiplier."""
+    answered), multiplier, and whether it was "equal": then s d_row . e >= -tie is what is used of it."""
 
     row: int
     id: str
     sign: int
     multiplier: Fraction
+    equal: bool
 
 
 class UsedStep(NamedTuple):
@@ -65,7 +66,7 @@ class Proof:
         return self.bound_without_margin < 0
 
     def __str__(self) -> str:
-        terms = [f"{_short(y)}*({'-' * (s < 0)}d of answer {row + 1}).e" for row, _, s, y in self.answers]
+        terms = [f"{_short(y)}*({'-' * (s < 0)}d of answer {row + 1}).e" for row, _, s, y, _ in self.answers]
         terms += [f"{_short(z)}*(e{j + 2} - e{j + 1})" for j, z in self.order]
         terms += [f'{_short(w)}*(A of "{name}").e' for _, name, w in self.prior]
         rest = (
@@ -83,14 +84,15 @@ class Explanation:
     proofs: of d for BETTER, of -d for WORSE, of both for EQUAL; none where left and right are the same, or UNKNOWN.
     scales: exact (k,) scales of K_t. UNKNOWN: one under which left is better, one under which right is. BETTER and
     WORSE: one under which it is strictly so, where the proof's bound is 0; otherwise none.
-    told_equal: the row of an answer "equal" to this very pair, which learners do not ask again though the sign is
-    open, or None.
+    tie: the largest |d.e| that an answer "equal" allows. told_equal: the row of such an answer to this very pair, which
+    learners do not ask again though the sign is open, or None.
     """
 
     d: Floats
     verdict: Verdict
     labels: tuple[str, ...]
     margin: float
+    tie: float
     proofs: tuple[Proof, ...] = ()
     scales: tuple[Numbers, ...] = ()
     told_equal: int | None = None
@@ -132,6 +134,7 @@ class Explanation:
         rows = [str(row + 1) for row in self.rows]
         reasons = [f"your answer{'s' * (len(rows) > 1)} {_listed(rows)}"] if rows else []
         names = list(dict.fromkeys(f'"{used.name}"' for used in self.prior))
+        reasons += [f'"equal" meaning within {self.tie:g}'] if self.tie and any(a.equal for a in self.answers) else []
         reasons += [_listed(names)] if names else []
         reasons += self._steps()
         if any(proof.needs_margin for proof in self.proofs):
@@ -157,7 +160,8 @@ class Explanation:
 
     def _open(self) -> str:
         if self.told_equal is not None:
-            return f"not asked again: your answer {self.told_equal + 1} called this very pair equal"
+            within = f", which it is to within {self.tie:g} of the value range" if self.tie else ""
+            return f"not asked again: your answer {self.told_equal + 1} called this very pair equal{within}"
         left, right = (e.astype(np.float64) for e in self.scales)
         apart = np.abs((self.scales[0] - self.scales[1]).astype(np.float64))
         most = np.argsort(-apart, kind="stable")

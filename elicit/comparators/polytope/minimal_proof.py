@@ -5,10 +5,10 @@ proof is an identity in e, with e_1 = 0 and e_k = 1 and every multiplier positiv
 
     d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k - e_1),
 
-of answered differences d_i (s_i turns each to the answered side, s_i d_i . e >= 0), steps of the order and prior
-inequalities: duality for the program that minimises d.e (Farkas 1902). The answers and prior inequalities in it are
-irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that the others can do without, so
-that from those listed less any one of them the verdict would not follow.
+of answered differences d_i (s_i turns each to the answered side: s_i d_i . e >= 0, or >= -tie of "equal"), steps of the
+order and prior inequalities: duality for the program that minimises d.e (Farkas 1902). The answers and prior
+inequalities in it are irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that the others can
+do without, so that from those listed less any one of them the verdict would not follow.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ class Polytope(Comparator, Protocol):
     """What an explanation rests on: ``PolytopeComparator``, which imports this module."""
 
     margin: float
+    tie: float
     answers: Answers
     prior: Prior | None
 
@@ -62,7 +63,7 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
     one, region = rows[0].copy(), comparator.region
     one.flags.writeable = False
     verdict, t = Verdict(int(comparator.compare(one)[0])), _order_one(tail_sums(one))
-    made = Explanation(one, verdict, names, comparator.margin)
+    made = Explanation(one, verdict, names, comparator.margin, comparator.tie)
     if not t.any():
         return made
     if verdict is Verdict.UNKNOWN:
@@ -144,7 +145,7 @@ def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) 
         rest = rest - weight * side * tails
         limit += weight * abs(unit) * Fraction(float(part.rhs[i]))
         if known is None or owner >= 0:
-            answers.append(UsedAnswer(owner, told.ids[owner], side, weight))
+            answers.append(UsedAnswer(owner, told.ids[owner], side, weight, equal=bool(told.y[owner] == 0)))
         else:
             prior.append(UsedPrior(-1 - owner, known.names[-1 - owner], weight))
     left = min(rest)

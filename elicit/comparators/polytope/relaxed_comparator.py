@@ -1,7 +1,7 @@
 """The polytope comparator for a tutor who errs now and then: what all scales agree on that violate the answers
 nearly as little as possible.
 
-An answer (d, y) is violated by max(0, -y d.e), for y = 0 by max(0, |d.e| - TIE_BAND |d|_1), in units of e_k - e_1.
+An answer (d, y) is violated by max(0, -y d.e), for y = 0 by max(0, |d.e| - tie), in units of e_k - e_1.
 The total f over all answers, each as often as it was given, is convex and piecewise linear, and its least value a
 linear program: the fit of a scale by least total violation (LINMAP: Srinivasan and Shocker 1973, Psychometrika 38;
 UTA: Jacquet-Lagreze and Siskos 1982, EJOR 10). Plausible is {f <= B}, where B is that least plus the slack.
@@ -32,7 +32,7 @@ from elicit.lp.dual_simplex import End, minimise, minimise_exactly
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.lp.region import rounding
-from elicit.model.comparator import Decisions, Verdicts, check_answers
+from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, as_vectors, values_of
 
@@ -55,19 +55,22 @@ class RelaxedPolytopeComparator:
     """All scales with at least ``margin`` between neighbouring levels that satisfy the prior, and whose total
     violation of the answers is within ``slack`` of the least possible. A frozen value.
 
-    ``slack`` >= 0 is in units of e_k - e_1; ``margin`` and ``prior`` as in ``PolytopeComparator``. BETTER, WORSE
-    and EQUAL are proven; UNKNOWN may also be said where the exact optimum is within about 1e-9 |d|_1 of zero.
+    ``slack`` >= 0 is in units of e_k - e_1; ``margin``, ``prior`` and ``tie`` as in ``PolytopeComparator``. BETTER,
+    WORSE and EQUAL are proven; UNKNOWN may also be said where the exact optimum is within about 1e-9 |d|_1 of zero.
     With slack 0 and consistent answers it is ``PolytopeComparator``. Once they are not, slack 0 leaves the best
     fit, often one scale alone, which is hardly ever the truth; a slack that the tutor's errors do not exceed in
     total keeps the truth. What contradicts earlier answers can make a decided difference UNKNOWN again.
     Raises ValueError as ``PolytopeComparator`` does, and for a slack that is negative or not finite.
     """
 
-    def __init__(self, k: int, slack: float = 0.0, margin: float = 1e-6, prior: PriorLike = None) -> None:
+    def __init__(
+        self, k: int, slack: float = 0.0, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE
+    ) -> None:
         if not is_number(slack, 0):
             raise ValueError(f"the slack must be a finite number of at least 0 (in units of e_k - e_1), not {slack!r}")
-        self._blank = blank = PolytopeComparator(k, margin, prior)
+        self._blank = blank = PolytopeComparator(k, margin, prior, tie)
         self.slack, self.k, self.margin, self.prior = float(slack), blank.k, blank.margin, blank.prior
+        self.tie = blank.tie
         self._order = PlausibleSet(blank.region)
         self._learn(blank.answers, blank, None)
 
@@ -77,7 +80,7 @@ class RelaxedPolytopeComparator:
     def update(self, answers: Answers) -> RelaxedPolytopeComparator:
         """What is plausible given these answers too, consistent or not."""
         new = object.__new__(RelaxedPolytopeComparator)
-        new.slack, new.k, new.margin, new.prior = self.slack, self.k, self.margin, self.prior
+        new.slack, new.k, new.margin, new.prior, new.tie = self.slack, self.k, self.margin, self.prior, self.tie
         new._blank, new._order = self._blank, self._order
         together = self.answers + check_answers(answers, self.k)
         try:
@@ -89,7 +92,7 @@ class RelaxedPolytopeComparator:
 
     def retract(self, *ids: str) -> RelaxedPolytopeComparator:
         """What is known without the answers of these ids. Raises ValueError for an id that is not among them."""
-        fresh = RelaxedPolytopeComparator(self.k, self.slack, self.margin, self.prior)
+        fresh = RelaxedPolytopeComparator(self.k, self.slack, self.margin, self.prior, self.tie)
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
@@ -153,7 +156,7 @@ class RelaxedPolytopeComparator:
     def _learn(
         self, answers: Answers, exact: PolytopeComparator | None, old: PolytopeComparator | _Sublevel | None
     ) -> None:
-        self.answers, self._exact, self._hinges, self._least = answers, exact, Hinges.of(answers), 0.0
+        self.answers, self._exact, self._hinges, self._least = answers, exact, Hinges.of(answers, self.tie), 0.0
         self._set: PolytopeComparator | _Sublevel
         if exact is not None and self.slack == 0:
             self._set = exact

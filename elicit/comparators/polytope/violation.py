@@ -26,8 +26,8 @@ class Hinges(NamedTuple):
     exponent: int
 
     @staticmethod
-    def of(answers: Answers) -> Hinges:
-        rows, rhs, owner = answer_rows(answers, 0)
+    def of(answers: Answers, tie: float) -> Hinges:
+        rows, rhs, owner = answer_rows(answers, 0, tie)
         size = np.zeros(len(rows), dtype=np.int64)  # by which power of two answer_rows divided
         for _ in range(2):  # the first time, tail_sums may have divided too
             with np.errstate(over="ignore"):
