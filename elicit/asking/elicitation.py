@@ -29,7 +29,7 @@ from elicit.asking.elicitation_kernel import (
 )
 from elicit.decision.comparator_rule import ASKING, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Decisions, KeepsAnswers, Tier, bounds_of, tie_of
+from elicit.model.comparator import ALLOWANCE, Comparator, Decisions, KeepsAnswers, Tier, bounds_of, tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
@@ -41,7 +41,10 @@ Known: TypeAlias = Answers | Iterable[Answer | Entry]
 MAX_AUDITS = 50
 """Of settled pairs put to the tutor, unless told otherwise: enough to tell a tenth of wrong answers from none."""
 
-_IN_A_ROW = 5  # answers "equal" to pairs that are no farther apart than the tie; then such pairs are asked no more
+_IN_A_ROW = 5
+"""Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such pairs are asked about
+no more. With one tie in place of two, value iteration asked such tutors three times as much as sharp ones
+(docs/about-equal.md)."""
 
 Watch = Callable[[Floats, Decisions], None]
 OnConflict: TypeAlias = Literal["raise", "drop"]
@@ -93,8 +96,9 @@ class Elicitation:
     before. The comparator learns it, unless it has it; none of its pairs is asked again; its audits count as audits,
     but its questions not as asked. Raises ValueError, InconsistentAnswers.
 
-    A pair that is certainly no farther from equal than the comparator's ``tie`` may be called equal, which would teach
-    nothing. After the last few such pairs were, no more of them are asked about: they count as equal.
+    A pair that is certainly near, no farther apart than about the comparator's ``tie``, may be called equal, and that
+    would teach next to nothing. Once the last few such pairs were, no more of them are asked about: they count as
+    equal.
     """
 
     def __init__(
@@ -134,7 +138,8 @@ class Elicitation:
         self._audit, self._max_audits = float(audit), int(max_audits)
         asks_all = compares_by_rule(type(comparator)) and rule_of(comparator).kind == ASKING
         self._tie = 0.0 if asks_all else tie_of(comparator)
-        self._equal_in_a_row = 0  # answers "equal", to pairs no farther apart than the tie
+        self._near = ALLOWANCE * self._tie
+        self._equal_in_a_row = 0  # answers "equal" to pairs that are no farther apart than that
         self._key = np.uint64(key_of(seed))
         self._number = 0
         self._answered = AnsweredPairs(self._key)
@@ -256,14 +261,13 @@ class Elicitation:
 
     @property
     def indifference(self) -> float:
-        """Undecided pairs whose bounds lie within it count as equal: as given, or the tie once such pairs are asked
-        about no more."""
-        return max(self._indifference, self._tie) if self.gave_up else self._indifference
+        """Undecided pairs whose bounds lie within it count as equal: as given; more once the tutor has called equal
+        what is near."""
+        return max(self._indifference, self._near) if self.gave_up else self._indifference
 
     @property
     def gave_up(self) -> bool:
-        """Whether pairs no farther apart than the tie are asked about no more, because the last ones were called
-        equal."""
+        """Whether pairs that are certainly near are asked about no more, because the last ones were called equal."""
         return self._equal_in_a_row >= _IN_A_ROW
 
     @property
@@ -337,13 +341,13 @@ class Elicitation:
         return answer if entry.used and answer.verdict is not None else None
 
     def _count_equal(self, answers: Sequence[Answer]) -> int:
-        """How many answers in a row are "equal" now, among those to pairs no farther apart than the tie."""
+        """How many answers in a row are "equal" now, among those to pairs that are certainly near."""
         count = self._equal_in_a_row
         for answer in answers if self._tie else ():
             equal = answer.verdict is Verdict.EQUAL
             if equal or (count and answer.verdict is not None):
                 low, high = bounds_of(self.comparator, answer.query.d[None, :])
-                if max(-low[0], high[0]) <= self._tie * (1.0 + 1e-9):
+                if max(-low[0], high[0]) <= self._near * (1.0 + 1e-9):
                     count = count + 1 if equal else 0
         return count
 

@@ -37,6 +37,9 @@ TIE = 0.01
 """How far from equal two vectors may be that a tutor calls equal, unless a comparator is told otherwise: |d.e| as a
 share of the value range e_k - e_1."""
 
+ALLOWANCE = 2.0
+"""Guarantees hold also where the tutor calls equal what is up to so many ties apart: people do not know their own."""
+
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 """The tiers that rest on the tutor's answers."""
 

@@ -168,6 +168,10 @@ class InteractivePolicyIteration(Learner):
         comparator, places = self._elicitation.comparator, partial(self._place, over)
         limit = self._elicitation.indifference
         rows = worth_asking(self._elicitation, over.d, places, limit)
+        if (
+            self._elicitation.called_equal
+        ):  # guarantees allow for wider ties than verdicts, which must not be asked about
+            rows = rows[decide(comparator, over.d[rows]).verdicts == Verdict.UNKNOWN]
         if not len(rows) and drawn_set(comparator) is not None:
             least = limit if self._elicitation.gave_up else 0.0
             rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > least).any(axis=1))

@@ -33,11 +33,12 @@ class InteractiveValueIteration(Learner):
     counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
     UNSURE in place of CONVERGED; so does what she calls equal, which may be farther apart (the comparator's ``tie``):
     then it is CALLED_EQUAL, unless the loss is bounded within the tolerance all the same. Stops when V changes by less
-    than tolerance (1 - discount) / (4 discount) under every ordered scale, or after ``max_sweeps`` (default: twice what value iteration with known values can need;
-    a tutor who errs anew each time can keep V moving for ever). ``max_loss`` stops after a sweep whose policy no
-    plausible scale lets lose more (``Result.loss_bound``, computed whenever policy or answers have changed). Other
-    keywords as for InteractiveQLearning; ``rng`` only picks the audits. Questions come in order of states, each asked
-    as soon as what is known cannot settle it; with ``batch`` > 1 up to that many at once.
+    than tolerance (1 - discount) / (4 discount) under every ordered scale, or after ``max_sweeps`` (default: twice what
+    value iteration with known values can need; a tutor who errs anew each time can keep V moving for ever).
+    ``max_loss`` stops after a sweep whose policy no plausible scale lets lose more (``Result.loss_bound``, computed
+    whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``rng`` only picks the audits.
+    Questions come in order of states, each asked as soon as what is known cannot settle it; with ``batch`` > 1 up to
+    that many at once.
 
     ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so that
     several runs side by side do not crowd each other; there is one, too, where somebody watches or answers by

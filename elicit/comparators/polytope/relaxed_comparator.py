@@ -115,7 +115,10 @@ class RelaxedPolytopeComparator:
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e over the plausible scales, for all rows of d (n, k) at once, and their confidence: 1
         while the answers are consistent; nan after that, for nothing says how likely the slack is to be enough."""
-        return self._set.simultaneous_bounds(as_vectors(d, self.k))[0], 1.0 if self._exact is not None else np.nan
+        high = self._set.simultaneous_bounds(rows := as_vectors(d, self.k))[0]
+        if self._exact is None:
+            return high, np.nan
+        return np.maximum(high, self._exact.simultaneous_bounds(rows)[0]) if (self.answers.y == 0).any() else high, 1.0
 
     @cached_property
     def draws(self) -> Draws:
