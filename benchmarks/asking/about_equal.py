@@ -1,0 +1,132 @@
+"""What a tutor who calls equal what is close costs in questions and in what can be promised: docs/about-equal.md.
+
+    python -m benchmarks.asking.about_equal --out docs/about-equal.md   twenty minutes on one core
+    python -m benchmarks.asking.about_equal --problems 2                 a minute; rough figures
+
+Random MDPs of the paper's law (|S| = 100, |A| = 5, discount .95, k = 5, 8 and 12), each with a hidden scale of its own,
+and every setting at its default.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.reporting import machine, markdown, publish, with_interval
+from elicit import Comparator, PolytopeComparator, PosteriorComparator, TruthfulTutor
+from qlearn import InteractivePolicyIteration, InteractiveValueIteration, drive, policy_loss, random_mdp
+
+LEVELS, TIES = (5, 8, 12), (0.0, 0.002, 0.005, 0.01, 0.02)
+LEARNERS = {"policy iteration": InteractivePolicyIteration, "value iteration": InteractiveValueIteration}
+COMPARATORS = {"polytope": PolytopeComparator, "posterior": PosteriorComparator}
+MOST = 500  # questions
+HEAD = (
+    "comparator",
+    "learner",
+    "equal within",
+    "runs",
+    "questions",
+    "most",
+    "of them equal",
+    "bound",
+    "loss",
+    "broken",
+)
+
+INTRODUCTION = """# About equal
+
+A person says "equal" when two things are close. Every comparator has a `tie`: the largest |d.e|, as a share of the
+value range e_k - e_1, that the tutor may call equal. It is .01 by default, and 0 for a tutor known to be exact:
+then "equal" means equal, to one part in 10^9.
+
+- **What an answer "equal" teaches.** The polytope cuts |d.e| <= tie. The relaxed polytope counts as violated what
+  exceeds it. The Bradley-Terry fit and the posterior take the law of Rao and Kupper (1967), P(left is better) =
+  sigma(c (d.e - w)) and P(right is better) = sigma(-c (d.e + w)), in the fit with w = tie, in the posterior with w
+  learned between 0 and the tie. A tutor who has called nothing equal is taken as sharp: until the first "equal"
+  every comparator is to the last digit what it is with tie = 0, and asks not one question more.
+- **What it settles.** A pair called equal is not asked again; a learner keeps the action that it has. What that
+  may lose is in `Result.loss_bound`, for it is bounded over all scales that the answers allow.
+- **When asking ends.** Where |d.e| <= 2 ties is certain, "equal" would teach next to nothing. After five such
+  answers in a row the tutor is asked about no more pairs of that kind. A learner that can get no further so ends
+  with the status `CALLED_EQUAL`, and `loss_bound` says what is left open.
+- **What is promised.** Nobody knows their own tie. Guarantees of confidence 1 (`simultaneous_bounds`) therefore
+  allow for twice the `tie` that the comparator was told; verdicts and `bounds` go by the tie itself. Where a
+  person's "equal" may reach farther than that, give a larger `tie`: no comparator can tell.
+
+Simple bags (`bags=`) tell apart what single steps of a model cannot: the differences that are left open between
+two actions are often smaller than any tie.
+"""
+
+
+class Run(NamedTuple):
+    """What one run has cost and promised."""
+
+    asked: int
+    equal: int
+    bound: float
+    loss: float
+
+
+def run(comparator: str, learner: str, k: int, tie: float, seed: int) -> Run:
+    """One learner with a tutor who calls equal what lies within ``tie``, and is right otherwise."""
+    mdp, values = random_mdp(100, 5, k, rng=seed)
+    made: Comparator = COMPARATORS[comparator](k)
+    result = drive(LEARNERS[learner](mdp, made, max_queries=MOST), TruthfulTutor(values, tie=tie))
+    equal = int(np.count_nonzero(result.answers.y == 0))
+    return Run(result.asked, equal, result.loss_bound, float(policy_loss(mdp, result.policy, values).max()))
+
+
+def row(comparator: str, learner: str, tie: float, problems: int) -> tuple[str, ...]:
+    """The cells of one setting: so many problems for each k."""
+    runs = [run(comparator, learner, k, tie, seed) for k in LEVELS for seed in range(problems)]
+    asked, equal, bound, loss = (np.array(column, dtype=np.float64) for column in zip(*runs, strict=True))
+    return (
+        comparator,
+        learner,
+        f"{tie:g}",
+        f"{len(runs)}",
+        with_interval(asked, 1),
+        f"{asked.max():.0f}",
+        with_interval(equal, 1),
+        f"{np.median(bound):.4f}",
+        f"{loss.max():.4f}",
+        f"{np.count_nonzero(loss > bound + 1e-12)}",
+    )
+
+
+def report(problems: int) -> Iterator[list[str]]:
+    """The parts of the page."""
+    yield INTRODUCTION.splitlines()
+    yield [
+        "## What it costs",
+        "",
+        f"`python -m benchmarks.asking.about_equal --problems {problems} --out docs/about-equal.md`. {machine()}",
+        "",
+        f"Seeds 0 to {problems - 1} for each of k = {', '.join(map(str, LEVELS))}; |S| = 100, |A| = 5; defaults, at most "
+        f"{MOST} questions. The tutor is right, but calls equal what lies within the third column (0: never). "
+        "Mean questions, and answers equal among them, with 95% t-intervals; *bound*: the median `loss_bound`, a share "
+        "of the value range; *loss*: the greatest true loss at the worst state; *broken*: runs whose true loss exceeds "
+        "their bound, of confidence 1 with the polytope and of 95% with the posterior.",
+        "",
+    ]
+    for comparator in COMPARATORS:
+        for learner in LEARNERS:
+            rows = [row(comparator, learner, tie, problems) for tie in TIES]
+            yield markdown(HEAD, rows, 2)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the page; ``--out`` also writes it."""
+    parser = argparse.ArgumentParser(prog="benchmarks.asking.about_equal", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--problems", type=int, default=17, help="for each number of levels (default: 17)")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args(arguments)
+    publish(report(given.problems), given.out)
+
+
+if __name__ == "__main__":
+    main()
