@@ -159,12 +159,3 @@ def test_pulling_a_point_inside_moves_it_little() -> None:
     pulled = pull_inside(outside, centre, r)
     assert pulled is None or strictly_inside(pulled, r)
     assert pull_inside(np.full(7, np.nan), centre, r) is None
-
-
-def test_bounds_of_nothing_and_of_one_level_step() -> None:
-    comparator, _ = truthful(5, 0, margin=0.05)
-    low, high = comparator.bounds(np.array([np.zeros(5), [-1, 1, 0, 0, 0], [-1, 0, 0, 0, 1], [7, 0, 0, 0, 0]]))
-    assert (low[0], high[0]) == (0.0, 0.0)
-    assert (low[3], high[3]) == (0.0, 0.0)  # level 1 is worth nothing
-    assert (low[1], high[1]) == (pytest.approx(0.05, abs=1e-12), pytest.approx(0.85, abs=1e-12))
-    assert (low[2], high[2]) == (pytest.approx(1.0, abs=1e-12), pytest.approx(1.0, abs=1e-12))

@@ -34,6 +34,8 @@ def test_what_they_decide():
     d = [[0, 0, 0], [7, 0, 0], [-1, 0, 1], [1, -1, 0], [1, -2, 1]]
     assert Dominance(3).compare(d).tolist() == [0, 0, 1, -1, 2]
     assert AlwaysAsk(3).compare(d).tolist() == [0, 0, 2, 2, 2]
+    verdicts, tiers = decide(AlwaysAsk(3), d)
+    assert (verdicts.tolist(), tiers.tolist()[:2]) == ([0, 0, 2, 2, 2], [Tier.EQUAL, Tier.EQUAL])
     assert decide(Dominance(3), d).tiers.tolist()[:4] == [Tier.EQUAL, Tier.EQUAL, Tier.DOMINANCE, Tier.DOMINANCE]
     for comparator in (Dominance(3), AlwaysAsk(3)):
         assert comparator.values.tolist() == [0, 0.5, 1]

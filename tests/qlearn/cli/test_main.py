@@ -182,7 +182,9 @@ def test_ctrl_c_keeps_what_has_finished(
 
     monkeypatch.setattr(module, name, stopped)
     assert cli.main([*command.split(), "--out", str(tmp_path)]) == 130
-    assert len(pd.read_csv(tmp_path / "runs.csv")) == 2
+    kept = pd.read_csv(tmp_path / "runs.csv")
+    assert len(kept) == 2
+    assert {*KEYS, "asked", "loss"} <= {*kept.columns}
 
 
 def test_a_missing_extra_is_named(

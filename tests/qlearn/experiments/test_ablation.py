@@ -15,7 +15,7 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Tier
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments import run as runs
-from qlearn.experiments.ablation import KEYS, Interrupted, ablate, summarise
+from qlearn.experiments.ablation import KEYS, ablate, summarise
 from qlearn.experiments.ablation_plot import LEGEND, table
 from qlearn.experiments.metrics import MEASURES
 from qlearn.experiments.palette import NAMES, STYLES
@@ -177,18 +177,6 @@ def test_every_name_has_something_that_it_stands_for() -> None:
 def test_what_runs_do_not_depend_on_is_there() -> None:
     here = Path(runs.__file__).parents[1]
     assert all((here / name).exists() for name in runs._NO_RUNS)
-
-
-def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
-    def stop(done: int, total: int) -> None:
-        assert total == len(frame)
-        if done == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as caught:
-        ablate(**TINY, jobs=1, progress=stop)
-    assert len(caught.value.frame) == 3
-    assert caught.value.frame.columns.tolist() == frame.columns.tolist()
 
 
 def test_the_summary_has_means_and_t_intervals_and_its_table_says_all_cells_in_120_columns(frame: pd.DataFrame) -> None:

@@ -136,19 +136,6 @@ def test_always_asking_the_truth_is_scalar_q_learning(seed: int) -> None:
         assert watched.count(Verdict.BETTER) == sum(wins)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_polytope_with_a_truthful_tutor_changes_nothing_but_the_number_of_questions(seed: int) -> None:
-    # integers drawn from 0..99 without replacement lie at least 1/99 of the range apart
-    for mdp, values in (random_mdp(15, 4, 6, rng=seed), messy_mdp(seed, n=15, k=5)):
-        oracle = learn(mdp, AlwaysAsk(mdp.k), TruthfulTutor(values), steps=1500, rng=seed)
-        for margin in (1e-6, 0.009):
-            result = learn(mdp, PolytopeComparator(mdp.k, margin=margin), TruthfulTutor(values), steps=1500, rng=seed)
-            assert result.q.tobytes() == oracle.q.tobytes()
-            assert result.policy.tolist() == oracle.policy.tolist()
-            assert result.asked < oracle.asked / 10
-            assert result.compared == oracle.compared
-
-
 def test_learns_a_good_policy() -> None:
     mdp, values = random_mdp(10, 3, 5, discount=0.8, rng=3)
     result = learn(mdp, PolytopeComparator(5), TruthfulTutor(values), steps=8000, epsilon=1.0)

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
-import subprocess
-import sys
 import tracemalloc
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,9 +33,8 @@ from qlearn.learners import action_pair_kernel, state_sweep
 from qlearn.learners.action_pair_kernel import round_up
 from qlearn.learners.learner import Status
 from qlearn.reference import interactive_value_iteration
+from tests.interpreter import report_of
 from tests.mdp_cases import messy_mdp
-
-ROOT = Path(__file__).parents[3]
 
 
 class ByPython:
@@ -224,7 +219,7 @@ def test_what_an_earlier_verdict_certified_is_forgotten_with_the_answers_it_rest
     assert changed >= 3
 
 
-def report() -> str:
+def report() -> list[str]:
     """A hash of small runs, to the last bit: who settled what included."""
     digest = hashlib.blake2b(digest_size=8)
     for mdp, values in (random_mdp(6, 3, 4, discount=0.7, rng=0), messy_mdp(1, n=6, discount=0.5)):
@@ -234,20 +229,11 @@ def report() -> str:
                 digest.update(repr((answers_of(result), sorted(result.decided.items()))).encode())
         oracle = solve(mdp, AlwaysAsk(mdp.k), FlippingTutor(values, 0.1, seed=1), watched=True, max_sweeps=5)
         digest.update(repr((answers_of(oracle), sorted(oracle.decided.items()))).encode())
-    return digest.hexdigest()
+    return [digest.hexdigest()]
 
 
 def test_the_loops_are_the_same_uncompiled() -> None:
-    code = "from tests.qlearn.learners.test_state_sweep import report; print(report())"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == report()
+    assert report_of(__name__) == report()
 
 
 def test_a_result_keeps_its_q_while_the_learner_goes_on() -> None:

@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import null_space
 
-from elicit.comparators.baselines import Dominance
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.decision.verdicts import decide
 from elicit.lp.region import TIE_BAND
@@ -80,27 +79,6 @@ def test_the_closed_form_is_right_to_the_last_bit() -> None:
         assert PolytopeComparator(k, margin=margin).compare(d)[0] == (BETTER if least >= 0 else UNKNOWN)
 
 
-@pytest.mark.parametrize("margin", [0.0, 1e-6, 0.05])
-def test_without_answers_a_margin_of_zero_is_dominance(margin: float) -> None:
-    d = shares(np.random.default_rng(0), 6, 500)
-    given = PolytopeComparator(6, margin=margin).compare(d)
-    plain = Dominance(6).compare(d)
-    assert (given[plain != UNKNOWN] == plain[plain != UNKNOWN]).all()
-    if margin == 0:
-        assert (given == plain).all()
-
-
-def test_two_levels_need_no_questions() -> None:
-    c = PolytopeComparator(2)
-    assert c.compare([[0.5, -0.5], [-0.5, 0.5], [0.0, 0.0], [3.0, 0.0]]).tolist() == [WORSE, BETTER, EQUAL, EQUAL]
-    assert c.values.tolist() == [0.0, 1.0]
-    low, high = c.bounds([[-0.25, 0.25]])
-    assert low[0] == pytest.approx(0.25, abs=1e-12)
-    assert high[0] == pytest.approx(0.25, abs=1e-12)
-    with pytest.raises(InconsistentAnswers):
-        c.update(Answers([[0.5, -0.5]], [1]))
-
-
 def test_an_answer_settles_its_own_pair_and_what_it_implies() -> None:
     d = np.array([-1.0, 2.0, -1.5, 0.5])
     for y in (1, -1):
@@ -108,26 +86,6 @@ def test_an_answer_settles_its_own_pair_and_what_it_implies() -> None:
         assert c.compare([d, -d, 4 * d, 0.75 * d]).tolist() == [y, -y, y, y]
         better = d + y * np.array([-1.0, 0.0, 1.0, 0.0])
         assert c.compare(better).tolist() == [y]
-
-
-def test_opposite_answers_are_a_tie() -> None:
-    d = from_tails([1.0, -2.0, 0.25])
-    for d2, y2 in ((d, -1), (-d, 1), (2 * d, -1)):
-        c = PolytopeComparator(4).update(Answers([d, d2], [1, y2]))
-        assert c.compare([d, -d, 0.5 * d]).tolist() == [EQUAL] * 3
-        assert c.compare([d + from_tails([1e-300, 0.0, 0.0])]).tolist() in ([EQUAL], [BETTER])
-        low, high = c.bounds(d)
-        assert max(abs(low[0]), abs(high[0])) < 1e-9
-
-
-def test_an_answer_equal_is_a_band() -> None:
-    d = from_tails([1.0, -2.0, 0.25])
-    c = PolytopeComparator(4).update(Answers([d], [0]))
-    band = TIE_BAND * np.abs(d).sum()  # bounds are tight to as much
-    for bound in (-c.bounds(d)[0][0], c.bounds(d)[1][0]):
-        assert band <= bound <= 2.001 * band
-    assert c.compare(d).tolist() == [UNKNOWN]  # both signs are possible; a learner does not ask again
-    assert c.update(Answers([d], [1])).compare(d).tolist() == [BETTER]
 
 
 def test_closed_gaps_make_no_difference() -> None:
@@ -311,16 +269,15 @@ def test_ties_that_only_the_edge_of_the_band_satisfies() -> None:
     assert slack.min() > -1e-12
 
 
-@pytest.mark.parametrize("kind", ["duplicated", "parallel", "pinned", "tied", "opposite", "thin", "closed", "prior"])
-def test_values_do_not_depend_on_the_order_of_the_answers(kind: str) -> None:
+def test_values_do_not_depend_on_the_order_of_the_answers() -> None:
     rng = np.random.default_rng(0)
     for case in cases(53, 140, asks=1, most_answers=60, most_levels=15):
-        if case.kind == kind:
+        if case.kind not in ("plain", "touching", "equal gaps", "extreme"):
             order = rng.permutation(len(case.y))
             shuffled = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
             for part in np.array_split(order, 3):
                 shuffled = shuffled.update(Answers(case.d[part], case.y[part]))
-            assert (shuffled.values == case.known().values).all()
+            assert (shuffled.values == case.known().values).all(), case.kind
 
 
 # ---- contradictions ---------------------------------------------------------------------------------------------
@@ -442,12 +399,6 @@ def test_contradictions_by_the_last_bit() -> None:
 
 
 # ---- errors -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("k", [1, 0, -3, 2.5, True])
-def test_too_few_levels(k: Any) -> None:
-    with pytest.raises(ValueError, match="k, the number of levels"):
-        PolytopeComparator(k)
 
 
 @pytest.mark.parametrize(
