@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, PolytopeComparator
 from elicit.lp import region as floats
 from elicit.lp.dual_simplex import minimise, minimise_exactly
 from elicit.lp.sign_proofs import to_unit
 from elicit.lp.vertex_store import start
 from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, USED, Known
-from elicit.model.query import Answers
 
 Floats = NDArray[np.float64]
 Rationals = list[Fraction]

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
+from elicit import PosteriorComparator, Verdict
 from elicit.comparators.bradley_terry.density import ParticlePrior
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.model.query import Verdict
 from elicit.model.scale import dominance, tail_sums
 
 Floats = NDArray[np.float64]

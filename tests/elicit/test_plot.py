@@ -15,14 +15,10 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection
 from matplotlib.patches import FancyArrowPatch, Polygon
 
-from elicit import plot
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import AlwaysAsk, BradleyTerryComparator, Dominance, PolytopeComparator, TruthfulTutor, plot
 from elicit.diagnostics.preference_graph import cycles, preference_graph
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import dominance, tail_sums
-from elicit.tutors.simulated import TruthfulTutor
 from tests.noisy_cases import differences
 
 matplotlib.use("Agg")

@@ -8,22 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit import AlwaysAsk, AnswerLog, Comparator, Dominance, PolytopeComparator
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.tutors.answer_log import AnswerLog
+from elicit.model.scale import Floats
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, Status, drive, policy_loss
 from qlearn.learners.exploration import Exploration, Start
-from qlearn.learners.learner import Result, Status, drive
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
+from tests.noisy_cases import pairs
 
 Make = Callable[..., Any]
 
@@ -37,16 +31,6 @@ def value_iteration(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) ->
 
 
 both = pytest.mark.parametrize("make", [q_learning, value_iteration])
-
-
-def open_differences(k: int, n: int, seed: int) -> Floats:
-    """Differences (n, k) of uniform distributions over levels that dominance does not decide."""
-    rng = np.random.default_rng(seed)
-    pairs = rng.dirichlet(np.ones(k), size=(20 * n, 2))
-    d = pairs[:, 0] - pairs[:, 1]
-    d = d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n]
-    assert len(d) == n
-    return d
 
 
 def wrong_answers(result: Result, values: Floats) -> int:
@@ -174,7 +158,7 @@ def refuse(query: Query) -> Answer:
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_trap_4_few_answers_leave_most_pairs_open(region: Any, n: int) -> None:
     for seed in range(3):
-        d = open_differences(8, n + 500, seed)
+        d = pairs(np.random.default_rng(seed), 8, n + 500)
         signs = TruthfulTutor(draw_values(8, seed)).signs(d)
         comparator = BradleyTerryComparator(8, region=region, n_boot=50, min_answers=1, seed=seed)
         fitted = comparator.update(Answers(d[:n], signs[:n]))
@@ -207,7 +191,7 @@ def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> N
     decided, wrong = {"box": 0, "ensemble": 0}, {"box": 0, "ensemble": 0}
     for seed in range(3):
         values = draw_values(10, seed)
-        told, fresh = open_differences(10, 100, seed), open_differences(10, 500, seed + 9)
+        told, fresh = (pairs(np.random.default_rng(one), 10, n) for one, n in ((seed, 100), (seed + 9, 500)))
         tutor = BradleyTerryTutor.from_error_rate(values, 0.15, told, seed=seed)
         answers, truth = Answers(told, tutor.signs(told)), TruthfulTutor(values).signs(fresh)
         for region in decided:
@@ -289,7 +273,7 @@ def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts
 
 
 def test_trap_9_a_precision_means_nothing_without_the_spread_of_differences() -> None:
-    values, d = draw_values(6, 0), open_differences(6, 2000, 0)
+    values, d = draw_values(6, 0), pairs(np.random.default_rng(0), 6, 2000)
     tutor = BradleyTerryTutor.from_error_rate(values, 0.1, d, seed=1)
     tutor.signs(d)
     assert abs(tutor.realised_error_rate - 0.1) < 0.03
@@ -340,27 +324,14 @@ def test_trap_11_what_dominance_settles_is_reported(make: Make) -> None:
 
 
 @both
-@pytest.mark.parametrize("rate", [0.05, 0.15])
-@pytest.mark.parametrize(
-    "comparator",
-    [
-        AlwaysAsk(5),
-        Dominance(5),
-        PolytopeComparator(5),
-        *(BradleyTerryComparator(5, n_boot=30, region=region) for region in ("ensemble", "box")),
-    ],
-    ids=["always ask", "dominance", "polytope", "ensemble", "box"],
-)
-def test_trap_11_learners_finish_with_errors(make: Make, comparator: Comparator, rate: float) -> None:
+@pytest.mark.parametrize("region", ["ensemble", "box"])
+def test_trap_11_a_model_of_noise_loses_little_where_the_tutor_errs_seldom(make: Make, region: Any) -> None:
+    limit = {"max_sweeps": 30} if make is value_iteration else {"steps": 400}
     for seed, (mdp, values) in enumerate((random_mdp(8, 3, 5, discount=0.8, rng=0), messy_mdp(1, k=5, discount=0.8))):
-        d = open_differences(5, 300, seed)
-        for tutor in (
-            FlippingTutor(values, rate, seed=seed),
-            BradleyTerryTutor.from_error_rate(values, rate, d / 10, seed=seed),
-        ):
-            limit = {"max_sweeps": 30} if make is value_iteration else {"steps": 400}
-            result = drive(make(mdp, comparator, **limit), tutor)
+        d = pairs(np.random.default_rng(seed), 5, 300)
+        logistic = BradleyTerryTutor.from_error_rate(values, 0.05, d / 10, seed=seed)
+        for tutor in (FlippingTutor(values, 0.05, seed=seed), logistic):
+            result = drive(make(mdp, BradleyTerryComparator(5, n_boot=30, region=region), **limit), tutor)
             assert result.status in (Status.DONE, Status.CONVERGED, Status.SWEEP_LIMIT)
             assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
-            if rate == 0.05 and isinstance(comparator, BradleyTerryComparator):
-                assert policy_loss(mdp, result.policy, values).mean() < 0.1
+            assert policy_loss(mdp, result.policy, values).mean() < 0.1

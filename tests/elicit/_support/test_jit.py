@@ -7,11 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from elicit import Answers, BradleyTerryTutor, FlippingTutor, PolytopeComparator, decide
 from elicit._support import jit
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.decision.verdicts import decide
-from elicit.model.query import Answers
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor
 from tests.interpreter import report_of, run
 from tests.lp_cases import cases
 

@@ -9,13 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from elicit import AlwaysAsk, Dominance, FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
 from elicit.asking.choose_from_list import ChoiceStatus, choose
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import dot, gaps, tail_sums
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 
 K = 5
 HIDDEN = np.array([0, 8, 20, 25, 80])

@@ -10,12 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from elicit import AlwaysAsk, BradleyTerryComparator, Dominance, PolytopeComparator, PosteriorComparator
 from elicit.asking.elicitation import Decisions, Elicitation, Pair
 from elicit.asking.elicitation_kernel import NO_FACT, AskingRule, Facts, judge_pair, settle
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier

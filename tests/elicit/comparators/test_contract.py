@@ -8,11 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.decision.verdicts import decide
+from elicit import BradleyTerryComparator, PolytopeComparator, PosteriorComparator, RelaxedPolytopeComparator, decide
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.testing import check_comparator

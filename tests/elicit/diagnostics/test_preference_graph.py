@@ -10,11 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answer, AnswerLog, Answers, PolytopeComparator, Query, TruthfulTutor, Verdict
 from elicit.diagnostics.preference_graph import Cycle, Implied, Step, cycles, follows, preference_graph
-from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import TruthfulTutor
 
 # neither of two dominates the other: what the middle level gains, both ends lose
 A, B, C, D = [0.5, 0.0, 0.5], [0.4375, 0.125, 0.4375], [0.375, 0.25, 0.375], [0.25, 0.5, 0.25]

@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, PolytopeComparator
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.clarabel_programs import Programs, Solved
 from elicit.lp.region import Region, certified_bound, pull_inside, strictly_inside
-from elicit.model.query import Answers
 from elicit.model.scale import Floats, tail_sums
 from tests.lp_cases import Oracle, cases, exact, exactly, least_from_scratch, region, shares
 

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import PolytopeComparator, Verdict
 from elicit.lp.prior_inequalities import Inequality, Prior, as_prior, inequalities, inequality, readable
 from elicit.lp.region import prior_rows
-from elicit.model.query import Verdict
 
 LABELS = ["critical", "stable", "well"]
 

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import simultaneous_bounds
-from elicit.model.query import Answers
+from elicit import AlwaysAsk, Answers, Dominance, PolytopeComparator, simultaneous_bounds
 from elicit.model.scale import tail_sums
 
 

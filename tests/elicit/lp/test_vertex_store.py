@@ -7,9 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, InconsistentAnswers, PolytopeComparator, Verdict
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import tail_sums
 from tests.lp_cases import (
     KINDS,

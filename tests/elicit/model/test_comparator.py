@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.decision.verdicts import decide
+from elicit import AlwaysAsk, Answers, Dominance, Verdict, decide
 from elicit.model.comparator import Comparator, Tier, check_levels, verdicts_from
-from elicit.model.query import Answers, Verdict
 from elicit.model.scale import as_vectors, dominance, dot, tail_sums
 from elicit.testing import check_comparator, sample_differences
 

@@ -12,12 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit
 
-from elicit.model.query import Answer, Query, Verdict
+from elicit import Answer, BradleyTerryTutor, FlippingTutor, Query, TruthfulTutor, Tutor, Verdict
 from elicit.model.scale import exact_dot, gaps, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
-from elicit.model.tutor import Tutor
 from elicit.testing import check_tutor
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from tests.noisy_cases import differences
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import builtins
-import subprocess
-import sys
 from concurrent.futures import BrokenExecutor
 from dataclasses import fields
 from pathlib import Path
@@ -18,6 +16,7 @@ from qlearn.cli import main as cli
 from qlearn.experiments.ablation import KEYS
 from qlearn.experiments.settings import AblationSettings, FiguresSettings, Settings
 from qlearn.paper import figure_runs as series
+from tests.interpreter import run
 
 
 @pytest.mark.parametrize(("command", "settings"), [("ablate", AblationSettings), ("figures", FiguresSettings)])
@@ -45,10 +44,10 @@ def test_help_imports_nothing_heavy() -> None:
         "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['ablate', '--help'])\nexcept SystemExit:\n"
         "    print('heavy:', sorted({'numpy', 'scipy', 'pandas', 'matplotlib', 'joblib'} & set(sys.modules)))"
     )
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "--max-queries" in shown
-    assert "[2000]" in shown
-    assert shown.endswith("heavy: []\n")
+    *shown, heavy = run(code)
+    assert "--max-queries" in "".join(shown)
+    assert "[2000]" in "".join(shown)
+    assert heavy == "heavy: []"
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,8 @@ import pandas as pd
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Tier
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from elicit import FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
+from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
 from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import KEYS, ablate, summarise
 from qlearn.experiments.ablation_plot import LEGEND, table
@@ -22,10 +21,6 @@ from qlearn.experiments.palette import NAMES, STYLES
 from qlearn.experiments.run import Run, run
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.exploration import EXPLORATIONS
-from qlearn.learners.learner import drive
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
 from tests.sweep_cases import TINY
 
 

@@ -12,21 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.asking.bags import Bags
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator
+from elicit import AlwaysAsk, AnswerLog, Bags, BradleyTerryComparator, Comparator, Dominance, PolytopeComparator, Tutor
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import Floats, tail_sums
-from elicit.model.tutor import Tutor
-from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.replay import ReplayTutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.learner import Learner, Result, Status, drive
-from qlearn.learners.policy_iteration import InteractivePolicyIteration
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.q_learning_asking_late import LateQLearning
+from qlearn import InteractivePolicyIteration, InteractiveQLearning, LateQLearning, Learner, Result, Status, drive
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.problems.random_mdp import random_mdp
 

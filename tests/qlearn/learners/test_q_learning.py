@@ -8,22 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit import AlwaysAsk, Answers, BradleyTerryComparator, Comparator, Dominance, PolytopeComparator, Tutor, Verdict
 from elicit._support.hashing import key_of
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator
-from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats
-from elicit.model.tutor import Tutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn import OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
-from qlearn.learners.learner import Result, Status, drive
 from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
 from qlearn.reference import interactive_q_learning, scalar_q_learning
 from tests.mdp_cases import messy_mdp
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from elicit.model.scale import Floats
+from qlearn import OrdinalMDP, random_mdp
 from qlearn.mdp.backup import model_of, q_of
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import messy_mdp
 
 

@@ -12,9 +12,8 @@ from scipy.optimize import linprog
 
 import qlearn.mdp.planning
 from elicit.model.scale import Floats
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn import OrdinalMDP, draw_values, random_mdp
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
-from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
 
 

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit import Answers, Comparator, Verdict
 from elicit._support.hashing import key_of
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged, refit_point
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
-from elicit.model.comparator import Comparator
-from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
 from tests.noisy_cases import pairs
 

@@ -1,10 +1,8 @@
-"""The posterior comparator: what it promises, what it may depend on, and its numbers against other samplers."""
+"""The posterior comparator: what it promises, what it may depend on, and its numbers against other ways to them."""
 
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -13,13 +11,11 @@ import pytest
 from scipy.special import expit, gammaln, logsumexp
 from scipy.stats import chisquare
 
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.query import Answers, Verdict
+from elicit import Answers, BradleyTerryComparator, PolytopeComparator, PosteriorComparator, Verdict
 from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
 from elicit.testing import check_comparator, sample_differences
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from tests.interpreter import run
 from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, log_terms, pairs
 
 TINY = 1e-20
@@ -79,8 +75,6 @@ def assert_sane(c: PosteriorComparator, least: float = 0.05) -> None:
     ("k", "n", "settings"),
     [
         (2, 0, {}),
-        (3, 0, {}),
-        (5, 0, {}),
         (8, 0, {"precision": 20.0, "lapse": 0.0}),
         (4, 0, {"precision": 0}),
         (5, 0, {"shape": (1.0, 1.0), "particles": 37, "seed": 4}),
@@ -368,11 +362,7 @@ def test_answers_about_vectors_near_the_greatest_float_end() -> None:
         "from elicit.model.query import Answers\n"
         "c = C(3).update(Answers(1.7e308 * np.array([[0.4, -1.0, 0.6]]), [1])); assert np.isfinite(c.draws.gaps).all()"
     )
-    try:
-        done = subprocess.run([sys.executable, "-c", code], timeout=30, capture_output=True, check=False)
-    except subprocess.TimeoutExpired:
-        pytest.fail("it does not end")
-    assert done.returncode == 0, done.stderr
+    run(code)  # which waits for so long only
 
 
 @pytest.mark.parametrize("precision", [None, 100.0])
@@ -548,41 +538,6 @@ def test_it_agrees_with_a_grid_where_there_are_three_levels(n: int) -> None:
     logs += log_likelihood(np.repeat(g, len(log_c), axis=0), np.tile(log_c, len(r)), answers, 0.05).reshape(logs.shape)
     w = normalised(logs).sum(axis=1)
     assert compare_with(answers, g, w, d, lambda f: np.zeros(len(f)), 0.05, copies=12) < 1.2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("i", range(100, 150))
-def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) -> None:
-    emcee = pytest.importorskip("emcee")
-    k, answers, d, lapse, rng = a_data_set(i, 80)
-    a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 101)) / (k - 1)
-    constants = gammaln((k - 1) * a) - (k - 1) * gammaln(a)
-
-    def log_density(x: Floats) -> Floats:
-        top = x.max(axis=1)
-        log_c = top + np.log(np.exp(x - top[:, None]).sum(axis=1))
-        log_g = x - log_c[:, None]
-        by_shape = constants + a * log_g.sum(axis=1)[:, None]
-        most = by_shape.max(axis=1)
-        prior = most + np.log(np.exp(by_shape - most[:, None]).sum(axis=1)) - 0.5 * ((log_c - MEAN) / SD) ** 2
-        return np.asarray(prior + log_likelihood(np.exp(log_g), log_c, answers, lapse))
-
-    def error(f: Floats) -> Floats:
-        means = np.array([part.mean(axis=1) for part in np.array_split(f, 20, axis=1)])
-        return np.asarray(means.std(axis=0, ddof=1) / math.sqrt(20))
-
-    walkers = 40
-    g, log_c, w = weighted(rng, k, answers, lapse, 60_000)
-    chosen = rng.choice(len(w), walkers, p=w)
-    start = np.log(g[chosen] + 1e-300) + log_c[chosen, None] + 0.1 * rng.normal(size=(walkers, k - 1))
-    sampler = emcee.EnsembleSampler(walkers, k - 1, log_density, vectorize=True)
-    sampler.random_state = np.random.RandomState(i).get_state()
-    state = sampler.run_mcmc(start, 1000)
-    sampler.reset()
-    sampler.run_mcmc(state, 3000)
-    x = sampler.get_chain(thin=3).reshape(-1, k - 1)  # in order of time
-    g = np.exp(x - logsumexp(x, axis=1, keepdims=True))
-    assert compare_with(answers, g, np.full(len(g), 1.0 / len(g)), d, error, lapse, copies=4) < 2.5
 
 
 @pytest.mark.slow

@@ -14,13 +14,12 @@ from scipy.integrate import quad
 from scipy.special import expit, gammaln, logsumexp
 from scipy.stats import ks_2samp, kstest
 
+from elicit import Answers, PosteriorComparator
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import density as D
 from elicit.comparators.bradley_terry import density_float32 as R
 from elicit.comparators.bradley_terry import mcmc as M
 from elicit.comparators.bradley_terry import smc as P
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.model.query import Answers
 from elicit.model.scale import tail_sums
 from tests.interpreter import report_of
 from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of

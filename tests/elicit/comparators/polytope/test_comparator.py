@@ -14,11 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import null_space
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.decision.verdicts import decide
+from elicit import Answers, InconsistentAnswers, PolytopeComparator, Tier, Verdict, decide
 from elicit.lp.region import TIE_BAND
-from elicit.model.comparator import Tier
-from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from tests.lp_cases import (
     Case,
     Oracle,

@@ -8,8 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.query import Answers
+from elicit import Answers, PolytopeComparator
 from tests.lp_cases import KINDS, Case, Oracle, cases, dot, exact, least_from_scratch, tails, verdict
 
 PARTS, PART = 14, 80  # 1,120 cases

@@ -14,11 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, PolytopeComparator, Verdict
 from elicit.comparators.polytope.explanation import Explanation, Proof
 from elicit.comparators.polytope.minimal_proof import explain
 from elicit.lp.prior_inequalities import as_prior, inequality
-from elicit.model.query import Answers, Verdict
 from tests.lp_cases import KINDS, TIE_BAND, Case, Oracle, cases, dot, exact, from_tails, shares, tails
 
 LABELS = ["critical", "stable", "well"]
