@@ -11,13 +11,12 @@ import pytest
 from elicit import AlwaysAsk, AnswerLog, Comparator, Dominance, PolytopeComparator
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.model.scale import Floats
+from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, Status, drive, policy_loss
 from qlearn.learners.exploration import Exploration, Start
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
-from tests.noisy_cases import pairs
 
 Make = Callable[..., Any]
 
@@ -31,6 +30,15 @@ def value_iteration(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) ->
 
 
 both = pytest.mark.parametrize("make", [q_learning, value_iteration])
+
+
+def open_differences(k: int, n: int, seed: int) -> Floats:
+    """Differences (n, k) of uniform distributions over levels that dominance does not decide."""
+    pairs = np.random.default_rng(seed).dirichlet(np.ones(k), size=(20 * n, 2))
+    d = pairs[:, 0] - pairs[:, 1]
+    d = d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n]
+    assert len(d) == n
+    return d
 
 
 def wrong_answers(result: Result, values: Floats) -> int:
@@ -158,7 +166,7 @@ def refuse(query: Query) -> Answer:
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_trap_4_few_answers_leave_most_pairs_open(region: Any, n: int) -> None:
     for seed in range(3):
-        d = pairs(np.random.default_rng(seed), 8, n + 500)
+        d = open_differences(8, n + 500, seed)
         signs = TruthfulTutor(draw_values(8, seed)).signs(d)
         comparator = BradleyTerryComparator(8, region=region, n_boot=50, min_answers=1, seed=seed)
         fitted = comparator.update(Answers(d[:n], signs[:n]))
@@ -191,7 +199,7 @@ def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> N
     decided, wrong = {"box": 0, "ensemble": 0}, {"box": 0, "ensemble": 0}
     for seed in range(3):
         values = draw_values(10, seed)
-        told, fresh = (pairs(np.random.default_rng(one), 10, n) for one, n in ((seed, 100), (seed + 9, 500)))
+        told, fresh = open_differences(10, 100, seed), open_differences(10, 500, seed + 9)
         tutor = BradleyTerryTutor.from_error_rate(values, 0.15, told, seed=seed)
         answers, truth = Answers(told, tutor.signs(told)), TruthfulTutor(values).signs(fresh)
         for region in decided:
@@ -273,7 +281,7 @@ def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts
 
 
 def test_trap_9_a_precision_means_nothing_without_the_spread_of_differences() -> None:
-    values, d = draw_values(6, 0), pairs(np.random.default_rng(0), 6, 2000)
+    values, d = draw_values(6, 0), open_differences(6, 2000, 0)
     tutor = BradleyTerryTutor.from_error_rate(values, 0.1, d, seed=1)
     tutor.signs(d)
     assert abs(tutor.realised_error_rate - 0.1) < 0.03
@@ -328,7 +336,7 @@ def test_trap_11_what_dominance_settles_is_reported(make: Make) -> None:
 def test_trap_11_a_model_of_noise_loses_little_where_the_tutor_errs_seldom(make: Make, region: Any) -> None:
     limit = {"max_sweeps": 30} if make is value_iteration else {"steps": 400}
     for seed, (mdp, values) in enumerate((random_mdp(8, 3, 5, discount=0.8, rng=0), messy_mdp(1, k=5, discount=0.8))):
-        d = pairs(np.random.default_rng(seed), 5, 300)
+        d = open_differences(5, 300, seed)
         logistic = BradleyTerryTutor.from_error_rate(values, 0.05, d / 10, seed=seed)
         for tutor in (FlippingTutor(values, 0.05, seed=seed), logistic):
             result = drive(make(mdp, BradleyTerryComparator(5, n_boot=30, region=region), **limit), tutor)

@@ -257,4 +257,6 @@ def test_the_comparators_program_takes_a_prior_as_it_takes_a_and_b():
     comparator = PolytopeComparator(4, prior=prior)
     twice, slack = [0.0, -2.0, 1.0, 0.0], [0.0, 0.0, 1.0, -0.75]  # e3 - 2 e2, and e3 - 3/4 e4 with e4 = 1
     assert comparator.compare([twice, slack]).tolist() == [Verdict.BETTER, Verdict.BETTER]
-    assert PolytopeComparator(4).compare([twice, slack]).tolist() == [Verdict.UNKNOWN, Verdict.UNKNOWN]
+    for nothing in (None, (np.empty((0, 4)), [])):
+        plain = PolytopeComparator(4, prior=nothing)
+        assert plain.compare([twice, slack]).tolist() == [Verdict.UNKNOWN, Verdict.UNKNOWN]
