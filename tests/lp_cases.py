@@ -6,8 +6,6 @@ elicit's simplex method in floats proposes a basis, which is verified in rationa
 where that fails, a primal simplex method on the dual program, in exact integers, decides.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """MDPs for tests of all folders."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from elicit.model.scale import Floats

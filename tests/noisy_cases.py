@@ -1,7 +1,5 @@
 """Differences, scales and answers of tutors who err, and the posterior's formulas written once more."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

@@ -1,7 +1,5 @@
 """The pictures show what the comparators say: areas, intervals and arrows against other ways to the same numbers."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import sys

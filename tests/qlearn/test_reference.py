@@ -1,7 +1,5 @@
 """The reference algorithms, held to the paper, to arithmetic done by hand, and to ground truth."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The notebooks run, say nothing on the error stream, and are committed as their code leaves them at full size."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """What holds for the project as a whole: imports run one way and stay light, and the README tells the truth."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

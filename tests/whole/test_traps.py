@@ -1,7 +1,5 @@
 """Eleven ways in which preference elicitation goes wrong without anyone noticing, each held off by a test."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Compiled or not, the same numbers to the last bit; and the machine code on disk is that of today's sources."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Settings are checked without raising anything raw, whatever they are."""
 
-from __future__ import annotations
-
 import math
 from decimal import Decimal
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """The best of a list, or its order: right, with few questions, and unharmed by bad answers."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

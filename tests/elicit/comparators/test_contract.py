@@ -1,7 +1,5 @@
 """What every comparator that learns promises, by the conformance tests that ship with elicit, and its tiers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """What compiled loops are told is what the comparator says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -12,9 +10,9 @@ from elicit import BradleyTerryComparator, Dominance, PolytopeComparator, Poster
 from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
 from elicit.decision.judge_kernel import certifies, judge, within
 from elicit.decision.verdicts import decide, decide_by
-from elicit.model.comparator import Comparator, Tier
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from tests.noisy_cases import pairs
@@ -116,29 +114,6 @@ def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> No
     assert all(one in (verdict, UNSETTLED) for one, verdict in zip(found, verdicts, strict=True))
     assert 0 < sum(one != UNSETTLED for one in found) < len(found)
     assert rule_of(RelaxedPolytopeComparator(K)).kind == PROVEN
-
-
-def test_without_a_rule_the_comparator_alone_tells() -> None:
-    class Plain:
-        """The five members of the protocol, and no more."""
-
-        k, values = K, np.linspace(0, 1, K)
-
-        def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-            return Dominance(K).bounds(d)
-
-        def compare(self, d: ArrayLike) -> NDArray[np.int8]:
-            return Dominance(K).compare(d)
-
-        def update(self, answers: Answers) -> Plain:
-            return self
-
-    d = np.concatenate([np.eye(K)[3:4] - np.eye(K)[:1], np.zeros((1, K)), pairs(np.random.default_rng(1), K, 5)])
-    for row, t in zip(d[2:], tail_sums(d[2:]), strict=True):
-        assert judge(row, t.copy(), 0.0, NOWHERE, rule_of(Plain()))[0] == UNSETTLED
-    verdicts, tiers = decide(Plain(), d)
-    assert verdicts.tolist() == Dominance(K).compare(d).tolist()
-    assert tiers.tolist() == [Tier.DOMINANCE, Tier.EQUAL] + [Tier.MODEL] * (len(d) - 2)
 
 
 @pytest.mark.parametrize("name", ["ensemble", "box", "posterior", "polytope"])

@@ -1,7 +1,5 @@
 """What follows by transitivity follows, with a proof; and a circle of answers is found, however it closes."""
 
-from __future__ import annotations
-
 import itertools
 
 import networkx as nx

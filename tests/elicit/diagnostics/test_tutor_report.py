@@ -1,7 +1,5 @@
 """Diagnostics recover what simulated tutors are, and hold a comparator only to answers that it has not seen."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The linear programs of section 3.1: Clarabel's bounds, the readable twin, and what makes a bound rigorous."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The dual simplex: floats propose, integers decide. Held to an independent exact method and to its own proofs."""
 
-from __future__ import annotations
-
 import time
 from fractions import Fraction
 from typing import Any

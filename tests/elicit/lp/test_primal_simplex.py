@@ -1,7 +1,5 @@
 """Walks between corners and what they rest on: every result is a proof, however bad the region or the numbers."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from fractions import Fraction

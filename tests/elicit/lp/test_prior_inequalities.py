@@ -1,7 +1,5 @@
 """Prior inequalities: what their text means, which texts are refused and with which words, and what a prior may be."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 

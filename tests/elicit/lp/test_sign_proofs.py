@@ -1,7 +1,5 @@
 """The cheap proofs one by one, in rationals, and what may be handed to ``compare`` and ``decide``."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from fractions import Fraction

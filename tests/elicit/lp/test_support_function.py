@@ -1,7 +1,5 @@
 """Bounds that hold for all differences at once, and draws of plausible scales: against other solvers and by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog

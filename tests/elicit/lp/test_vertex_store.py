@@ -1,7 +1,5 @@
 """What is known of K_t stays true however long it is used: points, corners, rows, the inner point, the pruning."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The comparators that learn nothing, the one table of verdicts, and the conformance tests themselves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

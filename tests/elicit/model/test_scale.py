@@ -1,7 +1,5 @@
 """Tail sums, gaps and dominance: the coordinates in which everything else is written."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The answer log loses nothing that it acknowledged, and says what is wrong with a file."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace

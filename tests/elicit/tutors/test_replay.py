@@ -1,7 +1,5 @@
 """A replayed log says what it said."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

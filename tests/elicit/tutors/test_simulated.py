@@ -1,7 +1,5 @@
 """Simulated tutors are exact, reproducible and as wrong as asked."""
 
-from __future__ import annotations
-
 import copy
 import math
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """The command line, from outside."""
 
-from __future__ import annotations
-
 import builtins
 from concurrent.futures import BrokenExecutor
 from dataclasses import fields

@@ -1,7 +1,5 @@
 """A tiny ablation from end to end."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Each metric is held to a case worked out by hand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Sweeps: the same rows on every backend, each computed once, whatever is killed in between."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

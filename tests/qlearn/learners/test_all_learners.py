@@ -1,7 +1,5 @@
 """What holds of all learners, or of Q-learning and value iteration alike."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from functools import partial

@@ -1,7 +1,5 @@
 """Exploration by name, and as a schedule."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

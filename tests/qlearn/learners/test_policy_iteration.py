@@ -1,7 +1,5 @@
 """Certify first: its bound against brute force, its policy against value iteration, and its manners."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Interactive Q-learning against the reference, the exact oracles, and its own promises."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Question strategies against their formulas written out, and learners that put questions off."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

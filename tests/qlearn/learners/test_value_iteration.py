@@ -1,7 +1,5 @@
 """Interactive value iteration against its reference, scalar value iteration, and its own promises."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product

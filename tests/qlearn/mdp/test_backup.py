@@ -1,7 +1,5 @@
 """Backed-up share vectors are those of eq. (3), compiled or not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

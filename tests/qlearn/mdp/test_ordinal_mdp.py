@@ -1,7 +1,5 @@
 """OrdinalMDP: what it stores, what it computes, and what it refuses."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import FrozenInstanceError, replace
 from typing import Any

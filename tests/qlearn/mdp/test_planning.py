@@ -1,7 +1,5 @@
 """Planning is ground truth, so each function is held to at least one independent method."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """OrdinalMDPs from tables, state-action pairs and environments are the problems they were made from."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The paper's figures: the rows do not depend on how they were computed, and what is said of them can be recomputed."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """FrozenLake and deep-sea-treasure, held to their packages by stepping them."""
 
-from __future__ import annotations
-
 import builtins
 import os
 import warnings

@@ -1,7 +1,5 @@
 """ICU-Sepsis is the published benchmark."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib.metadata import distribution

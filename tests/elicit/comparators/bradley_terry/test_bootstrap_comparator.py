@@ -1,7 +1,5 @@
 """The Bradley-Terry comparator: what it may decide, on what, and what it must not depend on."""
 
-from __future__ import annotations
-
 import math
 import re
 import warnings

@@ -1,7 +1,5 @@
 """The posterior comparator: what it promises, what it may depend on, and its numbers against other ways to them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

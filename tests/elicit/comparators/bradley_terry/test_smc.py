@@ -1,7 +1,5 @@
 """The particles' parts, each against another way to the same number, and the moves against laws they must keep."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise, permutations
 from typing import Any

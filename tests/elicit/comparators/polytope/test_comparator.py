@@ -1,7 +1,5 @@
 """The polytope comparator's promises: verdicts that depend on the answers only, its centre, contradictions, errors."""
 
-from __future__ import annotations
-
 import pickle
 import time
 from fractions import Fraction

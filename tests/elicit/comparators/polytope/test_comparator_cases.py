@@ -1,7 +1,5 @@
 """Every verdict and bound of the polytope comparator, on random and adversarial cases, against exact rationals."""
 
-from __future__ import annotations
-
 from collections import Counter
 from fractions import Fraction
 

@@ -1,8 +1,6 @@
 """Explanations: every proof checked in rationals by code of its own, every listed answer shown to be needed by telling
 the others alone, and the sentences word by word."""
 
-from __future__ import annotations
-
 import pickle
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The relaxed polytope: the reliable one where answers are consistent, a linear program's set where they are not."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from fractions import Fraction
