@@ -27,9 +27,6 @@ Rationals = list[Fraction]
 TIE_BAND = Fraction(1e-9)
 
 
-# ---- the region in rationals ------------------------------------------------------------------------------------
-
-
 def tails(d: Sequence[float]) -> tuple[list[float], int]:
     """The float tail sums (k-1,) of d (k,), best level first to be added, and the power of two that they were
     divided by to keep sums of numbers beyond 2^960 from overflowing."""
@@ -93,9 +90,6 @@ def region_of(
         for sign in (1, -1) if y[i] == 0 else (int(y[i]),):
             region.add([sign * x for x in exact(t)], band)
     return region
-
-
-# ---- the second opinion -----------------------------------------------------------------------------------------
 
 
 class Oracle:
@@ -242,9 +236,6 @@ def verdict(least: Fraction, greatest: Fraction) -> int:
     if least >= 0:
         return 1
     return -1 if greatest <= 0 else 2
-
-
-# ---- cases ------------------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -549,9 +540,6 @@ def cases(
         k = 2 + int((most_levels - 1) * rng.random() ** 2)
         n = int((most_answers + 1) * rng.random() ** 3)
         yield KINDS[i % len(KINDS)](rng, k, n, asks)
-
-
-# ---- regions of floats, as elicit has them -----------------------------------------------------------------------
 
 
 def region(rows: Any, margin: float = 0.0, rhs: Any = None) -> floats.Region:

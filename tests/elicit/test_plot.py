@@ -66,9 +66,6 @@ def nothing_is_clipped(ax):
         assert all(box.padded(1).fully_contains(*corner) for corner in extent.corners()), artist
 
 
-# --- K_t as an area
-
-
 @pytest.mark.parametrize("n", [0, 1, 3, 8])
 @pytest.mark.parametrize("margin", [0.0, 0.1])
 def test_the_area_is_the_share_of_scales_that_fit(n, margin):
@@ -205,9 +202,6 @@ def test_what_cannot_be_drawn(call, complaint):
     assert not plt.get_fignums(), "no empty figure is left behind"
 
 
-# --- each level's interval
-
-
 def drawn_intervals(ax):
     """For each comparator: low, high, height (k,) of its lines; the best guesses (k,), and the line of these."""
     lines = [c for c in ax.collections if c.get_zorder() == 1]
@@ -270,9 +264,6 @@ def test_one_comparator_with_names_of_levels():
     assert "$e_{12} - e_1$" in plot.scale_intervals(Dominance(12)).get_xlabel()
 
 
-# --- the graph of answers
-
-
 def said(name, left, verdict, right):
     return Answer(Query(name, WARD[left], WARD[right]), verdict)
 
@@ -313,9 +304,6 @@ def test_dominance_is_drawn_without_what_follows():
     assert graph.number_of_edges() == 6
     assert len(arrows(plot.preference_graph(graph))) == 3
     plot.preference_graph(preference_graph([]))
-
-
-# --- what all have in common
 
 
 @pytest.mark.parametrize(

@@ -103,9 +103,6 @@ def test_a_full_run_says_what_is_committed(path, tmp_path):
     assert again.metadata == notebook.metadata
 
 
-# --- the command that runs them
-
-
 def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home(tmp_path, monkeypatch):
     home, elsewhere, here = tmp_path / "home", tmp_path / "jupyter", tmp_path / "here"
     wrong = elsewhere / "kernels" / "python3"

@@ -44,9 +44,6 @@ def wrong_answers(result: Result, values: Floats) -> int:
     return int((TruthfulTutor(values).signs(result.answers.d) * result.answers.y < 0).sum())
 
 
-# --- 1: mass ----------------------------------------------------------------------------------------------------
-
-
 class RawTutor:
     """Never wrong about the numeric rewards as they are, whose worst level is not worth 0."""
 
@@ -97,9 +94,6 @@ def test_trap_1_from_the_worst_start_raw_rewards_are_as_good_as_normalised_ones(
         assert result.status is normal.status is Status.DONE
 
 
-# --- 2: the exact oracle ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_trap_2_an_exact_oracle_for_free(seed: int) -> None:
     # which is Q-learning on the true values: tests/qlearn/learners/test_q_learning.py; and integers drawn from 0..99
@@ -120,9 +114,6 @@ def test_trap_2_interactive_value_iteration_is_value_iteration() -> None:
     for tolerance in (0.1, 0.001):
         result = drive(value_iteration(mdp, PolytopeComparator(6), tolerance=tolerance), TruthfulTutor(values))
         assert policy_loss(mdp, result.policy, values).max() <= tolerance
-
-
-# --- 3: ties ----------------------------------------------------------------------------------------------------
 
 
 def equal_actions() -> OrdinalMDP:
@@ -157,9 +148,6 @@ def refuse(query: Query) -> Answer:
     raise AssertionError(f"nothing to ask: {query}")
 
 
-# --- 4: false certainty -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("region", ["ensemble", "box"])
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_trap_4_few_answers_leave_most_pairs_open(region: Any, n: int) -> None:
@@ -180,17 +168,11 @@ def test_trap_4_a_learner_with_few_answers_asks(make: Make) -> None:
     assert result.asked > 10
 
 
-# --- 5: separable data ------------------------------------------------------------------------------------------
-
-
 def test_trap_5_a_learner_without_a_prior_says_so() -> None:
     mdp, values = random_mdp(6, 3, 5, discount=0.9, rng=0)
     learner = q_learning(mdp, BradleyTerryComparator(5, n_boot=10, prior_strength=0.0), steps=100)
     with pytest.warns(NotConverged):
         drive(learner, TruthfulTutor(values))
-
-
-# --- 6: the box is blunt ----------------------------------------------------------------------------------------
 
 
 def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> None:
@@ -209,9 +191,6 @@ def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> N
     assert decided["ensemble"] > 0.3 * 1500
     for region in decided:
         assert wrong[region] <= 0.05 * decided[region]
-
-
-# --- 7: noise meets polytope, silently --------------------------------------------------------------------------
 
 
 @both
@@ -260,9 +239,6 @@ def test_trap_7_dropping_a_contradiction_settles_its_pair_and_the_run_goes_on(ma
     PolytopeComparator(5).update(result.answers)
 
 
-# --- 8: eta too large -------------------------------------------------------------------------------------------
-
-
 @both
 def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts_it(make: Make) -> None:
     # gaps of (39, 57, 84, 87, 89) are .36, .54, .06, .04 of the range: equal gaps are far from the truth
@@ -273,9 +249,6 @@ def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts
     assert raised.value.margin
     harmless = drive(make(mdp, PolytopeComparator(5, margin=0.009), audit=1.0), TruthfulTutor(values))
     assert harmless.status is not Status.WAITING
-
-
-# --- 9: noise scale ---------------------------------------------------------------------------------------------
 
 
 def test_trap_9_a_precision_means_nothing_without_the_spread_of_differences() -> None:
@@ -300,9 +273,6 @@ def test_trap_9_the_realised_error_rate_of_a_run_is_known(make: Make) -> None:
     assert tutor.realised_error_rate == wrong_answers(result, values) / result.asked
 
 
-# --- 10: batches cost questions ---------------------------------------------------------------------------------
-
-
 def test_trap_10_batches_cost_questions() -> None:
     asked = dict.fromkeys((1, 4, 1000), 0)
     for seed in range(4):
@@ -313,9 +283,6 @@ def test_trap_10_batches_cost_questions() -> None:
     assert asked[1] < asked[4] <= asked[1000]
     mdp, values = random_mdp(20, 4, 8, discount=0.9, rng=0)
     assert len(value_iteration(mdp, PolytopeComparator(8)).ask()) == 1  # unless told otherwise
-
-
-# --- 11: toy tasks ----------------------------------------------------------------------------------------------
 
 
 @both

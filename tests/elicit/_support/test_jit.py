@@ -31,9 +31,6 @@ def report() -> list[str]:
     return lines
 
 
-# ---- the same numbers -------------------------------------------------------------------------------------------
-
-
 def test_compiled_and_interpreted() -> None:
     ours = report()
     assert len({line.split()[0] for line in ours}) > 10
@@ -45,8 +42,6 @@ def test_numba_is_imported_only_when_a_comparator_needs_it() -> None:
     code = "import sys, elicit; print('numba' in sys.modules); elicit.PolytopeComparator; print('numba' in sys.modules)"
     assert run(code) == ["False", "True"]
 
-
-# ---- the machine code on disk -----------------------------------------------------------------------------------
 
 HELPER = "from elicit._support.jit import compiled\n@compiled\ndef helper(x):\n    return x + {}\n"
 CALLER = """from elicit._support.jit import compiled

@@ -35,9 +35,6 @@ def true_order(vectors, values=HIDDEN):
 COMPARATORS = [AlwaysAsk(K), Dominance(K), PolytopeComparator(K)]
 
 
-# --- right
-
-
 @pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
 @pytest.mark.parametrize("order", [False, True])
 @pytest.mark.parametrize("n", [1, 2, 3, 17])
@@ -95,9 +92,6 @@ def test_what_every_scale_orders_needs_no_question(vectors, comparator, order, d
     assert (result.best, result.order, result.asked) == (order[0], order, 0)
     assert set(result.decided) == decided
     assert choose(vectors, comparator).ask() == ()
-
-
-# --- few questions
 
 
 def test_the_number_of_questions():
@@ -170,9 +164,6 @@ def test_a_wrong_guess_costs_little():
     asked = run(choice, TruthfulTutor(hidden))
     assert list(choice.result().order) == true_order(vectors, hidden)
     assert len(asked) < 160
-
-
-# --- ask and tell
 
 
 def test_the_same_problem_asks_the_same_queries():
@@ -253,9 +244,6 @@ def test_an_error_after_the_update_changes_nothing_either():
     assert choice.result().best == true_order(shares(0, 30))[0]
 
 
-# --- cannot tell, budget, errors
-
-
 @pytest.mark.parametrize("order", [False, True])
 @pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
 def test_cannot_tell_leaves_the_best_guess(comparator, order):
@@ -334,9 +322,6 @@ def test_the_result_names_tiers_and_labels():
     assert {type(count) for count in result.decided.values()} == {int}
     for status in ChoiceStatus:
         assert status.value.endswith(".")
-
-
-# --- what is wrong
 
 
 @pytest.mark.parametrize(

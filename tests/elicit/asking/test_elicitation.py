@@ -75,9 +75,6 @@ class Convinced(Dominance):
         return new
 
 
-# --- the policy
-
-
 def policy(
     verdict: int, tier: int, bound: bool, said: int, drawn: bool, unclear: bool, close: bool, guess: int
 ) -> tuple[int, int]:
@@ -217,9 +214,6 @@ def test_a_batch_holds_no_pair_twice_and_no_more_than_the_budget() -> None:
     assert elicitation(batch=9, max_queries=2).next_batch(rows) == [0, 2]
 
 
-# --- answers
-
-
 @pytest.mark.parametrize("verdict", [WORSE, BETTER])
 def test_a_pair_answered_before_is_known_in_both_directions(verdict: Verdict) -> None:
     asked_by = elicitation()
@@ -278,9 +272,6 @@ def test_of_several_answers_only_what_contradicts_is_dropped() -> None:
     assert asked_by.answers.ids == (queries[0].id, queries[2].id)
 
 
-# --- audits
-
-
 def test_the_share_of_audits_is_as_stated_and_answered_pairs_are_left_out() -> None:
     comparator, d = TAUGHT["polytope"], differences(3000)
     counts = {}
@@ -315,9 +306,6 @@ def test_an_audit_s_answer_counts_but_the_model_has_the_last_word(
     assert seen == [(verdict, tier)]
     assert (asked_by.asked, asked_by.audits[0].answer, asked_by.audits[0].expected) == (1, answer, WORSE)
     assert asked_by.audits[0].contradicts == (answer is BETTER)
-
-
-# --- counts
 
 
 def test_what_the_user_acted_on_is_counted_and_shown() -> None:

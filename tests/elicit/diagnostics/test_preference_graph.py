@@ -21,9 +21,6 @@ def said(name, left, verdict, right):
     return Answer(Query(name, left, right), verdict)
 
 
-# --- the graph
-
-
 def test_nodes_are_the_vectors_shown_and_edges_lead_from_better_to_worse():
     told = [(A, BETTER, B), (C, WORSE, A), (B, EQUAL, C), (C, None, D), (B, WORSE, A), (B, EQUAL, A)]
     graph = preference_graph([said(str(i), *one) for i, one in enumerate(told, 1)], dominance=False)
@@ -85,9 +82,6 @@ def test_nothing_said():
 def test_other_numbers_of_levels_are_refused():
     with pytest.raises(ValueError, match="query 2 is about 2 levels, but the first answer is about 3"):
         preference_graph([said("1", A, BETTER, B), said("2", [0, 1], BETTER, [1, 0])])
-
-
-# --- what follows
 
 
 def test_a_chain_and_its_proof():
@@ -211,9 +205,6 @@ def test_what_follows_is_what_a_comparator_is_sure_of():
         alone = PolytopeComparator(5, margin=0).update(Answers.of(named, 5))
         difference = graph.nodes[one.better]["vector"] - graph.nodes[one.worse]["vector"]
         assert alone.compare(difference)[0] == BETTER
-
-
-# --- circles
 
 
 def test_better_better_better_and_back():

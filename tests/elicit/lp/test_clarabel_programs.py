@@ -50,9 +50,6 @@ def test_three_statements_of_one_program(k: int, n: int) -> None:
         assert float(oracle.least(exact(tail_sums(d)))) == pytest.approx(low, abs=1e-7)
 
 
-# ---- bounds that hold whatever the solver says -------------------------------------------------------------------
-
-
 finite = st.floats(min_value=-1.0, max_value=1.0)
 
 
@@ -112,9 +109,6 @@ def test_an_objective_can_be_replaced_after_a_failure() -> None:
     oracle = Oracle(exactly(r))
     for t in np.random.default_rng(0).normal(size=(20, 3)):
         assert 0 <= float(oracle.least(exact(t)) - Fraction(programs.least(t, None))) < 1e-9
-
-
-# ---- points inside ----------------------------------------------------------------------------------------------
 
 
 def test_strictly_inside_is_a_proof() -> None:

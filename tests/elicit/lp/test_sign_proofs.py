@@ -43,9 +43,6 @@ wild = st.one_of(finite, st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -
 vectors = st.lists(wild, min_size=2, max_size=9)
 
 
-# ---- tail sums, dominance, scaling ------------------------------------------------------------------------------
-
-
 def sums_of(d: Floats) -> Floats:
     t = np.empty(d.shape[1] - 1)
     with np.errstate(all="ignore"):  # as its callers do: plain code would warn
@@ -106,9 +103,6 @@ def test_the_side_of_a_point_is_certain(seed: int) -> None:
         assert side or abs(value) < 1e-13
         told[side] += 1
     assert min(told[-1], told[0], told[1]) > 10
-
-
-# ---- one known row ----------------------------------------------------------------------------------------------
 
 
 @cache
@@ -217,9 +211,6 @@ def test_tiny_entries_prove_nothing_beyond_64_gaps() -> None:
     assert PolytopeComparator(71, margin=0.0).update(Answers([d], [1])).compare(ask).tolist() == [Verdict.UNKNOWN]
 
 
-# ---- all of them ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_what_is_settled_is_settled_rightly(seed: int) -> None:
     rng, seen = np.random.default_rng(seed), Counter[int]()
@@ -261,9 +252,6 @@ def test_sums_of_huge_numbers_prove_nothing() -> None:
     assert least < 0 < greatest
     c = PolytopeComparator(8, margin=2.0**-10).update(Answers([known], [-1]))
     assert c.compare(ask).tolist() == [Verdict.UNKNOWN]
-
-
-# ---- what may be handed over ------------------------------------------------------------------------------------
 
 
 def learned() -> tuple[PolytopeComparator, Floats]:

@@ -26,8 +26,6 @@ from tests.lp_cases import (
     verdict,
 )
 
-# ---- pruning ----------------------------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize("seed", range(2))
 def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
@@ -48,9 +46,6 @@ def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
             with np.errstate(all="ignore"):
                 assert ((np.abs(mine - its) <= 1e-9 * np.abs(case.ask).sum(axis=1)) | (mine == its)).all(), case.kind
     assert rows < answers - 300
-
-
-# ---- long runs --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("k", "checks"), [(2, 3), (3, 3), (8, 3), (20, 1)])
@@ -117,9 +112,6 @@ def test_very_many_levels() -> None:
     for i in (*np.flatnonzero(given == 1)[:2], *np.flatnonzero(given == 2)[:2]):
         t = tail_sums(ask[i])
         assert verdict(*(s * minimise_exactly(s * t, c.region).value for s in (1, -1))) == given[i]
-
-
-# ---- odd answers ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("k", [6, 12])

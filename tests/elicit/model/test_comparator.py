@@ -56,9 +56,6 @@ def test_the_number_of_levels():
     assert check_levels(2) == 2
 
 
-# --- the conformance tests find what is wrong
-
-
 @dataclass(frozen=True)
 class OneScale:
     """Believes in one scale: a correct, if bold, comparator, from which the bad ones differ by one mistake."""

@@ -60,9 +60,6 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
             yield client
 
 
-# --- where rows are computed
-
-
 def test_rows_come_in_the_order_of_the_cells_on_every_backend(cluster: Any) -> None:
     assert text(sweep(row, CELLS, jobs=1)) == EXPECTED
     assert text(sweep(row, CELLS, jobs=2)) == EXPECTED
@@ -170,9 +167,6 @@ def test_what_goes_ahead_of_an_ablation() -> None:
         part()
 
 
-# --- the journal
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_finished_row_is_never_computed_again(jobs: int, tmp_path: Path) -> None:
     journal, log, seen = tmp_path / "journal", tmp_path / "log", []
@@ -234,9 +228,6 @@ def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(content: bytes, 
         with pytest.raises(ValueError, match="file is no journal, it begins"):
             sweep(row, CELLS, journal=tmp_path / "file", jobs=1, fresh=fresh)
     assert (tmp_path / "file").read_bytes() == content
-
-
-# --- what is interrupted or killed
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

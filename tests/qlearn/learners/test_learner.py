@@ -71,9 +71,6 @@ def snapshot(result: Result) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
-# --- ask and tell -----------------------------------------------------------------------------------------------
-
-
 def test_ask_is_idempotent(make: Make) -> None:
     learner = make(PolytopeComparator(K))
     while queries := learner.ask():
@@ -117,9 +114,6 @@ def test_a_tutor_who_fails_leaves_the_question_open(make: Make) -> None:
     )
 
 
-# --- results ----------------------------------------------------------------------------------------------------
-
-
 def test_a_result_can_be_had_at_any_time(make: Make) -> None:
     learner = make(PolytopeComparator(K))
     results = [learner.result()]
@@ -151,9 +145,6 @@ def test_a_result_does_not_change_later(make: Make) -> None:
     spoiled = learner.result()
     spoiled.policy[:], spoiled.q[:] = 0, 0.0  # nor does the learner, whatever is done to its result
     assert snapshot(learner.result()) == snapshot(drive(make(PolytopeComparator(K)), truth))
-
-
-# --- never twice, ties, cannot tell -----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -188,9 +179,6 @@ def test_who_cannot_tell_keeps_the_incumbent(make: Make, comparator: Comparator)
     assert result.policy.tolist() == indifferent.result().policy.tolist()
 
 
-# --- budget -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("budget", [0, 1, 3])
 @pytest.mark.parametrize("batch", [1, 5])
 def test_beyond_the_budget_the_best_guess_decides(make: Make, budget: int, batch: int) -> None:
@@ -206,9 +194,6 @@ def test_a_budget_that_suffices_changes_nothing(make: Make) -> None:
     free = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES))
     exact = drive(make(PolytopeComparator(K), max_queries=free.asked), TruthfulTutor(VALUES))
     assert snapshot(exact) == snapshot(free)
-
-
-# --- audits -----------------------------------------------------------------------------------------------------
 
 
 def test_audits_are_counted_apart_and_change_nothing_if_true(make: Make) -> None:
@@ -252,9 +237,6 @@ def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contra
     assert log.answers().d.tobytes() == result.answers.d.tobytes()
     assert log.answers().y.tolist() == result.answers.y.tolist()
     assert result.decided["known"] >= len(unused)
-
-
-# --- drive ------------------------------------------------------------------------------------------------------
 
 
 LEARNING = ("polytope", "dominance", "ensemble")

@@ -42,9 +42,6 @@ def test_sweeps_stand_in_for_factors_that_would_not_fit(monkeypatch: pytest.Monk
     np.testing.assert_allclose(evaluate_policy(mdp, random_policy(mdp, 0)), expected[1], rtol=0, atol=1e-12)
 
 
-# --- value iteration -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_v_is_the_scalar_value_in_shares(seed: int) -> None:
     """(1 - discount) times the raw discounted sum of rewards, by plain sweeps, less the worst value, over the range."""
@@ -165,9 +162,6 @@ def test_a_tolerance_that_cannot_be_or_is_below_rounding_is_refused() -> None:
     with pytest.raises(ValueError, match="finer than floats can certify"):
         value_iteration(mdp, values, 1e-10)  # a sweep changes less, but 1 / (1 - discount) times that may be missing
     value_iteration(mdp, values, 1e-6)
-
-
-# --- evaluating a policy ---------------------------------------------------------------------------------------------
 
 
 @settings(deadline=None, max_examples=30)

@@ -15,9 +15,6 @@ from tests.mdp_cases import messy_mdp
 ABC = ("a", "b", "c")
 
 
-# --- tables ----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("form", ["dense", "csr", "csc", "coo", "by action", "pairs", "dense pairs"])
 def test_every_table_is_the_problem_it_was_made_from(form: str) -> None:
     for mdp in (random_mdp(9, 3, 4, rng=0)[0], *(messy_mdp(seed)[0] for seed in range(3))):
@@ -105,9 +102,6 @@ def pairs(**changed: Any) -> dict[str, Any]:
 def test_from_pairs_refuses(changed: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         OrdinalMDP.from_pairs(**pairs(**changed))
-
-
-# --- environments ----------------------------------------------------------------------------------------------------
 
 
 def optimal(table: Any, discount: float) -> Floats:

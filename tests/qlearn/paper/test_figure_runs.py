@@ -85,9 +85,6 @@ def test_warnings_are_counted_not_shown() -> None:
     assert loud.warnings[loud.comparator == "box"].item() > 0
 
 
-# --- what is said of the rows
-
-
 def made_up(slope: float, loss: float, seeds: int = 6, noise: float = 0.2) -> pd.DataFrame:
     """Rows of both series in which what is asked rises by ``slope`` a level and a hundred states."""
     rng = np.random.default_rng(3)

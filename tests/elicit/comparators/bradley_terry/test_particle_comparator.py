@@ -66,9 +66,6 @@ def assert_sane(c: PosteriorComparator, least: float = 0.05) -> None:
     assert math.isnan(c.acceptance) or 0 < c.acceptance < 1
 
 
-# ---- the contract -----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("k", "n", "settings"),
     [
@@ -235,9 +232,6 @@ def test_levels_set_in_between_do_not_change_what_is_thought_of_the_others() -> 
     assert np.abs(few - many).max() < 4 * math.sqrt(0.5 / (8 * 1000))
 
 
-# ---- little knowledge -------------------------------------------------------------------------------------------
-
-
 def weighted(rng: Rng, k: int, answers: Answers, lapse: float, m: int) -> tuple[Floats, Floats, Floats]:
     """Gaps (m, p), log c (m,) from the prior, and their weights (m,) by the formula: the posterior, exactly so in the
     limit, by no chain at all."""
@@ -308,9 +302,6 @@ def test_a_tutor_of_no_precision_teaches_nothing(precision: float) -> None:
     assert after.effective_size == pytest.approx(after.particles)
     assert math.isnan(after.acceptance)
     assert len(after.answers) == 40
-
-
-# ---- much, strange and contradictory knowledge ------------------------------------------------------------------
 
 
 def test_ten_thousand_answers() -> None:
@@ -419,9 +410,6 @@ def test_without_noise_it_agrees_with_the_polytope(k: int) -> None:
     assert (tail_sums(asked) @ gaps[:, weights > 1e-12] * answers.y[:, None] > -1e-9).all()
 
 
-# ---- prior inequalities -----------------------------------------------------------------------------------------
-
-
 def test_named_inequalities_hold_for_certain() -> None:
     prior = ["e4 >= 2*e2", "e3 - e2 <= 0.1", "e2 >= 0.05"]
     rows = np.array([[0, -2, 0, 1, 0], [0, 1, -1, 0, 0.1], [0, 1, 0, 0, -0.05]])
@@ -464,9 +452,6 @@ def test_impossible_or_too_thin_inequalities_are_named() -> None:
         PosteriorComparator(4, prior=["e2 >= 0.9", "e3 <= 0.5"])
     with pytest.raises(ValueError, match=r"e2 >= 0\.5; e2 <= 0\.5, leave too little room"):
         PosteriorComparator(4, prior=["e2 >= 0.5", "e2 <= 0.5"])
-
-
-# ---- the numbers ------------------------------------------------------------------------------------------------
 
 
 def assert_near(found: Floats, true: Floats, copies: int, spread: Floats, error: Floats | float, what: str) -> float:
@@ -591,9 +576,6 @@ def test_ranks_of_the_truth_are_uniform() -> None:
 @pytest.mark.parametrize(("k", "n"), [(5, 40), (10, 40), (20, 40)])
 def test_ranks_of_the_truth_are_uniform_in_many_replications(k: int, n: int) -> None:
     assert_uniform(*ranks(k, n, 600, 1))
-
-
-# ---- the promise ------------------------------------------------------------------------------------------------
 
 
 def learned(k: int, lapse: float, make: Callable[[Floats, Floats, int], Any], law: str, seed: int) -> tuple[int, int]:

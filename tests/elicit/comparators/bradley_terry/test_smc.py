@@ -59,9 +59,6 @@ def rows_of(rng: Rng, k: int, n: int, logit_sd: float = 2.0, ties: bool = True) 
     return np.ascontiguousarray(t.T), y == 0
 
 
-# ---- numbers ----------------------------------------------------------------------------------------------------
-
-
 def test_small_exp_is_exp() -> None:
     u = np.concatenate([np.linspace(0.0, 64.0, 4001), 10.0 ** np.linspace(-300, 0, 301)])
     found = np.array([D.small_exp(float(x)) for x in u])
@@ -144,9 +141,6 @@ def test_a_given_precision_scales_theta_and_inequalities_bound_it() -> None:
             assert (D.log_prior(x, bounded, theta, np.empty((2, D.BLOCK))) > -math.inf) == (g[0] > 0.5)
 
 
-# ---- weights ----------------------------------------------------------------------------------------------------
-
-
 def test_the_effective_size_counts_weights() -> None:
     logs = np.random.default_rng(0).normal(size=100) * 2.0
     w = np.exp(logs)
@@ -181,9 +175,6 @@ def test_tempering_takes_as_much_of_a_surprise_as_the_weights_can_bear() -> None
     assert P.effective_size(1.01 * power * found) < P.FAIR * 200
     assert P.tempered(logs, 0.01 * found, 1.0) == 1.0
     assert P.tempered(logs, 0.01 * found, 0.25) == 0.25
-
-
-# ---- moves ------------------------------------------------------------------------------------------------------
 
 
 def moved(
@@ -382,9 +373,6 @@ def test_what_moves_leave_is_the_greatest_squared_correlation() -> None:
     levels = np.cumsum(np.exp(x - log_c[:, None]), axis=1).T[:-1]
     assert P.features(x, 0.0) == pytest.approx(np.vstack([levels, log_c]))
     assert P.features(x, 5.0) == pytest.approx(np.vstack([levels, levels[0]]))
-
-
-# ---- compiled or not --------------------------------------------------------------------------------------------
 
 
 def report() -> list[str]:

@@ -45,9 +45,6 @@ def setting(seed: int, k: int = 7, n: int = 40, asks: int = 60) -> Case:
     return Case("setting", k, 1e-6, None, d, answered(rng, d, truth), questions(rng, d, truth, asks), truth)
 
 
-# ---- what it knows ----------------------------------------------------------------------------------------------
-
-
 def test_without_answers_it_knows_the_order_and_the_margin() -> None:
     c = PolytopeComparator(3, margin=0.125)
     steps = np.array([[-1, 1, 0], [0, 1, -1], [0, 0, 0], [-1, 2, -1], [-1, 7, -6], [-6, 7, -1]], dtype=float)
@@ -81,9 +78,6 @@ def test_closed_gaps_make_no_difference() -> None:
     assert c.compare(asked).tolist() == [EQUAL, BETTER, BETTER, UNKNOWN]
     assert decide(c, asked).tiers[:3].tolist() == [Tier.EXACT] * 3  # dominance itself would say too much
     assert c.values[1] == pytest.approx(c.values[2])
-
-
-# ---- a pure function of (answers, margin, prior, d) -------------------------------------------------------------
 
 
 @settings(max_examples=12, deadline=None)
@@ -160,9 +154,6 @@ def test_nothing_new_changes_nothing() -> None:
     same = c.update(Answers.none(case.k)).update(Answers(np.zeros((2, case.k)), [1, 0]))
     assert (same.compare(case.ask) == c.compare(case.ask)).all()
     assert (same.values == c.values).all()
-
-
-# ---- values: the analytic centre --------------------------------------------------------------------------------
 
 
 def slacks(c: PolytopeComparator, g: Floats) -> tuple[Floats, Floats]:
@@ -252,9 +243,6 @@ def test_values_do_not_depend_on_the_order_of_the_answers() -> None:
             for part in np.array_split(order, 3):
                 shuffled = shuffled.update(Answers(case.d[part], case.y[part]))
             assert (shuffled.values == case.known().values).all(), case.kind
-
-
-# ---- contradictions ---------------------------------------------------------------------------------------------
 
 
 def check_conflict(error: InconsistentAnswers, k: int, margin: float, prior: Any, d: Floats, y: Any) -> None:
@@ -372,9 +360,6 @@ def test_contradictions_by_the_last_bit() -> None:
         c.update(Answers([beyond], [1]))
 
 
-# ---- errors -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("k", "margin"), [(3, 0.51), (3, 0.5000000000000001), (11, 0.2), (4, -1e-9), (4, np.nan), (4, "a")]
 )
@@ -428,9 +413,6 @@ def test_differences_that_are_none(d: Any, message: str) -> None:
     for ask in (c.compare, c.bounds, partial(decide, c)):
         with pytest.raises(ValueError, match=message):
             ask(d)
-
-
-# ---- nasty numbers ----------------------------------------------------------------------------------------------
 
 
 def test_ties_keep_their_width_at_any_size() -> None:

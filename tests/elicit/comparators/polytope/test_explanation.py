@@ -41,9 +41,6 @@ def of_case(case: Case, rows: Sequence[int] | None = None, prior: Sequence[int] 
     return comparator.update(Answers(case.d[keep], case.y[keep]))
 
 
-# ---- a checker that shares no code with elicit ---------------------------------------------------------------------
-
-
 def in_units_of(d: Sequence[float]) -> list[Fraction]:
     t, shift = tails(d)
     return [x * 2**shift for x in exact(t)]
@@ -237,8 +234,6 @@ def test_the_edge_of_a_cone_is_told_from_what_lies_beside_it() -> None:
     beside = explained(from_tails(first + second - [0.0, 2.0**-50, 0.0]), comparator)
     assert beside.verdict is Verdict.UNKNOWN
 
-
-# ---- sentences -----------------------------------------------------------------------------------------------------
 
 LEFT, RIGHT, EVEN = (
     f"not asked: {who}, because it follows from "

@@ -24,9 +24,6 @@ Floats = np.ndarray[Any, Any]
 BETTER, WORSE, EQUAL, UNKNOWN = Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Verdict.UNKNOWN
 
 
-# ---- the second opinion: variables e and one violation an answer, in HiGHS --------------------------------------
-
-
 class Fit:
     """Least total violation, and least d.e where the total violation is at most some number."""
 
@@ -163,9 +160,6 @@ def test_values_are_the_analytic_centre_with_violations() -> None:
         assert comparator.violation > 0
 
 
-# ---- with consistent answers ------------------------------------------------------------------------------------
-
-
 def test_consistent_answers_and_no_slack_are_the_polytope_comparator() -> None:
     for i, case in enumerate(cases(31, 56, most_levels=11, most_answers=60)):
         told = Answers(case.d, case.y)
@@ -205,9 +199,6 @@ def test_slack_only_ever_loosens() -> None:
         assert (several[-1].compare(case.ask) == free.compare(case.ask)).all()
     assert decided > 100
     assert loosened > 10
-
-
-# ---- what is proven ---------------------------------------------------------------------------------------------
 
 
 def test_cuts_hold_exactly() -> None:
@@ -256,8 +247,6 @@ def test_the_best_fit_is_a_scale_and_its_violation_no_less_than_told() -> None:
         total = dot(exact(hinges.weights), [max(x, Fraction(0)) for x in lacking])
         assert total <= Fraction(hinges.at_most(g)) <= total + Fraction(1e-11)
 
-
-# ---- small cases by hand ----------------------------------------------------------------------------------------
 
 # g_1 >= 0.6 and g_1 <= 9/19: no scale does both
 UP, DOWN = from_tails([1.0, -1.5]), from_tails([-0.90625, 1.0])
@@ -371,9 +360,6 @@ def test_bounds_for_all_rows_at_once_state_a_confidence_only_while_the_answers_a
     assert (scores <= high[:, None] + 1e-7).all()
 
 
-# ---- a frozen comparator ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("k", "slack"), [(2, 0.0), (3, 0.1), (5, 0.0), (5, 0.02)])
 def test_it_keeps_the_contract_where_answers_contradict_each_other(k: int, slack: float) -> None:
     c = RelaxedPolytopeComparator(k, slack, margin=0.01).update(noisy(1, k, 12, 0.4)[1] if k > 2 else Answers.none(2))
@@ -453,9 +439,6 @@ def test_errors() -> None:
     inconsistent = RelaxedPolytopeComparator(3).update(Answers([UP, DOWN], [1, 1]))
     with pytest.raises(ValueError, match="both huge and tiny numbers"):
         inconsistent.update(Answers([[0, 1e300, 1e-300]], [1]))
-
-
-# ---- what it is for ---------------------------------------------------------------------------------------------
 
 
 def test_slack_brings_the_truth_back() -> None:
