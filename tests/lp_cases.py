@@ -6,8 +6,6 @@ elicit's simplex method in floats proposes a basis, which is verified in rationa
 where that fails, a primal simplex method on the dual program, in exact integers, decides.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,20 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, PolytopeComparator
 from elicit.lp import region as floats
 from elicit.lp.dual_simplex import minimise, minimise_exactly
 from elicit.lp.sign_proofs import to_unit
 from elicit.lp.vertex_store import start
 from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, USED, Known
-from elicit.model.query import Answers
 
 Floats = NDArray[np.float64]
 Rationals = list[Fraction]
 TIE_BAND = Fraction(1e-9)
-
-
-# ---- the region in rationals ------------------------------------------------------------------------------------
 
 
 def tails(d: Sequence[float]) -> tuple[list[float], int]:
@@ -96,9 +90,6 @@ def region_of(
         for sign in (1, -1) if y[i] == 0 else (int(y[i]),):
             region.add([sign * x for x in exact(t)], band)
     return region
-
-
-# ---- the second opinion -----------------------------------------------------------------------------------------
 
 
 class Oracle:
@@ -245,9 +236,6 @@ def verdict(least: Fraction, greatest: Fraction) -> int:
     if least >= 0:
         return 1
     return -1 if greatest <= 0 else 2
-
-
-# ---- cases ------------------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -552,9 +540,6 @@ def cases(
         k = 2 + int((most_levels - 1) * rng.random() ** 2)
         n = int((most_answers + 1) * rng.random() ** 3)
         yield KINDS[i % len(KINDS)](rng, k, n, asks)
-
-
-# ---- regions of floats, as elicit has them -----------------------------------------------------------------------
 
 
 def region(rows: Any, margin: float = 0.0, rhs: Any = None) -> floats.Region:

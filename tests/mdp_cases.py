@@ -1,12 +1,9 @@
 """MDPs for tests of all folders."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from elicit.model.scale import Floats
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.problems.random_mdp import draw_values
+from qlearn import OrdinalMDP, draw_values
 
 
 def messy_mdp(

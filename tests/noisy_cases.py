@@ -1,22 +1,38 @@
 """Differences, scales and answers of tutors who err, and the posterior's formulas written once more."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
+from elicit import (
+    AlwaysAsk,
+    BradleyTerryComparator,
+    Comparator,
+    Dominance,
+    PolytopeComparator,
+    PosteriorComparator,
+    Verdict,
+)
 from elicit.comparators.bradley_terry.density import ParticlePrior
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.model.query import Verdict
 from elicit.model.scale import dominance, tail_sums
 
 Floats = NDArray[np.float64]
 Rng = np.random.Generator
 MEAN, SD = math.log(30.0), 2.5  # of log c a priori
+COMPARATORS: dict[str, Callable[[int], Comparator]] = {
+    "always ask": AlwaysAsk,
+    "dominance": Dominance,
+    "polytope": PolytopeComparator,
+    "polytope, margin 0": partial(PolytopeComparator, margin=0.0),
+    "ensemble": partial(BradleyTerryComparator, n_boot=20),
+    "box": partial(BradleyTerryComparator, n_boot=20, region="box"),
+    "posterior": partial(PosteriorComparator, particles=60),
+}
 
 
 def differences(rng: Rng, k: int, n: int) -> Floats:

@@ -1,7 +1,5 @@
 """What people read: a benchmark's report, run quickly, and its tables; the intervals in a picture."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What the tests of sweeps and ablations compute. A module of its own, so that a worker starts without the rest."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

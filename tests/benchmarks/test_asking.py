@@ -1,7 +1,5 @@
 """The benchmark of questions: every method runs, its rows are what it says, its tables render."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """The tables of the calibration benchmark: what is pooled, judged and called broken. No test looks at a time."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

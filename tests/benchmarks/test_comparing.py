@@ -1,7 +1,5 @@
 """The benchmarks run, time what they say they time, and agree on every verdict. No test looks at a time."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

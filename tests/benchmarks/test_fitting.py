@@ -1,7 +1,5 @@
 """The benchmark of noisy-tutor models runs, and its tools solve the problems that it says. No test looks at a time."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The learning benchmark: its rivals learn what the learner learns, its limit is what it says, its tables render."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from dataclasses import replace

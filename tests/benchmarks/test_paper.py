@@ -1,7 +1,5 @@
 """The benchmarks of exploration and of what the paper leaves open run, and their tables say what was measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The benchmark of sweeps measures what it says: its base line is value iteration, and both find the best policy."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

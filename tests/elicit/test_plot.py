@@ -1,7 +1,5 @@
 """The pictures show what the comparators say: areas, intervals and arrows against other ways to the same numbers."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import sys
@@ -15,14 +13,10 @@ from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection
 from matplotlib.patches import FancyArrowPatch, Polygon
 
-from elicit import plot
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import AlwaysAsk, BradleyTerryComparator, Dominance, PolytopeComparator, TruthfulTutor, plot
 from elicit.diagnostics.preference_graph import cycles, preference_graph
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import dominance, tail_sums
-from elicit.tutors.simulated import TruthfulTutor
 from tests.noisy_cases import differences
 
 matplotlib.use("Agg")
@@ -70,9 +64,6 @@ def nothing_is_clipped(ax):
     for artist in [t for t in texts if t.get_visible() and t.get_text()] + ([legend] if legend else []):
         extent = artist.get_window_extent(renderer)
         assert all(box.padded(1).fully_contains(*corner) for corner in extent.corners()), artist
-
-
-# --- K_t as an area
 
 
 @pytest.mark.parametrize("n", [0, 1, 3, 8])
@@ -211,9 +202,6 @@ def test_what_cannot_be_drawn(call, complaint):
     assert not plt.get_fignums(), "no empty figure is left behind"
 
 
-# --- each level's interval
-
-
 def drawn_intervals(ax):
     """For each comparator: low, high, height (k,) of its lines; the best guesses (k,), and the line of these."""
     lines = [c for c in ax.collections if c.get_zorder() == 1]
@@ -276,9 +264,6 @@ def test_one_comparator_with_names_of_levels():
     assert "$e_{12} - e_1$" in plot.scale_intervals(Dominance(12)).get_xlabel()
 
 
-# --- the graph of answers
-
-
 def said(name, left, verdict, right):
     return Answer(Query(name, WARD[left], WARD[right]), verdict)
 
@@ -319,9 +304,6 @@ def test_dominance_is_drawn_without_what_follows():
     assert graph.number_of_edges() == 6
     assert len(arrows(plot.preference_graph(graph))) == 3
     plot.preference_graph(preference_graph([]))
-
-
-# --- what all have in common
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """The reference algorithms, held to the paper, to arithmetic done by hand, and to ground truth."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any
@@ -10,15 +8,10 @@ import numpy as np
 import pytest
 
 import qlearn.reference
+from elicit import AlwaysAsk, Answer, BradleyTerryComparator, Dominance, PolytopeComparator, Query, Verdict
 from elicit._support.hashing import key_of
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.query import Answer, Query, Verdict
 from elicit.tutors.simulated import TruthfulTutor
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
+from qlearn import OrdinalMDP, policy_loss, random_mdp
 from qlearn.reference import (
     Told,
     draw,

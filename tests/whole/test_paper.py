@@ -1,7 +1,5 @@
 """docs/paper.md names functions and tests that exist, and the claims it leads to are those of the committed runs."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from pathlib import Path

@@ -1,14 +1,12 @@
 """What holds for the project as a whole: imports run one way and stay light, and the README tells the truth."""
 
-from __future__ import annotations
-
 import ast
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.interpreter import run
 
 ROOT = Path(__file__).resolve().parents[2]
 ORDER = (  # a folder imports from those before it; folders side by side do not import each other
@@ -113,13 +111,12 @@ def test_no_test_imports_another_test():
 def test_importing_a_package_stays_light(package):
     heavy = ("cvxpy", "clarabel", "numba", "matplotlib", "pandas", "scipy.optimize", "networkx", "joblib")
     code = f"import sys, {package}; print([name for name in {heavy!r} if name in sys.modules])"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    assert run(code) == ["[]"]
 
 
 @pytest.mark.parametrize("name", ["exploration.Decay", "gym_environments.frozen_lake", "strategies.max_regret"])
 def test_what_the_readme_writes_with_dots_is_there_after_import_qlearn_alone(name):
-    subprocess.run([sys.executable, "-c", f"import qlearn; qlearn.{name}"], check=True)
+    run(f"import qlearn; qlearn.{name}")
 
 
 @pytest.mark.parametrize("package", ["elicit", "qlearn"])
@@ -132,15 +129,15 @@ def test_every_public_name_can_be_imported_whatever_was_imported_before(package)
         "assert all(getattr(p, name) is value for name, value in before.items())\n"
         "assert set(p.__all__) <= set(dir(p))\n"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    run(code)
 
 
 def test_the_example_of_the_readme_runs_as_printed():
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     example = next(block for block in blocks if block.startswith("import"))
-    shown = subprocess.run([sys.executable, "-c", example], capture_output=True, text=True, check=True).stdout
-    assert "questions" in shown
-    worst = float(shown.rsplit(":", 1)[1])
+    shown = run(example)
+    assert "questions" in "".join(shown)
+    worst = float(shown[-1].rsplit(":", 1)[1])
     assert 0 <= worst <= 0.001  # the tolerance that the example asks for
 
 

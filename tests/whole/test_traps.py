@@ -1,27 +1,18 @@
 """Eleven ways in which preference elicitation goes wrong without anyone noticing, each held off by a test."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit import AlwaysAsk, AnswerLog, Comparator, Dominance, PolytopeComparator
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, Status, drive, policy_loss
 from qlearn.learners.exploration import Exploration, Start
-from qlearn.learners.learner import Result, Status, drive
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
 
@@ -41,8 +32,7 @@ both = pytest.mark.parametrize("make", [q_learning, value_iteration])
 
 def open_differences(k: int, n: int, seed: int) -> Floats:
     """Differences (n, k) of uniform distributions over levels that dominance does not decide."""
-    rng = np.random.default_rng(seed)
-    pairs = rng.dirichlet(np.ones(k), size=(20 * n, 2))
+    pairs = np.random.default_rng(seed).dirichlet(np.ones(k), size=(20 * n, 2))
     d = pairs[:, 0] - pairs[:, 1]
     d = d[dominance(tail_sums(d)) == Verdict.UNKNOWN][:n]
     assert len(d) == n
@@ -52,9 +42,6 @@ def open_differences(k: int, n: int, seed: int) -> Floats:
 def wrong_answers(result: Result, values: Floats) -> int:
     """How many of the answers told the hidden scale contradicts."""
     return int((TruthfulTutor(values).signs(result.answers.d) * result.answers.y < 0).sum())
-
-
-# --- 1: mass ----------------------------------------------------------------------------------------------------
 
 
 class RawTutor:
@@ -107,18 +94,19 @@ def test_trap_1_from_the_worst_start_raw_rewards_are_as_good_as_normalised_ones(
         assert result.status is normal.status is Status.DONE
 
 
-# --- 2: the exact oracle ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(4))
 def test_trap_2_an_exact_oracle_for_free(seed: int) -> None:
-    for mdp, values in (random_mdp(12, 4, 6, rng=seed), messy_mdp(seed, n=12, k=5)):
-        # which is Q-learning on the true values: tests/qlearn/learners/test_q_learning.py
-        oracle = drive(q_learning(mdp, AlwaysAsk(mdp.k), rng=seed), TruthfulTutor(values))
-        fewer = drive(q_learning(mdp, PolytopeComparator(mdp.k), rng=seed), TruthfulTutor(values))
-        assert fewer.q.tobytes() == oracle.q.tobytes()
-        assert fewer.policy.tolist() == oracle.policy.tolist()
-        assert fewer.asked < oracle.asked / 10
+    # which is Q-learning on the true values: tests/qlearn/learners/test_q_learning.py; and integers drawn from 0..99
+    # without replacement lie at least 1/99 of the range apart, above any of these margins
+    for mdp, values in (random_mdp(15, 4, 6, rng=seed), messy_mdp(seed, n=15, k=5)):
+        oracle = drive(q_learning(mdp, AlwaysAsk(mdp.k), rng=seed, steps=1500), TruthfulTutor(values))
+        for margin in (1e-6, 0.009):
+            made = q_learning(mdp, PolytopeComparator(mdp.k, margin=margin), rng=seed, steps=1500)
+            fewer = drive(made, TruthfulTutor(values))
+            assert fewer.q.tobytes() == oracle.q.tobytes()
+            assert fewer.policy.tolist() == oracle.policy.tolist()
+            assert fewer.asked < oracle.asked / 10
+            assert fewer.compared == oracle.compared
 
 
 def test_trap_2_interactive_value_iteration_is_value_iteration() -> None:
@@ -126,9 +114,6 @@ def test_trap_2_interactive_value_iteration_is_value_iteration() -> None:
     for tolerance in (0.1, 0.001):
         result = drive(value_iteration(mdp, PolytopeComparator(6), tolerance=tolerance), TruthfulTutor(values))
         assert policy_loss(mdp, result.policy, values).max() <= tolerance
-
-
-# --- 3: ties ----------------------------------------------------------------------------------------------------
 
 
 def equal_actions() -> OrdinalMDP:
@@ -163,9 +148,6 @@ def refuse(query: Query) -> Answer:
     raise AssertionError(f"nothing to ask: {query}")
 
 
-# --- 4: false certainty -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("region", ["ensemble", "box"])
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_trap_4_few_answers_leave_most_pairs_open(region: Any, n: int) -> None:
@@ -186,17 +168,11 @@ def test_trap_4_a_learner_with_few_answers_asks(make: Make) -> None:
     assert result.asked > 10
 
 
-# --- 5: separable data ------------------------------------------------------------------------------------------
-
-
 def test_trap_5_a_learner_without_a_prior_says_so() -> None:
     mdp, values = random_mdp(6, 3, 5, discount=0.9, rng=0)
     learner = q_learning(mdp, BradleyTerryComparator(5, n_boot=10, prior_strength=0.0), steps=100)
     with pytest.warns(NotConverged):
         drive(learner, TruthfulTutor(values))
-
-
-# --- 6: the box is blunt ----------------------------------------------------------------------------------------
 
 
 def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> None:
@@ -215,9 +191,6 @@ def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> N
     assert decided["ensemble"] > 0.3 * 1500
     for region in decided:
         assert wrong[region] <= 0.05 * decided[region]
-
-
-# --- 7: noise meets polytope, silently --------------------------------------------------------------------------
 
 
 @both
@@ -266,9 +239,6 @@ def test_trap_7_dropping_a_contradiction_settles_its_pair_and_the_run_goes_on(ma
     PolytopeComparator(5).update(result.answers)
 
 
-# --- 8: eta too large -------------------------------------------------------------------------------------------
-
-
 @both
 def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts_it(make: Make) -> None:
     # gaps of (39, 57, 84, 87, 89) are .36, .54, .06, .04 of the range: equal gaps are far from the truth
@@ -279,9 +249,6 @@ def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts
     assert raised.value.margin
     harmless = drive(make(mdp, PolytopeComparator(5, margin=0.009), audit=1.0), TruthfulTutor(values))
     assert harmless.status is not Status.WAITING
-
-
-# --- 9: noise scale ---------------------------------------------------------------------------------------------
 
 
 def test_trap_9_a_precision_means_nothing_without_the_spread_of_differences() -> None:
@@ -306,9 +273,6 @@ def test_trap_9_the_realised_error_rate_of_a_run_is_known(make: Make) -> None:
     assert tutor.realised_error_rate == wrong_answers(result, values) / result.asked
 
 
-# --- 10: batches cost questions ---------------------------------------------------------------------------------
-
-
 def test_trap_10_batches_cost_questions() -> None:
     asked = dict.fromkeys((1, 4, 1000), 0)
     for seed in range(4):
@@ -319,9 +283,6 @@ def test_trap_10_batches_cost_questions() -> None:
     assert asked[1] < asked[4] <= asked[1000]
     mdp, values = random_mdp(20, 4, 8, discount=0.9, rng=0)
     assert len(value_iteration(mdp, PolytopeComparator(8)).ask()) == 1  # unless told otherwise
-
-
-# --- 11: toy tasks ----------------------------------------------------------------------------------------------
 
 
 @both
@@ -336,27 +297,14 @@ def test_trap_11_what_dominance_settles_is_reported(make: Make) -> None:
 
 
 @both
-@pytest.mark.parametrize("rate", [0.05, 0.15])
-@pytest.mark.parametrize(
-    "comparator",
-    [
-        AlwaysAsk(5),
-        Dominance(5),
-        PolytopeComparator(5),
-        *(BradleyTerryComparator(5, n_boot=30, region=region) for region in ("ensemble", "box")),
-    ],
-    ids=["always ask", "dominance", "polytope", "ensemble", "box"],
-)
-def test_trap_11_learners_finish_with_errors(make: Make, comparator: Comparator, rate: float) -> None:
+@pytest.mark.parametrize("region", ["ensemble", "box"])
+def test_trap_11_a_model_of_noise_loses_little_where_the_tutor_errs_seldom(make: Make, region: Any) -> None:
+    limit = {"max_sweeps": 30} if make is value_iteration else {"steps": 400}
     for seed, (mdp, values) in enumerate((random_mdp(8, 3, 5, discount=0.8, rng=0), messy_mdp(1, k=5, discount=0.8))):
         d = open_differences(5, 300, seed)
-        for tutor in (
-            FlippingTutor(values, rate, seed=seed),
-            BradleyTerryTutor.from_error_rate(values, rate, d / 10, seed=seed),
-        ):
-            limit = {"max_sweeps": 30} if make is value_iteration else {"steps": 400}
-            result = drive(make(mdp, comparator, **limit), tutor)
+        logistic = BradleyTerryTutor.from_error_rate(values, 0.05, d / 10, seed=seed)
+        for tutor in (FlippingTutor(values, 0.05, seed=seed), logistic):
+            result = drive(make(mdp, BradleyTerryComparator(5, n_boot=30, region=region), **limit), tutor)
             assert result.status in (Status.DONE, Status.CONVERGED, Status.SWEEP_LIMIT)
             assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
-            if rate == 0.05 and isinstance(comparator, BradleyTerryComparator):
-                assert policy_loss(mdp, result.policy, values).mean() < 0.1
+            assert policy_loss(mdp, result.policy, values).mean() < 0.1

@@ -1,7 +1,5 @@
 """Hashed random numbers: stateless, evenly spread, and the same for arrays and for compiled loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

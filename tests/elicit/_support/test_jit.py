@@ -1,23 +1,14 @@
 """Compiled or not, the same numbers to the last bit; and the machine code on disk is that of today's sources."""
 
-from __future__ import annotations
-
 import hashlib
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
+from elicit import Answers, BradleyTerryTutor, FlippingTutor, PolytopeComparator, decide
 from elicit._support import jit
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.decision.verdicts import decide
-from elicit.model.query import Answers
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor
+from tests.interpreter import report_of, run
 from tests.lp_cases import cases
-
-ROOT = Path(__file__).parents[3]
 
 
 def report() -> list[str]:
@@ -40,38 +31,17 @@ def report() -> list[str]:
     return lines
 
 
-def run(code: str, folder: Path | None = None, **environment: str) -> list[str]:
-    """The lines that a fresh interpreter prints, in a folder whose modules it can import; its warnings are errors."""
-    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", **environment},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert not done.returncode, done.stderr
-    return done.stdout.splitlines()
-
-
-# ---- the same numbers -------------------------------------------------------------------------------------------
-
-
 def test_compiled_and_interpreted() -> None:
     ours = report()
     assert len({line.split()[0] for line in ours}) > 10
     assert {tier for line in ours for tier in line.split("] [")[1].split("]")[0].split(", ")} >= set("012345")
-    show = "from tests.elicit._support import test_jit; print(*test_jit.report(), sep='\\n')"
-    assert run(show, NUMBA_DISABLE_JIT="1") == ours
+    assert report_of(__name__) == ours
 
 
 def test_numba_is_imported_only_when_a_comparator_needs_it() -> None:
     code = "import sys, elicit; print('numba' in sys.modules); elicit.PolytopeComparator; print('numba' in sys.modules)"
     assert run(code) == ["False", "True"]
 
-
-# ---- the machine code on disk -----------------------------------------------------------------------------------
 
 HELPER = "from elicit._support.jit import compiled\n@compiled\ndef helper(x):\n    return x + {}\n"
 CALLER = """from elicit._support.jit import compiled

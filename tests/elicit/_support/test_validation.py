@@ -1,7 +1,5 @@
 """Settings are checked without raising anything raw, whatever they are."""
 
-from __future__ import annotations
-
 import math
 from decimal import Decimal
 from fractions import Fraction
@@ -74,7 +72,7 @@ def test_what_is_no_mdp_or_has_other_levels(learner: Any) -> None:
         qlearn.drive(learner(mdp, elicit.PolytopeComparator(3)), values.tolist())
 
 
-@pytest.mark.parametrize("k", [1, 2.5, "5", None, math.nan, math.inf, True, 10**400])
+@pytest.mark.parametrize("k", [1, 0, -3, 2.5, "5", None, math.nan, math.inf, True, 10**400])
 def test_what_is_no_number_of_levels(k: Any) -> None:
     kinds = [elicit.PolytopeComparator, elicit.BradleyTerryComparator, elicit.PosteriorComparator, elicit.AlwaysAsk]
     for comparator in [*kinds, elicit.RelaxedPolytopeComparator, elicit.Dominance]:

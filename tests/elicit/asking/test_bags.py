@@ -1,7 +1,5 @@
 """Questions of simple bags: what there are, how easy they are said to be, and what their answers tell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The best of a list, or its order: right, with few questions, and unharmed by bad answers."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np
@@ -9,13 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from elicit import AlwaysAsk, Dominance, FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
 from elicit.asking.choose_from_list import ChoiceStatus, choose
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Tier
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import dot, gaps, tail_sums
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 
 K = 5
 HIDDEN = np.array([0, 8, 20, 25, 80])
@@ -38,9 +33,6 @@ def true_order(vectors, values=HIDDEN):
 
 
 COMPARATORS = [AlwaysAsk(K), Dominance(K), PolytopeComparator(K)]
-
-
-# --- right
 
 
 @pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
@@ -100,9 +92,6 @@ def test_what_every_scale_orders_needs_no_question(vectors, comparator, order, d
     assert (result.best, result.order, result.asked) == (order[0], order, 0)
     assert set(result.decided) == decided
     assert choose(vectors, comparator).ask() == ()
-
-
-# --- few questions
 
 
 def test_the_number_of_questions():
@@ -175,9 +164,6 @@ def test_a_wrong_guess_costs_little():
     asked = run(choice, TruthfulTutor(hidden))
     assert list(choice.result().order) == true_order(vectors, hidden)
     assert len(asked) < 160
-
-
-# --- ask and tell
 
 
 def test_the_same_problem_asks_the_same_queries():
@@ -258,9 +244,6 @@ def test_an_error_after_the_update_changes_nothing_either():
     assert choice.result().best == true_order(shares(0, 30))[0]
 
 
-# --- cannot tell, budget, errors
-
-
 @pytest.mark.parametrize("order", [False, True])
 @pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
 def test_cannot_tell_leaves_the_best_guess(comparator, order):
@@ -339,9 +322,6 @@ def test_the_result_names_tiers_and_labels():
     assert {type(count) for count in result.decided.values()} == {int}
     for status in ChoiceStatus:
         assert status.value.endswith(".")
-
-
-# --- what is wrong
 
 
 @pytest.mark.parametrize(

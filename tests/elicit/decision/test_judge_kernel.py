@@ -1,26 +1,21 @@
 """What compiled loops are told is what the comparator says."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+from elicit import BradleyTerryComparator, Dominance, PolytopeComparator, PosteriorComparator, RelaxedPolytopeComparator
 from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
 from elicit.decision.judge_kernel import certifies, judge, within
 from elicit.decision.verdicts import decide, decide_by
-from elicit.model.comparator import Comparator, Tier
+from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.scale import tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from tests.noisy_cases import pairs
 
 NOWHERE = np.empty(0)
 K = 6
@@ -34,19 +29,13 @@ MAKERS: dict[str, Callable[[int], Comparator]] = {
 }
 
 
-def differences(rng: np.random.Generator, n: int, k: int = K) -> Floats:
-    d = rng.dirichlet(np.full(k, 0.7), n) - rng.dirichlet(np.full(k, 0.7), n)
-    left_open: Floats = d[dominance(tail_sums(d)) == Verdict.UNKNOWN]
-    return left_open
-
-
 def told(name: str, n: int, seed: int) -> Comparator:
     rng = np.random.default_rng(seed)
     values = np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0])
     errs = name in ("posterior", "ensemble", "box")
     tutor = FlippingTutor(values, 0.1, seed=1) if errs else TruthfulTutor(values)
     comparator: Comparator = MAKERS[name](K)
-    d = differences(rng, 4 * n)[:n]
+    d = pairs(rng, K, n)
     return comparator.update(Answers(d, tutor.signs(d)))
 
 
@@ -54,7 +43,7 @@ def told(name: str, n: int, seed: int) -> Comparator:
 @pytest.mark.parametrize("name", MAKERS)
 def test_judges_as_the_comparator_does(name: str, n: int) -> None:
     comparator = told(name, n, seed=n)
-    d = differences(np.random.default_rng(7), 400)
+    d = pairs(np.random.default_rng(7), K, 400)
     verdicts = comparator.compare(d)
     settled = 0
     for row, t, verdict in zip(d, tail_sums(d), verdicts, strict=True):
@@ -70,7 +59,7 @@ def test_judges_as_the_comparator_does(name: str, n: int) -> None:
 def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
     comparator, rng = told(name, 40, seed=3), np.random.default_rng(8)
     found, beyond = 0, []
-    for row, t in zip(d := differences(rng, 300), tail_sums(d), strict=True):
+    for row, t in zip(d := pairs(rng, K, 300), tail_sums(d), strict=True):
         for _ in range(2):  # of a corner that a walk finds, the second judgement makes the certificate
             low = np.empty(K - 1)
             verdict, _, certified = judge(row, t.copy(), 0.0, low, rule_of(comparator))
@@ -97,7 +86,7 @@ def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
 @pytest.mark.parametrize("name", MAKERS)
 def test_indifference_is_that_of_the_bounds(name: str, indifference: float) -> None:
     comparator = told(name, 40, seed=4)
-    d = differences(np.random.default_rng(9), 200)
+    d = pairs(np.random.default_rng(9), K, 200)
     d[100:] *= 0.1
     low, high = comparator.bounds(d)
     sure = 1e-9
@@ -113,11 +102,11 @@ def test_indifference_is_that_of_the_bounds(name: str, indifference: float) -> N
 
 def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> None:
     rng = np.random.default_rng(5)
-    d = differences(rng, 120)
+    d = pairs(rng, K, 120)
     y = FlippingTutor(np.array([0.0, 3.0, 7.0, 20.0, 26.0, 40.0]), 0.3, seed=2).signs(d)
     comparator = RelaxedPolytopeComparator(K).update(Answers(d[:30], y[:30]))
     assert comparator.violation > 0
-    ask = differences(rng, 100)
+    ask = pairs(rng, K, 100)
     comparator.compare(ask[:1])  # draws the set around closer
     rule = rule_of(comparator)
     found = [judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(ask, tail_sums(ask), strict=True)]
@@ -127,49 +116,20 @@ def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> No
     assert rule_of(RelaxedPolytopeComparator(K)).kind == PROVEN
 
 
-def test_always_asking_leaves_even_dominance_unknown() -> None:
-    d = np.concatenate([np.eye(K)[3:4] - np.eye(K)[:1], np.zeros((1, K)), differences(np.random.default_rng(1), 5)])
-    verdicts, tiers = decide(AlwaysAsk(K), d)
-    assert verdicts.tolist() == [Verdict.UNKNOWN, Verdict.EQUAL] + [Verdict.UNKNOWN] * (len(d) - 2)
-    assert tiers[1] == Tier.EQUAL
-
-
-def test_without_a_rule_the_comparator_alone_tells() -> None:
-    class Plain:
-        """The five members of the protocol, and no more."""
-
-        k, values = K, np.linspace(0, 1, K)
-
-        def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-            return Dominance(K).bounds(d)
-
-        def compare(self, d: ArrayLike) -> NDArray[np.int8]:
-            return Dominance(K).compare(d)
-
-        def update(self, answers: Answers) -> Plain:
-            return self
-
-    d = np.concatenate([np.eye(K)[3:4] - np.eye(K)[:1], np.zeros((1, K)), differences(np.random.default_rng(1), 5)])
-    for row, t in zip(d[2:], tail_sums(d[2:]), strict=True):
-        assert judge(row, t.copy(), 0.0, NOWHERE, rule_of(Plain()))[0] == UNSETTLED
-    verdicts, tiers = decide(Plain(), d)
-    assert verdicts.tolist() == Dominance(K).compare(d).tolist()
-    assert tiers.tolist() == [Tier.DOMINANCE, Tier.EQUAL] + [Tier.MODEL] * (len(d) - 2)
-
-
 @pytest.mark.parametrize("name", ["ensemble", "box", "posterior", "polytope"])
 def test_verdicts_do_not_depend_on_the_scale_of_a_difference(name: str) -> None:
     comparator = told(name, 40, seed=5)
-    d = differences(np.random.default_rng(6), 200)
+    d = pairs(np.random.default_rng(6), K, 200)
     want = comparator.compare(d)
     assert set(want.tolist()) >= ({-1, 1, 2} if name != "box" else {2})
-    for power in (-1000, -950, -40, 3, 990):
+    for power in (-1000, -950, -40, 3, 990, 1020):
         assert (comparator.compare(np.ldexp(d, power)) == want).all()
+        assert np.isfinite(comparator.bounds(np.ldexp(d, power))).all()
 
 
 def test_a_rule_that_leaves_differences_open_needs_a_comparator_that_settles_them() -> None:
     with pytest.raises(TypeError, match=r"settle\(d\)"):
-        decide_by(nothing(), differences(np.random.default_rng(1), 3))
+        decide_by(nothing(), pairs(np.random.default_rng(1), K, 3))
 
 
 def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:

@@ -1,7 +1,5 @@
 """What follows by transitivity follows, with a proof; and a circle of answers is found, however it closes."""
 
-from __future__ import annotations
-
 import itertools
 
 import networkx as nx
@@ -10,11 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answer, AnswerLog, Answers, PolytopeComparator, Query, TruthfulTutor, Verdict
 from elicit.diagnostics.preference_graph import Cycle, Implied, Step, cycles, follows, preference_graph
-from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.tutors.answer_log import AnswerLog
-from elicit.tutors.simulated import TruthfulTutor
 
 # neither of two dominates the other: what the middle level gains, both ends lose
 A, B, C, D = [0.5, 0.0, 0.5], [0.4375, 0.125, 0.4375], [0.375, 0.25, 0.375], [0.25, 0.5, 0.25]
@@ -24,9 +19,6 @@ BETTER, WORSE, EQUAL = Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL
 
 def said(name, left, verdict, right):
     return Answer(Query(name, left, right), verdict)
-
-
-# --- the graph
 
 
 def test_nodes_are_the_vectors_shown_and_edges_lead_from_better_to_worse():
@@ -90,9 +82,6 @@ def test_nothing_said():
 def test_other_numbers_of_levels_are_refused():
     with pytest.raises(ValueError, match="query 2 is about 2 levels, but the first answer is about 3"):
         preference_graph([said("1", A, BETTER, B), said("2", [0, 1], BETTER, [1, 0])])
-
-
-# --- what follows
 
 
 def test_a_chain_and_its_proof():
@@ -216,9 +205,6 @@ def test_what_follows_is_what_a_comparator_is_sure_of():
         alone = PolytopeComparator(5, margin=0).update(Answers.of(named, 5))
         difference = graph.nodes[one.better]["vector"] - graph.nodes[one.worse]["vector"]
         assert alone.compare(difference)[0] == BETTER
-
-
-# --- circles
 
 
 def test_better_better_better_and_back():

@@ -1,7 +1,5 @@
 """Diagnostics recover what simulated tutors are, and hold a comparator only to answers that it has not seen."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 
@@ -10,15 +8,12 @@ import pytest
 from scipy.special import betaincinv, expit, gammaln
 from scipy.stats import binomtest
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit import AlwaysAsk, AnswerLog, BradleyTerryComparator, Dominance, PolytopeComparator
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.diagnostics.held_out import compare_held_out, held_out, wilson
 from elicit.diagnostics.tutor_report import exact_share, tutor_report
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import dominance, tail_sums
-from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from tests.noisy_cases import log_terms
 

@@ -1,7 +1,5 @@
 """The linear programs of section 3.1: Clarabel's bounds, the readable twin, and what makes a bound rigorous."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 
@@ -11,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, PolytopeComparator
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.clarabel_programs import Programs, Solved
 from elicit.lp.region import Region, certified_bound, pull_inside, strictly_inside
-from elicit.model.query import Answers
 from elicit.model.scale import Floats, tail_sums
 from tests.lp_cases import Oracle, cases, exact, exactly, least_from_scratch, region, shares
 
@@ -51,9 +48,6 @@ def test_three_statements_of_one_program(k: int, n: int) -> None:
         assert least_cvxpy(d, cuts, 1e-4) == pytest.approx(low, abs=1e-7)
         assert -least_cvxpy(-d, cuts, 1e-4) == pytest.approx(high, abs=1e-7)
         assert float(oracle.least(exact(tail_sums(d)))) == pytest.approx(low, abs=1e-7)
-
-
-# ---- bounds that hold whatever the solver says -------------------------------------------------------------------
 
 
 finite = st.floats(min_value=-1.0, max_value=1.0)
@@ -117,9 +111,6 @@ def test_an_objective_can_be_replaced_after_a_failure() -> None:
         assert 0 <= float(oracle.least(exact(t)) - Fraction(programs.least(t, None))) < 1e-9
 
 
-# ---- points inside ----------------------------------------------------------------------------------------------
-
-
 def test_strictly_inside_is_a_proof() -> None:
     rng = np.random.default_rng(8)
     inside = 0
@@ -159,12 +150,3 @@ def test_pulling_a_point_inside_moves_it_little() -> None:
     pulled = pull_inside(outside, centre, r)
     assert pulled is None or strictly_inside(pulled, r)
     assert pull_inside(np.full(7, np.nan), centre, r) is None
-
-
-def test_bounds_of_nothing_and_of_one_level_step() -> None:
-    comparator, _ = truthful(5, 0, margin=0.05)
-    low, high = comparator.bounds(np.array([np.zeros(5), [-1, 1, 0, 0, 0], [-1, 0, 0, 0, 1], [7, 0, 0, 0, 0]]))
-    assert (low[0], high[0]) == (0.0, 0.0)
-    assert (low[3], high[3]) == (0.0, 0.0)  # level 1 is worth nothing
-    assert (low[1], high[1]) == (pytest.approx(0.05, abs=1e-12), pytest.approx(0.85, abs=1e-12))
-    assert (low[2], high[2]) == (pytest.approx(1.0, abs=1e-12), pytest.approx(1.0, abs=1e-12))

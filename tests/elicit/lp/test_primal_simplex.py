@@ -1,7 +1,5 @@
 """Walks between corners and what they rest on: every result is a proof, however bad the region or the numbers."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from fractions import Fraction
@@ -38,9 +36,6 @@ NOTHING = np.zeros(0, dtype=np.bool_)
 NO_NUMBERS = (math.nan, math.inf, -math.inf)
 
 
-# ---- walks ------------------------------------------------------------------------------------------------------
-
-
 def starts(known: Known) -> Any:
     """The corners that a walk can start from."""
     return np.flatnonzero(known.kind[: known.counts[USED]] != CERTAIN_POINT)
@@ -75,9 +70,6 @@ def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -
     assert min(seen[1], seen[-1], seen[0]) > 100
 
 
-# ---- rows that follow from others -------------------------------------------------------------------------------
-
-
 def test_only_rows_that_follow_from_the_rest_are_pruned() -> None:
     pruned = 0
     for kind, r, first in known_sets(31, 84):
@@ -90,9 +82,6 @@ def test_only_rows_that_follow_from_the_rest_are_pruned() -> None:
             pruned += 1
             assert minimise_exactly(r.rows[i], rest).value >= Fraction(float(r.rhs[i])), kind
     assert pruned > 100
-
-
-# ---- bounds -----------------------------------------------------------------------------------------------------
 
 
 @settings(max_examples=400, deadline=None)
@@ -137,9 +126,6 @@ def test_the_right_multipliers_give_a_tight_bound() -> None:
             bound = bound_of(s.copy(), y, active[None], 0, r.margin, known.cuts, known.limits)
             assert 0 <= vertex.value - Fraction(bound) < 1e-11
     assert checked > 30
-
-
-# ---- points -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -196,9 +182,6 @@ def test_nothing_is_inside_without_a_point_inside() -> None:
         assert not surely_inside(np.array(g), flat, slack.copy())
         assert not pulled_inside(np.array(g), slack, flat, point)
         assert not pulled_inside(np.array(g), np.ones(5), flat, point)
-
-
-# ---- linear algebra ---------------------------------------------------------------------------------------------
 
 
 def matrix_of(active: Any, r: Region) -> Floats:

@@ -1,7 +1,5 @@
 """Prior inequalities: what their text means, which texts are refused and with which words, and what a prior may be."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 
@@ -10,10 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import PolytopeComparator, Verdict
 from elicit.lp.prior_inequalities import Inequality, Prior, as_prior, inequalities, inequality, readable
 from elicit.lp.region import prior_rows
-from elicit.model.query import Verdict
 
 LABELS = ["critical", "stable", "well"]
 
@@ -258,4 +255,6 @@ def test_the_comparators_program_takes_a_prior_as_it_takes_a_and_b():
     comparator = PolytopeComparator(4, prior=prior)
     twice, slack = [0.0, -2.0, 1.0, 0.0], [0.0, 0.0, 1.0, -0.75]  # e3 - 2 e2, and e3 - 3/4 e4 with e4 = 1
     assert comparator.compare([twice, slack]).tolist() == [Verdict.BETTER, Verdict.BETTER]
-    assert PolytopeComparator(4).compare([twice, slack]).tolist() == [Verdict.UNKNOWN, Verdict.UNKNOWN]
+    for nothing in (None, (np.empty((0, 4)), [])):
+        plain = PolytopeComparator(4, prior=nothing)
+        assert plain.compare([twice, slack]).tolist() == [Verdict.UNKNOWN, Verdict.UNKNOWN]

@@ -1,7 +1,5 @@
 """The cheap proofs one by one, in rationals, and what may be handed to ``compare`` and ``decide``."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from fractions import Fraction
@@ -13,13 +11,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.decision.verdicts import decide
+from elicit import Answers, PolytopeComparator, Verdict, decide
 from elicit.lp.dual_simplex import minimise_exactly
 from elicit.lp.sign_proofs import NOWHERE, lifting_row, lifts, settle, side_of, to_unit
 from elicit.lp.vertex_store import know_rows, start
 from elicit.lp.vertices import ROW, Known, doubt_at
-from elicit.model.query import Answers, Verdict
 from elicit.model.scale import dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED, by_dominance, tail_sums_into
 from tests.lp_cases import (
@@ -45,9 +41,6 @@ Rng = np.random.Generator
 finite = st.floats(allow_nan=False, allow_infinity=False)
 wild = st.one_of(finite, st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1e300, 1e-300, 1.0]))
 vectors = st.lists(wild, min_size=2, max_size=9)
-
-
-# ---- tail sums, dominance, scaling ------------------------------------------------------------------------------
 
 
 def sums_of(d: Floats) -> Floats:
@@ -110,9 +103,6 @@ def test_the_side_of_a_point_is_certain(seed: int) -> None:
         assert side or abs(value) < 1e-13
         told[side] += 1
     assert min(told[-1], told[0], told[1]) > 10
-
-
-# ---- one known row ----------------------------------------------------------------------------------------------
 
 
 @cache
@@ -221,9 +211,6 @@ def test_tiny_entries_prove_nothing_beyond_64_gaps() -> None:
     assert PolytopeComparator(71, margin=0.0).update(Answers([d], [1])).compare(ask).tolist() == [Verdict.UNKNOWN]
 
 
-# ---- all of them ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("seed", range(2))
 def test_what_is_settled_is_settled_rightly(seed: int) -> None:
     rng, seen = np.random.default_rng(seed), Counter[int]()
@@ -265,9 +252,6 @@ def test_sums_of_huge_numbers_prove_nothing() -> None:
     assert least < 0 < greatest
     c = PolytopeComparator(8, margin=2.0**-10).update(Answers([known], [-1]))
     assert c.compare(ask).tolist() == [Verdict.UNKNOWN]
-
-
-# ---- what may be handed over ------------------------------------------------------------------------------------
 
 
 def learned() -> tuple[PolytopeComparator, Floats]:

@@ -1,15 +1,10 @@
 """Bounds that hold for all differences at once, and draws of plausible scales: against other solvers and by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import simultaneous_bounds
-from elicit.model.query import Answers
+from elicit import AlwaysAsk, Answers, Dominance, PolytopeComparator, simultaneous_bounds
 from elicit.model.scale import tail_sums
 
 

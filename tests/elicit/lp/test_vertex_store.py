@@ -1,15 +1,12 @@
 """What is known of K_t stays true however long it is used: points, corners, rows, the inner point, the pruning."""
 
-from __future__ import annotations
-
 import time
 
 import numpy as np
 import pytest
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, InconsistentAnswers, PolytopeComparator, Verdict
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import tail_sums
 from tests.lp_cases import (
     KINDS,
@@ -28,8 +25,6 @@ from tests.lp_cases import (
     tails,
     verdict,
 )
-
-# ---- pruning ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -51,9 +46,6 @@ def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
             with np.errstate(all="ignore"):
                 assert ((np.abs(mine - its) <= 1e-9 * np.abs(case.ask).sum(axis=1)) | (mine == its)).all(), case.kind
     assert rows < answers - 300
-
-
-# ---- long runs --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("k", "checks"), [(2, 3), (3, 3), (8, 3), (20, 1)])
@@ -120,9 +112,6 @@ def test_very_many_levels() -> None:
     for i in (*np.flatnonzero(given == 1)[:2], *np.flatnonzero(given == 2)[:2]):
         t = tail_sums(ask[i])
         assert verdict(*(s * minimise_exactly(s * t, c.region).value for s in (1, -1))) == given[i]
-
-
-# ---- odd answers ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("k", [6, 12])

@@ -1,16 +1,12 @@
 """The comparators that learn nothing, the one table of verdicts, and the conformance tests themselves."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.decision.verdicts import decide
+from elicit import AlwaysAsk, Answers, Dominance, Verdict, decide
 from elicit.model.comparator import Comparator, Tier, check_levels, verdicts_from
-from elicit.model.query import Answers, Verdict
 from elicit.model.scale import as_vectors, dominance, dot, tail_sums
 from elicit.testing import check_comparator, sample_differences
 
@@ -34,6 +30,8 @@ def test_what_they_decide():
     d = [[0, 0, 0], [7, 0, 0], [-1, 0, 1], [1, -1, 0], [1, -2, 1]]
     assert Dominance(3).compare(d).tolist() == [0, 0, 1, -1, 2]
     assert AlwaysAsk(3).compare(d).tolist() == [0, 0, 2, 2, 2]
+    verdicts, tiers = decide(AlwaysAsk(3), d)
+    assert (verdicts.tolist(), tiers.tolist()[:2]) == ([0, 0, 2, 2, 2], [Tier.EQUAL, Tier.EQUAL])
     assert decide(Dominance(3), d).tiers.tolist()[:4] == [Tier.EQUAL, Tier.EQUAL, Tier.DOMINANCE, Tier.DOMINANCE]
     for comparator in (Dominance(3), AlwaysAsk(3)):
         assert comparator.values.tolist() == [0, 0.5, 1]
@@ -56,9 +54,6 @@ def test_the_number_of_levels():
     assert type(AlwaysAsk(3.0).k) is int
     assert AlwaysAsk(np.int64(3)).values.shape == (3,)
     assert check_levels(2) == 2
-
-
-# --- the conformance tests find what is wrong
 
 
 @dataclass(frozen=True)

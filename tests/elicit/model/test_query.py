@@ -1,7 +1,5 @@
 """What passes between learner, tutor and comparator keeps its meaning, and cannot be changed."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

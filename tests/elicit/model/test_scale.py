@@ -1,7 +1,5 @@
 """Tail sums, gaps and dominance: the coordinates in which everything else is written."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -13,9 +11,6 @@ from elicit.model.scale import as_vectors, dominance, dot, gaps, normalise, orde
 
 floats = st.floats(-1e6, 1e6)
 vectors = st.integers(2, 8).flatmap(lambda k: st.lists(floats, min_size=k, max_size=k))
-
-
-# --- vectors
 
 
 @pytest.mark.parametrize(
@@ -41,9 +36,6 @@ def test_bad_vectors(bad, k, complaint):
 def test_one_vector_becomes_one_row():
     assert [as_vectors(given).shape for given in ([1, 2, 3], np.zeros((0, 4)))] == [(1, 3), (0, 4)]
     assert as_vectors([[1, 2], [3, 4]], 2).dtype == np.float64
-
-
-# --- tail sums
 
 
 @given(vectors)
@@ -79,9 +71,6 @@ def test_huge_entries_keep_their_signs(d):
     small = np.array([[1.0, 2.0, 3.0]])
     both = tail_sums(np.concatenate([small, [[0.0, 1e308, 1e308]]]))
     assert (both[0] == tail_sums(small)[0]).all(), "a huge neighbour must not scale a row"
-
-
-# --- dominance
 
 
 @given(vectors)
@@ -124,9 +113,6 @@ def test_dot_does_not_depend_on_the_batch():
     assert all(float(dot(row, g)) == x for row, x in zip(t, together, strict=True))
     assert (dot(t[::-1], g) == together[::-1]).all()
     assert (dot(-t, g) == -together).all()
-
-
-# --- values
 
 
 @given(st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=12), st.floats(-1e3, 1e3))

@@ -1,7 +1,5 @@
 """The answer log loses nothing that it acknowledged, and says what is wrong with a file."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace
@@ -119,9 +117,6 @@ def test_a_given_k_shows_before_the_first_answer(path):
     assert AnswerLog.read(path).k == 3
 
 
-# --- crashes
-
-
 WRITES = [lambda log: log.append(answer("d")), lambda log: log.retract("a", why="typo")]
 
 
@@ -226,9 +221,6 @@ def test_a_second_writer_is_noticed(path, write):
     assert AnswerLog.read(path).answers().ids == ("a", "c", "e", "f")
 
 
-# --- taking an answer back
-
-
 @pytest.mark.parametrize("on_disk", [True, False])
 def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(path, on_disk):
     path = path if on_disk else None
@@ -303,9 +295,6 @@ def test_retractions_against_a_list(tmp_path_factory, history):
             assert [(e.answer.query.id, e.answer.verdict) for e in found if not e.retracted] == stands
             told = found.answers()
             assert list(zip(told.ids, told.y.tolist(), strict=True)) == [s for s in stands if s[1] is not None]
-
-
-# --- what is wrong
 
 
 def test_reading_does_not_write(tmp_path, path):

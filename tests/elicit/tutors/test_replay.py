@@ -1,14 +1,11 @@
 """A replayed log says what it said."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from elicit.model.query import Answer, Query, Verdict
+from elicit import Answer, FlippingTutor, Query, Verdict
 from elicit.tutors.answer_log import AnswerLog, Entry
 from elicit.tutors.replay import NotInLog, ReplayTutor
-from elicit.tutors.simulated import FlippingTutor
 
 
 def query(d, name):

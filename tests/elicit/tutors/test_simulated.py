@@ -1,7 +1,5 @@
 """Simulated tutors are exact, reproducible and as wrong as asked."""
 
-from __future__ import annotations
-
 import copy
 import math
 from fractions import Fraction
@@ -12,12 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import expit
 
-from elicit.model.query import Answer, Query, Verdict
+from elicit import Answer, BradleyTerryTutor, FlippingTutor, Query, TruthfulTutor, Tutor, Verdict
 from elicit.model.scale import exact_dot, gaps, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
-from elicit.model.tutor import Tutor
 from elicit.testing import check_tutor
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from tests.noisy_cases import differences
 
@@ -36,9 +32,6 @@ def by_fractions(d, values):
 
 
 NOISY = [lambda seed: FlippingTutor(HIDDEN, 0.3, seed), lambda seed: BradleyTerryTutor(HIDDEN, 4.0, seed)]
-
-
-# --- the truth
 
 
 @pytest.mark.parametrize("k", [3, 5, 10, 25])
@@ -101,9 +94,6 @@ def test_a_query_about_other_levels(tutor):
     with pytest.raises(ValueError, match="finite"):
         tutor.signs([[0, 0, 0, 0, np.nan]])
     assert math.isnan(tutor.realised_error_rate)
-
-
-# --- errors
 
 
 @pytest.mark.parametrize("make", [lambda s: TruthfulTutor(HIDDEN), *NOISY])
@@ -224,9 +214,6 @@ def test_realised_error_rate_counts_every_answer():
     assert abs(wrong / 400 - 0.25) < 0.09
 
 
-# --- as plain arrays, for compiled loops
-
-
 @pytest.mark.parametrize("make", [lambda s: TruthfulTutor(HIDDEN), *NOISY])
 def test_a_respondent_says_what_its_tutor_says(make):
     d = differences(np.random.default_rng(3), 5, 1500)
@@ -251,9 +238,6 @@ def test_a_class_with_signs_of_its_own_is_no_respondent():
     moody = Moody(HIDDEN)
     assert moody.respondent.kind == NOBODY
     assert moody(query([1, -1, 0, 0, 0])).verdict is Verdict.BETTER
-
-
-# --- from_error_rate
 
 
 @pytest.mark.parametrize("rate", [0.001, 0.05, 0.15, 0.3, 0.499])
@@ -309,9 +293,6 @@ def test_bad_settings(value):
         FlippingTutor(HIDDEN, value)
     with pytest.raises(ValueError, match=f"precision must be .* not {value!r}"):
         BradleyTerryTutor(HIDDEN, value)
-
-
-# --- contract
 
 
 @pytest.mark.parametrize("k", [2, 5])

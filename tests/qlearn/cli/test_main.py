@@ -1,10 +1,6 @@
 """The command line, from outside."""
 
-from __future__ import annotations
-
 import builtins
-import subprocess
-import sys
 from concurrent.futures import BrokenExecutor
 from dataclasses import fields
 from pathlib import Path
@@ -18,6 +14,7 @@ from qlearn.cli import main as cli
 from qlearn.experiments.ablation import KEYS
 from qlearn.experiments.settings import AblationSettings, FiguresSettings, Settings
 from qlearn.paper import figure_runs as series
+from tests.interpreter import run
 
 
 @pytest.mark.parametrize(("command", "settings"), [("ablate", AblationSettings), ("figures", FiguresSettings)])
@@ -45,10 +42,10 @@ def test_help_imports_nothing_heavy() -> None:
         "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['ablate', '--help'])\nexcept SystemExit:\n"
         "    print('heavy:', sorted({'numpy', 'scipy', 'pandas', 'matplotlib', 'joblib'} & set(sys.modules)))"
     )
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "--max-queries" in shown
-    assert "[2000]" in shown
-    assert shown.endswith("heavy: []\n")
+    *shown, heavy = run(code)
+    assert "--max-queries" in "".join(shown)
+    assert "[2000]" in "".join(shown)
+    assert heavy == "heavy: []"
 
 
 @pytest.mark.parametrize(
@@ -182,7 +179,9 @@ def test_ctrl_c_keeps_what_has_finished(
 
     monkeypatch.setattr(module, name, stopped)
     assert cli.main([*command.split(), "--out", str(tmp_path)]) == 130
-    assert len(pd.read_csv(tmp_path / "runs.csv")) == 2
+    kept = pd.read_csv(tmp_path / "runs.csv")
+    assert len(kept) == 2
+    assert {*KEYS, "asked", "loss"} <= {*kept.columns}
 
 
 def test_a_missing_extra_is_named(

@@ -1,7 +1,5 @@
 """A tiny ablation from end to end."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -11,21 +9,16 @@ import pandas as pd
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Tier
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from elicit import FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
+from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
 from qlearn.experiments import run as runs
-from qlearn.experiments.ablation import KEYS, Interrupted, ablate, summarise
+from qlearn.experiments.ablation import KEYS, ablate, summarise
 from qlearn.experiments.ablation_plot import LEGEND, table
 from qlearn.experiments.metrics import MEASURES
 from qlearn.experiments.palette import NAMES, STYLES
 from qlearn.experiments.run import Run, run
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.exploration import EXPLORATIONS
-from qlearn.learners.learner import drive
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
 from tests.sweep_cases import TINY
 
 
@@ -177,18 +170,6 @@ def test_every_name_has_something_that_it_stands_for() -> None:
 def test_what_runs_do_not_depend_on_is_there() -> None:
     here = Path(runs.__file__).parents[1]
     assert all((here / name).exists() for name in runs._NO_RUNS)
-
-
-def test_interrupted_keeps_what_has_finished(frame: pd.DataFrame) -> None:
-    def stop(done: int, total: int) -> None:
-        assert total == len(frame)
-        if done == 3:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as caught:
-        ablate(**TINY, jobs=1, progress=stop)
-    assert len(caught.value.frame) == 3
-    assert caught.value.frame.columns.tolist() == frame.columns.tolist()
 
 
 def test_the_summary_has_means_and_t_intervals_and_its_table_says_all_cells_in_120_columns(frame: pd.DataFrame) -> None:

@@ -1,7 +1,5 @@
 """Pictures held to what can be measured in them: all that was measured is drawn, and nothing where no value can be."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Each metric is held to a case worked out by hand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -11,11 +9,11 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from elicit import AlwaysAsk, Answers, Query, Verdict
 from elicit.asking.elicitation import Audit
-from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Decisions, Tier
-from elicit.model.query import Answers, Query, Verdict
 from elicit.model.scale import Floats, normalise, tail_sums
+from qlearn import Guarantee, OrdinalMDP, Result, Status, random_mdp, value_iteration
 from qlearn.experiments.metrics import (
     Watch,
     audits,
@@ -27,11 +25,6 @@ from qlearn.experiments.metrics import (
     paper_loss,
     reference_differences,
 )
-from qlearn.learners.learner import Result, Status
-from qlearn.learners.loss_bound import Guarantee
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import value_iteration
-from qlearn.problems.random_mdp import random_mdp
 
 VALUES = (10.0, 20.0, 50.0)  # normalised: 0, 1/4, 1
 

@@ -1,7 +1,5 @@
 """Sweeps: the same rows on every backend, each computed once, whatever is killed in between."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -60,9 +58,6 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
         environment.undo()
         with local, Client(local) as client:
             yield client
-
-
-# --- where rows are computed
 
 
 def test_rows_come_in_the_order_of_the_cells_on_every_backend(cluster: Any) -> None:
@@ -172,9 +167,6 @@ def test_what_goes_ahead_of_an_ablation() -> None:
         part()
 
 
-# --- the journal
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_finished_row_is_never_computed_again(jobs: int, tmp_path: Path) -> None:
     journal, log, seen = tmp_path / "journal", tmp_path / "log", []
@@ -236,9 +228,6 @@ def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(content: bytes, 
         with pytest.raises(ValueError, match="file is no journal, it begins"):
             sweep(row, CELLS, journal=tmp_path / "file", jobs=1, fresh=fresh)
     assert (tmp_path / "file").read_bytes() == content
-
-
-# --- what is interrupted or killed
 
 
 @pytest.mark.parametrize("jobs", [1, 2])

@@ -1,7 +1,5 @@
 """Settings: what cannot be is said with the setting's name, from Python as on the command line."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """What holds of all learners, or of Q-learning and value iteration alike."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -11,18 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import AlwaysAsk, Answer, Dominance, FlippingTutor, PolytopeComparator, TruthfulTutor, Verdict
 from elicit.model.comparator import Decisions, Tier
-from elicit.model.query import Answer, Verdict
 from elicit.model.scale import Floats
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.learner import Status, drive
-from qlearn.learners.policy_iteration import InteractivePolicyIteration
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.q_learning_asking_late import LateQLearning
+from qlearn import InteractivePolicyIteration, InteractiveQLearning, LateQLearning, OrdinalMDP, Status, drive
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import evaluate_policy, policy_loss
 from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import messy_mdp

@@ -1,18 +1,13 @@
 """Exploration by name, and as a schedule."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pytest
 
-from elicit.comparators.baselines import AlwaysAsk
-from elicit.tutors.simulated import TruthfulTutor
+from elicit import AlwaysAsk, TruthfulTutor
+from qlearn import InteractiveQLearning, Result, drive, random_mdp
 from qlearn.learners.exploration import EXPLORATIONS, Decay, Exploration, epsilons
-from qlearn.learners.learner import Result, drive
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.problems.random_mdp import random_mdp
 
 
 def learned(**settings: Any) -> Result:

@@ -1,7 +1,5 @@
 """Certify first: its bound against brute force, its policy against value iteration, and its manners."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -9,25 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from elicit.asking.bags import Bags
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import AlwaysAsk, Bags, BradleyTerryComparator, Dominance, PolytopeComparator, PosteriorComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.model.scale import values_of
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.learner import Status, drive
+from qlearn import InteractivePolicyIteration, InteractiveQLearning, LateQLearning, Status, drive, icu_sepsis
 from qlearn.learners.loss_bound import advantages, drawn_set, guarantee, loss_bound, loss_over_draws
-from qlearn.learners.policy_iteration import InteractivePolicyIteration
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import most_even_cut
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
-from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
 

@@ -1,28 +1,18 @@
 """Question strategies against their formulas written out, and learners that put questions off."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 
 import numpy as np
 import pytest
 
+from elicit import AlwaysAsk, Answer, Answers, Dominance, PolytopeComparator, PosteriorComparator
 from elicit.asking.bags import entropy
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.query import Answer, Answers
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn import strategies
-from qlearn.learners.learner import Status, drive
-from qlearn.learners.policy_iteration import InteractivePolicyIteration
-from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn import InteractivePolicyIteration, InteractiveQLearning, Status, drive, policy_loss, random_mdp, strategies
 from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import Candidates
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
 
 ALL = (
     strategies.first_come,

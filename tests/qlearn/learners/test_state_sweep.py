@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import pickle
-import subprocess
-import sys
 import tracemalloc
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,15 +12,13 @@ import pytest
 
 from elicit import (
     Answer,
-    BradleyTerryComparator,
     FlippingTutor,
     PolytopeComparator,
-    PosteriorComparator,
     Query,
     TruthfulTutor,
     Verdict,
 )
-from elicit.comparators.baselines import AlwaysAsk, Dominance
+from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import weighted
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Decisions, Tier
@@ -37,9 +30,9 @@ from qlearn.learners import action_pair_kernel, state_sweep
 from qlearn.learners.action_pair_kernel import round_up
 from qlearn.learners.learner import Status
 from qlearn.reference import interactive_value_iteration
+from tests.interpreter import report_of
 from tests.mdp_cases import messy_mdp
-
-ROOT = Path(__file__).parents[3]
+from tests.noisy_cases import COMPARATORS
 
 
 class ByPython:
@@ -93,13 +86,7 @@ TUTORS: dict[str, Callable[[Floats], Any]] = {
     "blunt": lambda values: blunt(values, 0.01),
     "blunt and silent": lambda values: blunt(values, 0.01, 0.003),
 }
-MODELS: dict[str, Callable[[int], Any]] = {
-    "polytope": PolytopeComparator,
-    "polytope without margin": lambda k: PolytopeComparator(k, margin=0.0),
-    "dominance": Dominance,
-    "Bradley-Terry": lambda k: BradleyTerryComparator(k, n_boot=20),
-    "posterior": lambda k: PosteriorComparator(k, particles=60, seed=0),
-}
+MODELS = ("polytope", "polytope, margin 0", "dominance", "ensemble", "posterior")
 SETTINGS: list[dict[str, Any]] = [{"max_queries": 3}, {"batch": 5}, {"audit": 0.3}, {"indifference": 0.03}]
 
 
@@ -108,7 +95,7 @@ SETTINGS: list[dict[str, Any]] = [{"max_queries": 3}, {"batch": 5}, {"audit": 0.
 def test_python_is_asked_only_for_what_it_alone_can_tell(model: str, tutor: str) -> None:
     for mdp, values in (random_mdp(12, 3, 4, discount=0.8, rng=0), messy_mdp(1, n=12, discount=0.5)):
         runs = [
-            solve(mdp, make(MODELS[model](mdp.k)), TUTORS[tutor](values), max_sweeps=12)
+            solve(mdp, make(COMPARATORS[model](mdp.k)), TUTORS[tutor](values), max_sweeps=12)
             for make in (lambda known: known, ByPython)
         ]
         assert answers_of(runs[0]) == answers_of(runs[1])
@@ -137,9 +124,9 @@ def test_asks_the_questions_of_the_reference_whatever_the_comparator(model: str,
     """States are judged in turn, each with all that is known by then, as in the reference: but for the first look
     at a block of states, which a model may settle before a later answer would have changed its mind."""
     mdp, values = random_mdp(9, 3, 4, discount=0.8, rng=3)
-    result = solve(mdp, MODELS[model](4), TUTORS[tutor](values), max_sweeps=40)
-    expected, _, told = interactive_value_iteration(mdp, MODELS[model](4), TUTORS[tutor](values), tolerance=0.01)
-    if model in ("Bradley-Terry", "posterior"):
+    result = solve(mdp, COMPARATORS[model](4), TUTORS[tutor](values), max_sweeps=40)
+    expected, _, told = interactive_value_iteration(mdp, COMPARATORS[model](4), TUTORS[tutor](values), tolerance=0.01)
+    if model in ("ensemble", "posterior"):
         assert abs(result.asked - len(told.answers)) <= 0.5 * len(told.answers)
         for policy in (result.policy, expected.best):
             assert policy_loss(mdp, policy, values).max() <= 0.03
@@ -224,44 +211,21 @@ def test_what_an_earlier_verdict_certified_is_forgotten_with_the_answers_it_rest
     assert changed >= 3
 
 
-def report() -> str:
+def report() -> list[str]:
     """A hash of small runs, to the last bit: who settled what included."""
     digest = hashlib.blake2b(digest_size=8)
     for mdp, values in (random_mdp(6, 3, 4, discount=0.7, rng=0), messy_mdp(1, n=6, discount=0.5)):
         for model in MODELS:
             for tutor in ("flipping", "blunt"):
-                result = solve(mdp, MODELS[model](mdp.k), TUTORS[tutor](values), tolerance=0.05, max_sweeps=9)
+                result = solve(mdp, COMPARATORS[model](mdp.k), TUTORS[tutor](values), tolerance=0.05, max_sweeps=9)
                 digest.update(repr((answers_of(result), sorted(result.decided.items()))).encode())
         oracle = solve(mdp, AlwaysAsk(mdp.k), FlippingTutor(values, 0.1, seed=1), watched=True, max_sweeps=5)
         digest.update(repr((answers_of(oracle), sorted(oracle.decided.items()))).encode())
-    return digest.hexdigest()
+    return [digest.hexdigest()]
 
 
 def test_the_loops_are_the_same_uncompiled() -> None:
-    code = "from tests.qlearn.learners.test_state_sweep import report; print(report())"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == report()
-
-
-def test_a_result_keeps_its_q_while_the_learner_goes_on() -> None:
-    mdp, values = random_mdp(30, 3, 5, discount=0.9, rng=0)
-    learner = InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.01)
-    tutor, lazy, read = TruthfulTutor(values), [], []
-    while queries := learner.ask():
-        read.append(learner.result().q)
-        lazy.append(learner.result())
-        learner.tell([tutor(query) for query in queries])
-    assert [result.q.tobytes() for result in lazy] == [q.tobytes() for q in read]
-    assert read[0].tobytes() != read[-1].tobytes()
-    copy = pickle.loads(pickle.dumps(learner.result()))
-    assert copy.q.tobytes() == learner.result().q.tobytes()
+    assert report_of(__name__) == report()
 
 
 def test_only_v_is_kept() -> None:

@@ -1,7 +1,5 @@
 """Interactive value iteration against its reference, scalar value iteration, and its own promises."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
@@ -10,19 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.comparators.baselines import AlwaysAsk, Dominance
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator
+from elicit import AlwaysAsk, BradleyTerryComparator, Comparator, Dominance, PolytopeComparator, Tutor
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from elicit.model.tutor import Tutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn.learners.learner import Result, Status, drive
+from qlearn import OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
 from qlearn.learners.value_iteration import InteractiveValueIteration, sweeps_needed
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import policy_loss
-from qlearn.problems.random_mdp import random_mdp
 from qlearn.reference import interactive_value_iteration
 from tests.mdp_cases import messy_mdp
 

@@ -1,18 +1,11 @@
 """Backed-up share vectors are those of eq. (3), compiled or not."""
 
-from __future__ import annotations
-
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
 from elicit.model.scale import Floats
+from qlearn import OrdinalMDP, random_mdp
 from qlearn.mdp.backup import model_of, q_of
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.problems.random_mdp import random_mdp
 from tests.mdp_cases import messy_mdp
 
 
@@ -34,10 +27,3 @@ def test_q_is_equation_3(messy: bool, discount: float) -> None:
     np.testing.assert_allclose(q, expected, rtol=0, atol=1e-15)
     some = np.array([mdp.n_states - 1, 3, 3])
     np.testing.assert_array_equal(q_of(some, v, model_of(mdp)), q[some])
-
-
-def test_without_the_compiler_the_same_source_gives_the_same_bits() -> None:
-    code = "from tests.qlearn.mdp.test_backup import *; print(backed_up(messy_mdp(2)[0])[1].tobytes().hex())"
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
-    assert done.stdout.strip() == backed_up(messy_mdp(2)[0])[1].tobytes().hex()

@@ -1,10 +1,6 @@
 """OrdinalMDP: what it stores, what it computes, and what it refuses."""
 
-from __future__ import annotations
-
 import pickle
-import subprocess
-import sys
 from dataclasses import FrozenInstanceError, replace
 from typing import Any
 
@@ -13,6 +9,7 @@ import pytest
 
 from qlearn.mdp import array_checks
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from tests.interpreter import run
 
 LABELS = ("bad", "fair", "good")
 
@@ -186,7 +183,7 @@ def test_fingerprint_is_stable_across_processes() -> None:
         "import numpy as np; from qlearn import OrdinalMDP; "
         "print(OrdinalMDP.from_dense(np.eye(2)[:, None], [[0], [1]], 0.5, ('a', 'b')).fingerprint)"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    (out,) = run(code)
     assert out == OrdinalMDP.from_dense(np.eye(2)[:, None], [[0], [1]], 0.5, ("a", "b")).fingerprint
     assert len(out) == 32
 

@@ -1,7 +1,5 @@
 """Planning is ground truth, so each function is held to at least one independent method."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -12,9 +10,8 @@ from scipy.optimize import linprog
 
 import qlearn.mdp.planning
 from elicit.model.scale import Floats
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn import OrdinalMDP, draw_values, random_mdp
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
-from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
 
 
@@ -43,9 +40,6 @@ def test_sweeps_stand_in_for_factors_that_would_not_fit(monkeypatch: pytest.Monk
     monkeypatch.setattr(qlearn.mdp.planning, "_SPARSE", 0)
     np.testing.assert_allclose(value_iteration(mdp, values)[0], expected[0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(evaluate_policy(mdp, random_policy(mdp, 0)), expected[1], rtol=0, atol=1e-12)
-
-
-# --- value iteration -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -168,9 +162,6 @@ def test_a_tolerance_that_cannot_be_or_is_below_rounding_is_refused() -> None:
     with pytest.raises(ValueError, match="finer than floats can certify"):
         value_iteration(mdp, values, 1e-10)  # a sweep changes less, but 1 / (1 - discount) times that may be missing
     value_iteration(mdp, values, 1e-6)
-
-
-# --- evaluating a policy ---------------------------------------------------------------------------------------------
 
 
 @settings(deadline=None, max_examples=30)

@@ -1,7 +1,5 @@
 """OrdinalMDPs from tables, state-action pairs and environments are the problems they were made from."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,9 +13,6 @@ from qlearn import InteractiveValueIteration, OrdinalMDP, drive, policy_loss, ra
 from tests.mdp_cases import messy_mdp
 
 ABC = ("a", "b", "c")
-
-
-# --- tables ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("form", ["dense", "csr", "csc", "coo", "by action", "pairs", "dense pairs"])
@@ -107,9 +102,6 @@ def pairs(**changed: Any) -> dict[str, Any]:
 def test_from_pairs_refuses(changed: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         OrdinalMDP.from_pairs(**pairs(**changed))
-
-
-# --- environments ----------------------------------------------------------------------------------------------------
 
 
 def optimal(table: Any, discount: float) -> Floats:

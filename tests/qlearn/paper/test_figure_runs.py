@@ -1,7 +1,5 @@
 """The paper's figures: the rows do not depend on how they were computed, and what is said of them can be recomputed."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -85,9 +83,6 @@ def test_warnings_are_counted_not_shown() -> None:
     quiet, loud = (figures(**part, jobs=1, precision=precision) for precision in (300.0, 1e300))
     assert (quiet.warnings == 0).all()
     assert loud.warnings[loud.comparator == "box"].item() > 0
-
-
-# --- what is said of the rows
 
 
 def made_up(slope: float, loss: float, seeds: int = 6, noise: float = 0.2) -> pd.DataFrame:

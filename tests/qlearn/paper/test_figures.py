@@ -1,7 +1,5 @@
 """The paper's figures, held to what can be measured in them: nothing is drawn where no value can be."""
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """FrozenLake and deep-sea-treasure, held to their packages by stepping them."""
 
-from __future__ import annotations
-
 import builtins
 import os
 import warnings
@@ -11,11 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.tutors.simulated import TruthfulTutor
-from qlearn.learners.learner import drive
-from qlearn.learners.value_iteration import InteractiveValueIteration
-from qlearn.mdp.planning import policy_loss
+from elicit import PolytopeComparator, TruthfulTutor
+from qlearn import InteractiveValueIteration, drive, policy_loss
 from qlearn.problems.gymnasium import deep_sea_treasure, frozen_lake
 
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")

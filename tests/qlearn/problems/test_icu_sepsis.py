@@ -1,7 +1,5 @@
 """ICU-Sepsis is the published benchmark."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from importlib.metadata import distribution
@@ -13,9 +11,7 @@ import numpy as np
 import pytest
 
 from elicit.model.scale import Floats
-from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import evaluate_policy, value_iteration
-from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn import OrdinalMDP, evaluate_policy, icu_sepsis, value_iteration
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Random MDPs and hidden values have the stated law."""
 
-from __future__ import annotations
-
 from math import ceil, log2
 from typing import Any
 

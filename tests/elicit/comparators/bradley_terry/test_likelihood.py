@@ -1,7 +1,5 @@
 """The likelihood of eq. (6) and (7), its derivatives, and the batched fit against independent ones."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,10 +1,6 @@
-"""The posterior comparator: what it promises, what it may depend on, and its numbers against other samplers."""
-
-from __future__ import annotations
+"""The posterior comparator: what it promises, what it may depend on, and its numbers against other ways to them."""
 
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -13,13 +9,11 @@ import pytest
 from scipy.special import expit, gammaln, logsumexp
 from scipy.stats import chisquare
 
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.query import Answers, Verdict
+from elicit import Answers, BradleyTerryComparator, PolytopeComparator, PosteriorComparator, Verdict
 from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
 from elicit.testing import check_comparator, sample_differences
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from tests.interpreter import run
 from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, log_terms, pairs
 
 TINY = 1e-20
@@ -72,15 +66,10 @@ def assert_sane(c: PosteriorComparator, least: float = 0.05) -> None:
     assert math.isnan(c.acceptance) or 0 < c.acceptance < 1
 
 
-# ---- the contract -----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("k", "n", "settings"),
     [
         (2, 0, {}),
-        (3, 0, {}),
-        (5, 0, {}),
         (8, 0, {"precision": 20.0, "lapse": 0.0}),
         (4, 0, {"precision": 0}),
         (5, 0, {"shape": (1.0, 1.0), "particles": 37, "seed": 4}),
@@ -243,9 +232,6 @@ def test_levels_set_in_between_do_not_change_what_is_thought_of_the_others() -> 
     assert np.abs(few - many).max() < 4 * math.sqrt(0.5 / (8 * 1000))
 
 
-# ---- little knowledge -------------------------------------------------------------------------------------------
-
-
 def weighted(rng: Rng, k: int, answers: Answers, lapse: float, m: int) -> tuple[Floats, Floats, Floats]:
     """Gaps (m, p), log c (m,) from the prior, and their weights (m,) by the formula: the posterior, exactly so in the
     limit, by no chain at all."""
@@ -318,9 +304,6 @@ def test_a_tutor_of_no_precision_teaches_nothing(precision: float) -> None:
     assert len(after.answers) == 40
 
 
-# ---- much, strange and contradictory knowledge ------------------------------------------------------------------
-
-
 def test_ten_thousand_answers() -> None:
     rng = np.random.default_rng(0)
     d, e = differences(rng, 5, 10_000), np.array([0.0, 0.1, 0.15, 0.7, 1.0])
@@ -368,11 +351,7 @@ def test_answers_about_vectors_near_the_greatest_float_end() -> None:
         "from elicit.model.query import Answers\n"
         "c = C(3).update(Answers(1.7e308 * np.array([[0.4, -1.0, 0.6]]), [1])); assert np.isfinite(c.draws.gaps).all()"
     )
-    try:
-        done = subprocess.run([sys.executable, "-c", code], timeout=30, capture_output=True, check=False)
-    except subprocess.TimeoutExpired:
-        pytest.fail("it does not end")
-    assert done.returncode == 0, done.stderr
+    run(code)  # which waits for so long only
 
 
 @pytest.mark.parametrize("precision", [None, 100.0])
@@ -431,9 +410,6 @@ def test_without_noise_it_agrees_with_the_polytope(k: int) -> None:
     assert (tail_sums(asked) @ gaps[:, weights > 1e-12] * answers.y[:, None] > -1e-9).all()
 
 
-# ---- prior inequalities -----------------------------------------------------------------------------------------
-
-
 def test_named_inequalities_hold_for_certain() -> None:
     prior = ["e4 >= 2*e2", "e3 - e2 <= 0.1", "e2 >= 0.05"]
     rows = np.array([[0, -2, 0, 1, 0], [0, 1, -1, 0, 0.1], [0, 1, 0, 0, -0.05]])
@@ -476,9 +452,6 @@ def test_impossible_or_too_thin_inequalities_are_named() -> None:
         PosteriorComparator(4, prior=["e2 >= 0.9", "e3 <= 0.5"])
     with pytest.raises(ValueError, match=r"e2 >= 0\.5; e2 <= 0\.5, leave too little room"):
         PosteriorComparator(4, prior=["e2 >= 0.5", "e2 <= 0.5"])
-
-
-# ---- the numbers ------------------------------------------------------------------------------------------------
 
 
 def assert_near(found: Floats, true: Floats, copies: int, spread: Floats, error: Floats | float, what: str) -> float:
@@ -551,41 +524,6 @@ def test_it_agrees_with_a_grid_where_there_are_three_levels(n: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("i", range(100, 150))
-def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) -> None:
-    emcee = pytest.importorskip("emcee")
-    k, answers, d, lapse, rng = a_data_set(i, 80)
-    a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 101)) / (k - 1)
-    constants = gammaln((k - 1) * a) - (k - 1) * gammaln(a)
-
-    def log_density(x: Floats) -> Floats:
-        top = x.max(axis=1)
-        log_c = top + np.log(np.exp(x - top[:, None]).sum(axis=1))
-        log_g = x - log_c[:, None]
-        by_shape = constants + a * log_g.sum(axis=1)[:, None]
-        most = by_shape.max(axis=1)
-        prior = most + np.log(np.exp(by_shape - most[:, None]).sum(axis=1)) - 0.5 * ((log_c - MEAN) / SD) ** 2
-        return np.asarray(prior + log_likelihood(np.exp(log_g), log_c, answers, lapse))
-
-    def error(f: Floats) -> Floats:
-        means = np.array([part.mean(axis=1) for part in np.array_split(f, 20, axis=1)])
-        return np.asarray(means.std(axis=0, ddof=1) / math.sqrt(20))
-
-    walkers = 40
-    g, log_c, w = weighted(rng, k, answers, lapse, 60_000)
-    chosen = rng.choice(len(w), walkers, p=w)
-    start = np.log(g[chosen] + 1e-300) + log_c[chosen, None] + 0.1 * rng.normal(size=(walkers, k - 1))
-    sampler = emcee.EnsembleSampler(walkers, k - 1, log_density, vectorize=True)
-    sampler.random_state = np.random.RandomState(i).get_state()
-    state = sampler.run_mcmc(start, 1000)
-    sampler.reset()
-    sampler.run_mcmc(state, 3000)
-    x = sampler.get_chain(thin=3).reshape(-1, k - 1)  # in order of time
-    g = np.exp(x - logsumexp(x, axis=1, keepdims=True))
-    assert compare_with(answers, g, np.full(len(g), 1.0 / len(g)), d, error, lapse, copies=4) < 2.5
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("k", "n"), [(5, 40), (10, 40), (10, 300), (20, 40), (20, 300)])
 def test_particles_are_worth_about_what_their_effective_size_says(k: int, n: int) -> None:
     said, worth = [], []
@@ -638,9 +576,6 @@ def test_ranks_of_the_truth_are_uniform() -> None:
 @pytest.mark.parametrize(("k", "n"), [(5, 40), (10, 40), (20, 40)])
 def test_ranks_of_the_truth_are_uniform_in_many_replications(k: int, n: int) -> None:
     assert_uniform(*ranks(k, n, 600, 1))
-
-
-# ---- the promise ------------------------------------------------------------------------------------------------
 
 
 def learned(k: int, lapse: float, make: Callable[[Floats, Floats, int], Any], law: str, seed: int) -> tuple[int, int]:

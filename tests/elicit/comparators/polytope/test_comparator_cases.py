@@ -1,15 +1,12 @@
 """Every verdict and bound of the polytope comparator, on random and adversarial cases, against exact rationals."""
 
-from __future__ import annotations
-
 from collections import Counter
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.query import Answers
+from elicit import Answers, PolytopeComparator
 from tests.lp_cases import KINDS, Case, Oracle, cases, dot, exact, least_from_scratch, tails, verdict
 
 PARTS, PART = 14, 80  # 1,120 cases

@@ -1,8 +1,6 @@
 """Explanations: every proof checked in rationals by code of its own, every listed answer shown to be needed by telling
 the others alone, and the sentences word by word."""
 
-from __future__ import annotations
-
 import pickle
 from collections import Counter
 from collections.abc import Sequence
@@ -14,11 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit import Answers, PolytopeComparator, Verdict
 from elicit.comparators.polytope.explanation import Explanation, Proof
 from elicit.comparators.polytope.minimal_proof import explain
 from elicit.lp.prior_inequalities import as_prior, inequality
-from elicit.model.query import Answers, Verdict
 from tests.lp_cases import KINDS, TIE_BAND, Case, Oracle, cases, dot, exact, from_tails, shares, tails
 
 LABELS = ["critical", "stable", "well"]
@@ -42,9 +39,6 @@ def of_case(case: Case, rows: Sequence[int] | None = None, prior: Sequence[int] 
     given = case.prior if prior is None or case.prior is None else tuple(x[list(prior)] for x in case.prior)
     comparator = PolytopeComparator(case.k, margin=case.margin, prior=given)
     return comparator.update(Answers(case.d[keep], case.y[keep]))
-
-
-# ---- a checker that shares no code with elicit ---------------------------------------------------------------------
 
 
 def in_units_of(d: Sequence[float]) -> list[Fraction]:
@@ -240,8 +234,6 @@ def test_the_edge_of_a_cone_is_told_from_what_lies_beside_it() -> None:
     beside = explained(from_tails(first + second - [0.0, 2.0**-50, 0.0]), comparator)
     assert beside.verdict is Verdict.UNKNOWN
 
-
-# ---- sentences -----------------------------------------------------------------------------------------------------
 
 LEFT, RIGHT, EVEN = (
     f"not asked: {who}, because it follows from "
