@@ -104,9 +104,8 @@ def _all_questions(k: int, days: int) -> BagQuestions:
             left[sure], right[high], right[low] = days, good, days - good
             found.append((ease(days, good, low == 0 and high == k - 1), left, right))
     found.sort(key=lambda one: -one[0])
-    eases = np.array([one[0] for one in found])
-    lefts, rights = (np.array([one[i] for one in found]).reshape(-1, k) for i in (1, 2))
-    questions = BagQuestions(lefts, rights, eases)
+    eases, lefts, rights = (np.array([one[i] for one in found]) for i in range(3))
+    questions = BagQuestions(lefts.reshape(-1, k), rights.reshape(-1, k), eases)
     for part in questions:
         part.flags.writeable = False
     return questions

@@ -28,8 +28,8 @@ from elicit.asking.elicitation_kernel import (
     settle_rows,
 )
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Decisions, Tier
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
+from elicit.model.comparator import Comparator, Decisions, Tier, learn
+from elicit.model.query import Answer, Answers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 
@@ -197,7 +197,10 @@ class Elicitation:
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
         answers = match(answers, self.ask())
         waiting = {p.query.id: p for p in self.pending}
-        comparator, used, dropped = self._learn(answers, on_conflict)
+        told = [answer for answer in answers if answer.verdict is not None]
+        comparator, taken = learn(self.comparator, Answers.of(told, self.comparator.k), on_conflict == "drop")
+        used = Answers.of([answer for answer, took in zip(told, taken, strict=True) if took], self.comparator.k)
+        dropped = tuple(answer for answer, took in zip(told, taken, strict=True) if not took)
         settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
         verdicts = [self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled]
         # from here on nothing can fail but the watcher, which comes last
@@ -252,28 +255,6 @@ class Elicitation:
         and budget allow, and of several rows about one pair only the first."""
         room = self.batch if self._max_queries is None else max(1, min(self.batch, self._max_queries - self.asked))
         return first_of_each_pair(d, room)
-
-    def _learn(
-        self, answers: Sequence[Answer], on_conflict: OnConflict
-    ) -> tuple[Comparator, Answers, tuple[Answer, ...]]:
-        k = self.comparator.k
-        try:
-            together = Answers.of(answers, k)
-            return self.comparator.update(together), together, ()
-        except InconsistentAnswers:
-            if on_conflict == "raise":
-                raise
-            if len(answers) == 1:
-                return self.comparator, Answers.none(k), tuple(answers)
-        comparator, used, dropped = self.comparator, Answers.none(k), []
-        for answer in answers:
-            row = Answers.of([answer], k)
-            try:
-                comparator = comparator.update(row)
-                used = used + row
-            except InconsistentAnswers:
-                dropped.append(answer)
-        return comparator, used, tuple(dropped)
 
     def _act_on(self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator) -> Verdict:
         """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an audit's answer that the

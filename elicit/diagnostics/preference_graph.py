@@ -91,8 +91,7 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
             if node not in graph:
                 graph.add_node(node, vector=vector)
         if answer.verdict is not None and (answer.verdict != Verdict.EQUAL or left != right):
-            edges = [(left, right)] * (answer.verdict >= 0) + [(right, left)] * (answer.verdict <= 0)
-            for edge in edges:
+            for edge in [(left, right)] * (answer.verdict >= 0) + [(right, left)] * (answer.verdict <= 0):
                 said.setdefault(edge, ([], []))[answer.verdict == Verdict.EQUAL].append(query.id)
     for (start, end), (better, equal) in said.items():
         kind = "better" if better else "equal"
@@ -144,14 +143,12 @@ _Said: TypeAlias = tuple[int, int, str]
 
 def _add_dominance(graph: nx.DiGraph) -> None:
     vectors = np.array([graph.nodes[node]["vector"] for node in range(len(graph))])
-    for one in range(len(vectors) - 1):
-        codes = by_order(tail_sums(vectors[one] - vectors[one + 1 :]))
-        for other in np.flatnonzero(np.abs(codes) == 1).tolist():
-            edge = (one, one + 1 + other) if codes[other] > 0 else (one + 1 + other, one)
-            if edge in graph.edges:
-                graph.edges[edge]["dominates"] = True
+    for better, vector in enumerate(vectors):
+        for worse in np.flatnonzero(by_order(tail_sums(vector - vectors)) == Verdict.BETTER).tolist():
+            if (better, worse) in graph.edges:
+                graph.edges[better, worse]["dominates"] = True
             else:
-                graph.add_edge(*edge, ids=(), kind="dominance", dominates=True)
+                graph.add_edge(better, worse, ids=(), kind="dominance", dominates=True)
 
 
 def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
@@ -192,9 +189,7 @@ def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
 
 def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
     """The graph of these nodes as if nothing else had been said about them."""
-    edges = {
-        edge for better, worse, kind in said for edge in ((better, worse), (worse, better))[: 1 + (kind == "equal")]
-    }
+    edges = {(better, worse) for better, worse, _ in said} | {(b, a) for a, b, kind in said if kind == "equal"}
     inner = graph.subgraph(nodes)
     return inner.edge_subgraph(edge for edge, about in inner.edges.items() if about["dominates"] or edge in edges)
 

@@ -120,12 +120,10 @@ class TutorReport:
         lines["sides"] = "which side was shown left is not known: give the log, not bare Answers"
         if self.sided:
             lines["sides"] = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
-            bias = ": a bias" if self.left_p < 1 - self.level else ": no sign of a bias"
-            lines["sides"] += (
-                ", but sides were never exchanged at random: that may be what was asked, not a bias"
-                if math.isnan(self.left_p)
-                else f" ({self.exchanged} shown exchanged), p = {self.left_p:.2g}{bias}"
-            )
+            bias = "a bias" if self.left_p < 1 - self.level else "no sign of a bias"
+            tested = f" ({self.exchanged} shown exchanged), p = {self.left_p:.2g}: {bias}"
+            untested = ", but sides were never exchanged at random: that may be what was asked, not a bias"
+            lines["sides"] += untested if math.isnan(self.left_p) else tested
         title = f"Tutor report, {100 * self.level:g}% intervals in brackets"
         return "\n".join([title, *(f"  {name:<10}{text}" for name, text in lines.items())])
 
@@ -169,9 +167,10 @@ def tutor_report(
     differ = exact_share(int((~agree & clear).sum()), int(clear.sum()), level)
     order = dominance(tail_sums(answers.d))
     settled = (np.abs(order) == 1) & decisive
-    sided = int(decisive.sum()) if told.swapped is not None else 0
+    recorded = decisive & (told.swapped is not None)
     swapped = np.zeros(n, dtype=np.bool_) if told.swapped is None else told.swapped
-    left, exchanged = int(((y > 0) != swapped)[decisive].sum()) if sided else 0, int((swapped & decisive).sum())
+    sided, exchanged = int(recorded.sum()), int((swapped & recorded).sum())
+    left = int(((y > 0) != swapped)[recorded].sum())
     return TutorReport(
         k=answers.k,
         level=level,
@@ -196,10 +195,7 @@ def tutor_report(
 
 def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
     """count / n with Clopper and Pearson's interval; nan for n = 0."""
-    if n == 0:
-        return NOTHING
-    interval = binomtest(count, n).proportion_ci(level, method="exact")
-    return Estimate(count / n, float(interval.low), float(interval.high))
+    return Estimate(count / n, *binomtest(count, n).proportion_ci(level, method="exact")) if n else NOTHING
 
 
 class _Record(NamedTuple):

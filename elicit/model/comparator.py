@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_whole
-from elicit.model.query import Answers, Verdict
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
 
 Verdicts = NDArray[np.int8]
@@ -94,6 +94,25 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     if isinstance(comparator, BoundsAllAtOnce):
         return comparator.simultaneous_bounds(d)
     return order_bounds(tail_sums(as_vectors(d, comparator.k)), 0.0)[1], 1.0
+
+
+def learn(comparator: Comparator, answers: Answers, one_by_one: bool) -> tuple[Comparator, NDArray[np.bool_]]:
+    """The comparator after these answers, and which (n,) of them it took. Where they contradict each other, with
+    ``one_by_one`` without those that contradict the ones before; else raises InconsistentAnswers."""
+    taken = np.ones(len(answers), dtype=np.bool_)
+    try:
+        return comparator.update(answers), taken
+    except InconsistentAnswers:
+        if not one_by_one:
+            raise
+        if len(answers) == 1:
+            return comparator, ~taken
+    for i in range(len(answers)):
+        try:
+            comparator = comparator.update(answers[i : i + 1])
+        except InconsistentAnswers:
+            taken[i] = False
+    return comparator, taken
 
 
 def dominance_tiers(codes: Verdicts, otherwise: Tier) -> Tiers:

@@ -4,10 +4,9 @@ A log on disk is JSON lines: a header, then one line an answer or a retraction. 
 disk before it returns, so a crash loses at most the line that was being written. The log reads no
 clock: a caller who wants times gives them as metadata.
 
-An answer is taken back by a line {"retract": id, ...}; nothing is deleted. It concerns the answers before
-it that have this id, so the query can be answered anew. The header, once written, cannot announce such a
-line, so it has none of an answer's fields: a reader that knows no retractions stops there with BadLog,
-instead of learning from what was taken back. Without retractions a log is what it was before them.
+An answer is taken back by a line {"retract": id, ...}; nothing is deleted. It concerns the answers before it that have
+this id, so the query can be answered anew. It has none of an answer's fields: a reader that knows no retractions stops
+there with BadLog, instead of learning from what was taken back.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -58,13 +58,10 @@ class Entry:
 class AnswerLog:
     """All answers of a run, in the order in which they were told.
 
-    path: the file to write; an existing log is continued. None keeps the log in memory.
-    k: the number of levels; None takes it from the file, else from the first answer.
-    header: further JSON fields for the header line, such as the names of the levels. Where the file
-    has them already they must agree.
-
-    Raises BadLog where the file is no log, is damaged before its last line, or disagrees with k or
-    header; OSError where it cannot be written.
+    path: the file to write; an existing log is continued. None keeps the log in memory. k: the number of levels; None
+    takes it from the file, else from the first answer. header: further JSON fields for the header line, such as the
+    names of the levels. Where the file has them already they must agree. Raises BadLog where the file is no log, is
+    damaged before its last line, or disagrees with k or header; OSError where it cannot be written.
     """
 
     def __init__(
@@ -222,9 +219,8 @@ class AnswerLog:
                 damage = f"line {number} of {path} is damaged ({why}): {text!r}. Correct or delete that line"
                 raise BadLog(damage, number) from None
             if (found := len(entry.answer.query.left)) != self.k:
-                raise BadLog(
-                    f"line {number} of {path} is about {found} levels, but its header says k = {self.k}", number
-                )
+                about = f"line {number} of {path} is about {found} levels"
+                raise BadLog(f"{about}, but its header says k = {self.k}", number)
             self._entries.append(entry)
 
 
@@ -275,10 +271,9 @@ def _is_torn(line: bytes, first: bool) -> bool:
 
 def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """The header of a file, if it is one of a log that can be continued as wanted."""
-    try:
+    header = None
+    with suppress(ValueError):
         header = json.loads(line)
-    except ValueError:
-        header = None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         text = line[:60].decode("utf-8", "replace")
         raise BadLog(f"{path} is no answer log: its first line is {text!r}, not {_START}, ...}}", 1)
@@ -288,9 +283,6 @@ def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path) -> dict[
         raise BadLog(f"the header of {path} gives k = {header.get('k')!r}, not a number of levels", 1)
     for name, value in wanted.items():
         if name in header and header[name] != value:
-            raise BadLog(
-                f"{path} is another log: its header says {name} = {header[name]!r}, not {value!r}. "
-                "Choose another file, or open it as what it is",
-                1,
-            )
+            other = f"{path} is another log: its header says {name} = {header[name]!r}, not {value!r}"
+            raise BadLog(f"{other}. Choose another file, or open it as what it is", 1)
     return header
