@@ -30,9 +30,9 @@ class AnsweredPairs:
         name, sign = pair_name(t)
         self._said[name] = sign * verdict
         code = pair_codes(self._key, t[None, :])[0]
-        self.codes = _with(self.codes, code)
+        self.codes = np.insert(self.codes, np.searchsorted(self.codes, code), code)
         if binding:
-            self.binding = _with(self.binding, code)
+            self.binding = np.insert(self.binding, np.searchsorted(self.binding, code), code)
 
     def said(self, t: Floats) -> Verdicts:
         """What was said (n,) of the very pairs with tail sums t (n, p), whichever way round; UNKNOWN: nothing."""
@@ -53,9 +53,3 @@ def first_of_each_pair(d: Floats, most: int) -> list[int]:
             break
         chosen.setdefault(pair_name(t)[0], row)
     return list(chosen.values())
-
-
-def _with(codes: Codes, code: np.uint64) -> Codes:
-    """Sorted codes, with one more."""
-    at = int(np.searchsorted(codes, code))
-    return np.concatenate([codes[:at], np.array([code], np.uint64), codes[at:]])

@@ -2,8 +2,7 @@
 
 What a learner needs to know comes as long vectors of odd shares. A *bag question* sets one level for certain against a
 mixture of a worse and a better one in small whole numbers of days (the time trade-off of Torrance, Thomas and Sackett
-1972). Its answer often settles the same thing; where the learner has something else at heart it tells less, and more
-questions are needed. ``simplicity`` says how much may be given up for ease.
+1972). Its answer often settles the same thing; where it tells less, more questions are needed.
 """
 
 from __future__ import annotations

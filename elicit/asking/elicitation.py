@@ -17,16 +17,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
-from elicit.asking.elicitation_kernel import (
-    BOUNDS,
-    NO_FACT,
-    PLACE,
-    SAID,
-    AskingRule,
-    Facts,
-    Judgement,
-    settle_rows,
-)
+from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, SAID, AskingRule, Facts, Judgement, settle_rows
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Decisions, Tier, learn
 from elicit.model.query import Answer, Answers, Query, Verdict, match

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
 from elicit.decision.judge_kernel import judge_all
-from elicit.model.comparator import Comparator, Decisions, Tier, dominance_tiers
+from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 
@@ -21,7 +21,8 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
     if compares_by_rule(type(comparator)):
         return decide_by(rule_of(comparator), rows, comparator.settle if isinstance(comparator, Settling) else None)
     verdicts = np.asarray(comparator.compare(rows), dtype=np.int8)
-    return Decisions(verdicts, dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+    tiers = np.array([Tier.EQUAL, Tier.DOMINANCE, Tier.MODEL, Tier.DOMINANCE], dtype=np.int8)
+    return Decisions(verdicts, tiers[dominance(tail_sums(rows))])  # whose -1, worse, is the last
 
 
 def decide_by(rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | None = None) -> Decisions:

@@ -1,12 +1,9 @@
 """The graph of answered vectors: what the answers say by transitivity alone, and where they run in a circle.
 
-This is weaker than a comparator, which also adds answers up, but it can be read: each conclusion is a
-chain of answers. (Where differences of vectors are rounded, a comparator that is exact about the rounded
-numbers can miss such a conclusion by that much.)
-
-What a circle means depends on the tutor. "Better" from a reliable one is read as "at least as good": then
-a circle says that all vectors on it are worth the same. A person who prefers A to B, B to C and C to A has
-most likely made a mistake in one of the three: show the circle, and retract what is taken back.
+This is weaker than a comparator, which also adds answers up, but it can be read: each conclusion is a chain of answers.
+(Where differences of vectors are rounded, a comparator that is exact about the rounded numbers can miss such a
+conclusion by that much.) A circle of a person's answers most likely holds a mistake: show it, and retract what is taken
+back.
 """
 
 from __future__ import annotations
@@ -104,10 +101,9 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
 def follows(graph: nx.DiGraph) -> list[Implied]:
     """What follows by transitivity alone about pairs that no edge joins: nobody needs to ask about them.
 
-    For each the chain with the fewest answers, and among those one with the fewest steps. Two nodes that are
-    as good as each other are listed once, the first one shown as ``better``. Of nodes on a cycle
-    everything follows, also opposites, so look at ``cycles`` first. Sorted by node; one shortest-path search
-    a node, and at most as many results as pairs.
+    For each the chain with the fewest answers, and among those one with the fewest steps. Two nodes that are as good as
+    each other are listed once, the first one shown as ``better``. Of nodes on a cycle everything follows, also
+    opposites, so look at ``cycles`` first. Sorted by node; one shortest-path search a node.
     """
     found = []
     joined = {pair for u, v in graph.edges for pair in ((u, v), (v, u))}

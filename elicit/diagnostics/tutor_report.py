@@ -23,7 +23,7 @@ from elicit.comparators.bradley_terry.particle_comparator import PRECISION, Post
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.query import Answer, Answers
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.scale import Floats, dominance, pair_name, tail_sums
 from elicit.tutors.answer_log import AnswerLog, Entry
 
 Told = Answers | Iterable[Entry | Answer]
@@ -237,9 +237,8 @@ def read_log(log: Told, k: int | None) -> _Record:
 
 
 def _orientation(d: Floats) -> NDArray[np.int8]:
-    """+1 or -1 (n,), opposite for d and -d; 0 for d = 0."""
-    first = np.take_along_axis(d, (d != 0).argmax(axis=1)[:, None], axis=1)[:, 0]
-    return np.sign(first).astype(np.int8)
+    """+1 or -1 (n,), opposite for d and -d; 1 for d = 0."""
+    return np.array([pair_name(row)[1] for row in d], dtype=np.int8)
 
 
 def pairs_of(d: Floats) -> NDArray[np.intp]:

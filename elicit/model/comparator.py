@@ -115,12 +115,6 @@ def learn(comparator: Comparator, answers: Answers, one_by_one: bool) -> tuple[C
     return comparator, taken
 
 
-def dominance_tiers(codes: Verdicts, otherwise: Tier) -> Tiers:
-    """EQUAL or DOMINANCE where ``scale.dominance`` decided, else the given tier."""
-    by_code = np.array([Tier.EQUAL, Tier.DOMINANCE, otherwise, Tier.DOMINANCE], dtype=np.int8)
-    return by_code[codes]  # -1, worse, is the last
-
-
 def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -> Verdicts:
     """The only table from the signs of the least and the greatest plausible d.e to a verdict."""
     out = np.full(np.shape(least), Verdict.UNKNOWN, dtype=np.int8)
