@@ -86,8 +86,7 @@ def held_out(
 
     Answers are not the truth: of a tutor who errs in a tenth of all answers no comparator agrees with more than nine
     tenths, but by luck. A log that a learner asked for holds questions its comparator could not decide, harder than
-    fresh pairs. Where training answers contradict each other (InconsistentAnswers) they are taken one by one, without
-    those that contradict the ones before, and counted.
+    fresh pairs. Contradictory training answers are taken as ``learn`` does, one by one, and those dropped are counted.
 
     The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what a
     comparator that ``Foretells`` says. Raises ValueError on other numbers of folds than 2 up to that of the pairs, on a
@@ -100,13 +99,13 @@ def held_out(
 def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, key: int) -> HeldOut:
     y, n = rows.y, len(rows)
     told = np.empty((3, n))
-    contradicted = dropped = 0
+    lost = []  # how many training answers each fold dropped
     if folds == "sequential":
+        taken = np.ones(n, dtype=np.bool_)
         for i in range(n):
             told[:, [i]] = _foretell(comparator, rows.d[i : i + 1])
-            comparator, taken = learn(comparator, rows[i : i + 1], one_by_one=True)
-            dropped += int((~taken).sum())
-        contradicted = int(dropped > 0)
+            comparator, taken[i : i + 1] = learn(comparator, rows[i : i + 1], one_by_one=True)
+        lost.append(int((~taken).sum()))
     else:
         fold_of = _deal(pairs_of(rows.d), folds, key)
         for number in range(folds):
@@ -114,7 +113,7 @@ def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, ke
             train = np.flatnonzero(~test)
             known = Answers(rows.d[train], y[train], [rows.ids[i] for i in train])
             learned, taken = learn(comparator, known, one_by_one=True)
-            contradicted, dropped = contradicted + int(not taken.all()), dropped + int((~taken).sum())
+            lost.append(int((~taken).sum()))
             told[:, test] = _foretell(learned, rows.d[test])
     clear = y != 0
     said, (verdicts, scores, chance) = y[clear], told[:, clear]
@@ -134,8 +133,8 @@ def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, ke
         wrong=wilson(wrong, sure, level),
         by_values=wilson(float((1.0 + agree).sum() / 2.0), m, level),
         log_likelihood=_bootstrap_mean(logs, level, key),
-        contradicted=contradicted,
-        dropped=dropped,
+        contradicted=int(np.count_nonzero(lost)),
+        dropped=sum(lost),
     )
 
 

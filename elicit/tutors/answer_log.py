@@ -110,9 +110,9 @@ class AnswerLog:
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
         """Add an answer; when this returns it is on the disk, and when it raises nothing has changed.
 
-        used=False records an answer that comparators are not to learn from. metadata: any JSON, such as
-        ``time="2024-05-01T12:00:00Z"``. Raises ValueError on another number of levels or metadata
-        that is no JSON, BadLog if someone else wrote to the file, OSError if writing fails.
+        used=False records an answer that comparators are not to learn from. metadata: any JSON, such as a time. Raises
+        ValueError on another number of levels or metadata that is no JSON, BadLog if someone else wrote to the file,
+        OSError if writing fails.
         """
         k = len(answer.query.left)
         if self.k not in (None, k):
@@ -124,7 +124,7 @@ class AnswerLog:
                 "id": answer.query.id,
                 "left": answer.query.left.tolist(),
                 "right": answer.query.right.tolist(),
-                "verdict": None if answer.verdict is None else int(answer.verdict),
+                "verdict": answer.verdict,
                 "swapped": bool(answer.swapped),
                 "about": answer.query.about,
                 "used": bool(used),
@@ -138,11 +138,8 @@ class AnswerLog:
 
     def retract(self, id: str, **metadata: Any) -> None:
         """Take back all answers so far to the query of this id, by adding a line: they stay in the log, marked, but are
-        no longer among ``answers()``. On the disk when this returns; when it raises, nothing has changed.
-
-        metadata: any JSON, such as the reason. Raises ValueError where no answer of this id stands, and
-        otherwise like ``append``.
-        """
+        no longer among ``answers()``. metadata: any JSON, such as the reason. Raises ValueError where no answer of this
+        id stands, and otherwise like ``append``."""
         if not metadata.keys().isdisjoint((*_FIELDS, _RETRACT)):
             raise ValueError(f"a retraction's metadata may not be named like a field of the log: {sorted(metadata)}")
         line = _dump({_RETRACT: id, **metadata}, "metadata")
