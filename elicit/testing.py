@@ -8,8 +8,6 @@
 Each raises AssertionError with what was asked, what came back, and what the contract says.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ their transitions (common random numbers). ``mix``, ``unit`` and ``pair_code`` a
 ``pair_codes`` for compiled code, one number or one pair at a time.
 """
 
-from __future__ import annotations
-
 import hashlib
 from typing import Any, TypeAlias
 

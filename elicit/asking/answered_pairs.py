@@ -1,8 +1,6 @@
 """What the tutor has said of which pairs: a pair is known by its difference, wherever and whichever way round it was
 compared."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -5,8 +5,6 @@ mixture of a worse and a better one in small whole numbers of days (the time tra
 1972). Its answer often settles the same thing; where it tells less, more questions are needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

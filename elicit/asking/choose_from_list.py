@@ -4,8 +4,6 @@ It chooses as if the comparator's best guess at the scale were right, collects t
 alone, and asks about the one whose answer is most open; when none is left, the choice holds whatever the scale.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from copy import deepcopy
@@ -68,7 +66,7 @@ def choose(
     labels: Sequence[str] | None = None,
     max_queries: int | None = None,
     check_totals: bool = True,
-) -> Choosing:
+) -> "Choosing":
     """Find the best of vectors (n, k), or with ``order=True`` their order, asking what the comparator cannot tell.
 
     labels: n names, for people, shown in the queries. max_queries: beyond so many questions the best

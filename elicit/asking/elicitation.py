@@ -5,8 +5,6 @@ its user acted. Here lives everything that is the same whoever asks: what the co
 question budget, audits, "cannot tell", never asking a pair twice, and the counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias

@@ -4,8 +4,6 @@ A loop that compares by the million cannot call Python for each comparison. It t
 every update. One type for all rules, so that code that judges is compiled once, for whatever comparator.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import NamedTuple, Protocol, cast, runtime_checkable
 

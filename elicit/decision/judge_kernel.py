@@ -5,8 +5,6 @@ million, one pair at a time. What a rule leaves open (an optimum that is 0, or n
 comes back UNSETTLED, and the comparator itself settles it (``decision.verdicts``).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

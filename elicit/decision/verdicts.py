@@ -1,7 +1,5 @@
 """Verdicts of any comparator, and the tier that decided each: by its rule, and by itself where that leaves any open."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How well a comparator foretells answers that it has not seen: to compare comparators on a log, without a learner."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ conclusion by that much.) A circle of a person's answers most likely holds a mis
 back.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias

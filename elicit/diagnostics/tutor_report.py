@@ -4,8 +4,6 @@ Nothing here knows the hidden scale. Wrong answers show where a question was ask
 the order of the levels, and, through the model of ``PosteriorComparator``, where it fits no scale that fits the others.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

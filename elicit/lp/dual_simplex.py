@@ -5,8 +5,6 @@ only propose: whoever uses their result must prove it. The exact method starts f
 pivots in integers over one common denominator (Edmonds 1967), which costs a fiftieth of the same steps in fractions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -120,7 +118,7 @@ class _Corner:
         self._rows: dict[int, tuple[Numbers, int, int]] = {}
 
     @staticmethod
-    def at(region: Region, basis: tuple[int, ...]) -> _Corner | None:
+    def at(region: Region, basis: tuple[int, ...]) -> "_Corner | None":
         """The corner with these active constraints; None where they are linearly dependent."""
         p = region.p
         gaps = {c for c in basis if c < p}

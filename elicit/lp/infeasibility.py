@@ -1,7 +1,5 @@
 """Contradictory answers: whether a region is empty, and a smallest set of answers that makes it so."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ The corners' inverses are brought up to date pivot by pivot; what a walk finds i
 only if it is inside K_t by more than any rounding, and multipliers only through a bound that holds for any multipliers.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -7,8 +7,6 @@ whose bound, less every rounding, shows t.g > 0. What none of them can show is l
 and nothing kept between two calls changes a verdict. Dominance comes before all of this (``decision.judge_kernel``).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

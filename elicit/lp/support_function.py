@@ -4,8 +4,6 @@ Each maximum starts at the best corner known and walks on from there (``walk``);
 value but the bound that its multipliers prove, rounding included.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -4,8 +4,6 @@ Everything here works on the arrays of ``vertices.Known``; a cut makes new ones,
 answers as before.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What is known of K_t, its vertices above all, as plain arrays for compiled code."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

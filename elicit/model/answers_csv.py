@@ -1,7 +1,5 @@
 """Answers in a CSV file, as columns of numbers: what ``Answers.from_csv`` reads and ``Answers.to_csv`` writes."""
 
-from __future__ import annotations
-
 import csv
 import math
 import os

@@ -1,8 +1,6 @@
 """The Comparator protocol and what a comparator may have beyond it, who settled a comparison, and the one table from
 signs to verdicts."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -59,7 +57,7 @@ class Comparator(Protocol):
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) int8 on differences d (n, k)."""
 
-    def update(self, answers: Answers) -> Comparator:
+    def update(self, answers: Answers) -> "Comparator":
         """A comparator that also knows these answers; this one still answers as before."""
 
 

@@ -5,8 +5,6 @@ them) lie in a simplex, and for a difference d of two share vectors d.e = t.g, w
 of d_i over i > j. In these coordinates dominance (eq. 4) is t >= 0 and an answer is a cut t.g >= 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any

@@ -9,15 +9,13 @@ this id, so the query can be answered anew. It has none of an answer's fields: a
 there with BadLog, instead of learning from what was taken back.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from elicit.model.query import Answer, Answers, Query, Verdict
 
@@ -90,7 +88,7 @@ class AnswerLog:
         self._load(self._path)
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> AnswerLog:
+    def read(cls, path: str | os.PathLike[str]) -> Self:
         """The log in a file, for reading only; the file is not touched. Raises BadLog, FileNotFoundError."""
         log = cls()
         log._path, log._read_only = Path(path), True

@@ -1,7 +1,5 @@
 """A tutor that replays a log of answers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from elicit.model.query import Answer, Query
