@@ -55,10 +55,9 @@ def polytope(
     """K_t at k = 4, as an area in the plane of the two middle levels' values: 0 <= e_2 <= e_3 <= 1 is a triangle,
     of which margin, prior and answers leave a part. Areas compare like those in the simplex of the gaps.
 
-    comparators: one, or several of which each knows more than the last; the last is filled, and its analytic
-    centre is the point. labels (4,): the levels' names, worst first. values (4,): the true scale, in
-    any unit, a star. cuts=False leaves out the lines of the last one's answers and prior; those that
-    do not cross the triangle are never drawn. Raises ValueError for k other than 4.
+    comparators: one, or several of which each knows more than the last; the last is filled, and its analytic centre is
+    the point. labels (4,): the levels' names, worst first. values (4,): the true scale, in any unit, a star. cuts=False
+    leaves out the lines of the last one's answers and prior. Raises ValueError for k other than 4.
     """
     shown = [comparators] if isinstance(comparators, Comparator) else list(comparators)
     if not shown:
@@ -178,9 +177,9 @@ def preference_graph(
 ) -> Axes:
     """``graph.preference_graph`` in layers, better vectors above worse ones; on a circle some arrows lead upwards.
 
-    Solid arrows: answers "better". Dashed lines: answers "equal". Dotted arrows: dominance, without what follows
-    from other dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. labels: a text for
-    each node; by default its shares in percent, worst level first.
+    Solid arrows: answers "better". Dashed lines: "equal". Dotted arrows: dominance, without what follows from other
+    dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. labels: a text for each node; by default
+    its shares in percent, worst level first.
     """
     import networkx as nx
 
@@ -212,11 +211,8 @@ def preference_graph(
         halo = [withStroke(linewidth=2.5, foreground="white")]
         aside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8, "path_effects": halo}
         ax.annotate(shares if labels is None else labels[node], (x, y), (11, 0), zorder=3, **aside)
-    handles = [
-        Line2D([], [], label=name, **{k: v for k, v in style.items() if k != "arrowstyle"})
-        for name, style in _ARROWS.items()
-        if ring or name != "on a cycle"
-    ]
+    lines = {name: {k: v for k, v in style.items() if k != "arrowstyle"} for name, style in _ARROWS.items()}
+    handles = [Line2D([], [], label=name, **line) for name, line in lines.items() if ring or name != "on a cycle"]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, frameon=False, fontsize=8)
     ax.margins(0.22, 0.06)
     ax.set_axis_off()
@@ -232,16 +228,12 @@ def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
     plain = nx.DiGraph(strict)
     plain.add_nodes_from(graph)
     parts = nx.condensation(plain)
-    rank = {
-        node: (i, plain.in_degree(node) - plain.out_degree(node), node)
-        for i, part in enumerate(nx.topological_sort(parts))
-        for node in parts.nodes[part]["members"]
-    }
+    level = {node: i for i, part in enumerate(nx.topological_sort(parts)) for node in parts.nodes[part]["members"]}
+    rank = {node: (i, plain.in_degree(node) - plain.out_degree(node), node) for node, i in level.items()}
     plain.remove_edges_from([(start, end) for start, end in strict if rank[start] > rank[end]])
     at: dict[int, tuple[float, float]] = {}
     for depth, layer in enumerate(nx.topological_generations(plain)):
-        above = {node: [at[other][0] for other in plain.predecessors(node)] or [0.0] for node in layer}
-        middle = {node: float(np.mean(xs)) for node, xs in above.items()}
+        middle = {node: np.mean([at[over][0] for over in plain.predecessors(node)] or [0.0]) for node in layer}
         for i, node in enumerate(sorted(layer, key=lambda node: (middle[node], node))):
             at[node] = (i - (len(layer) - 1) / 2, -float(depth))
     return at

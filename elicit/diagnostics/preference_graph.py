@@ -91,8 +91,13 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
     for (start, end), (better, equal) in said.items():
         kind = "better" if better else "equal"
         graph.add_edge(start, end, ids=(*better, *equal), kind=kind, dominates=False)
-    if dominance:
-        _add_dominance(graph)
+    vectors = np.array([graph.nodes[node]["vector"] for node in range(len(graph) if dominance else 0)])
+    for above, vector in enumerate(vectors):
+        for below in np.flatnonzero(by_order(tail_sums(vector - vectors)) == Verdict.BETTER).tolist():
+            if (above, below) in graph.edges:
+                graph.edges[above, below]["dominates"] = True
+            else:
+                graph.add_edge(above, below, ids=(), kind="dominance", dominates=True)
     return graph
 
 
@@ -133,16 +138,6 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
 _Nodes: TypeAlias = tuple[int, ...]
 _Said: TypeAlias = tuple[int, int, str]
 """What one or more answers say about two nodes: better, worse, and "better"; or both in order, and "equal"."""
-
-
-def _add_dominance(graph: nx.DiGraph) -> None:
-    vectors = np.array([graph.nodes[node]["vector"] for node in range(len(graph))])
-    for better, vector in enumerate(vectors):
-        for worse in np.flatnonzero(by_order(tail_sums(vector - vectors)) == Verdict.BETTER).tolist():
-            if (better, worse) in graph.edges:
-                graph.edges[better, worse]["dominates"] = True
-            else:
-                graph.add_edge(better, worse, ids=(), kind="dominance", dominates=True)
 
 
 def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
