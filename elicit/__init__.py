@@ -23,62 +23,31 @@ if TYPE_CHECKING:
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
-_LATER = {  # imported when first used, so that `import elicit` stays light
-    "AlwaysAsk": "elicit.comparators.baselines",
-    "Dominance": "elicit.comparators.baselines",
-    "decide": "elicit.decision.verdicts",
-    "choose": "elicit.asking.choose_from_list",
-    "AnswerLog": "elicit.tutors.answer_log",
-    "Bags": "elicit.asking.bags",
-    "BradleyTerryComparator": "elicit.comparators.bradley_terry.bootstrap_comparator",
-    "BradleyTerryTutor": "elicit.tutors.simulated",
-    "FlippingTutor": "elicit.tutors.simulated",
-    "Inequality": "elicit.lp.prior_inequalities",
-    "PolytopeComparator": "elicit.comparators.polytope.comparator",
-    "PosteriorComparator": "elicit.comparators.bradley_terry.particle_comparator",
-    "RelaxedPolytopeComparator": "elicit.comparators.polytope.relaxed_comparator",
-    "ReplayTutor": "elicit.tutors.replay",
-    "TruthfulTutor": "elicit.tutors.simulated",
-    "compare_held_out": "elicit.diagnostics.held_out",
-    "held_out": "elicit.diagnostics.held_out",
-    "inequalities": "elicit.lp.prior_inequalities",
-    "inequality": "elicit.lp.prior_inequalities",
-    "tutor_report": "elicit.diagnostics.tutor_report",
+_PLACES = {  # imported when first used, so that `import elicit` stays light
+    "elicit.asking.bags": ["Bags"],
+    "elicit.asking.choose_from_list": ["choose"],
+    "elicit.comparators.baselines": ["AlwaysAsk", "Dominance"],
+    "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
+    "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
+    "elicit.comparators.polytope.comparator": ["PolytopeComparator"],
+    "elicit.comparators.polytope.relaxed_comparator": ["RelaxedPolytopeComparator"],
+    "elicit.decision.verdicts": ["decide"],
+    "elicit.diagnostics.held_out": ["compare_held_out", "held_out"],
+    "elicit.diagnostics.tutor_report": ["tutor_report"],
+    "elicit.lp.prior_inequalities": ["Inequality", "inequalities", "inequality"],
+    "elicit.tutors.answer_log": ["AnswerLog"],
+    "elicit.tutors.replay": ["ReplayTutor"],
+    "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
+_LATER = {name: place for place, names in _PLACES.items() for name in names}
 _MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.cycles, say
 
-__all__ = [
-    "AlwaysAsk",
-    "Answer",
-    "AnswerLog",
-    "Answers",
-    "Bags",
-    "BradleyTerryComparator",
-    "BradleyTerryTutor",
-    "Comparator",
-    "Dominance",
-    "FlippingTutor",
-    "InconsistentAnswers",
-    "Inequality",
-    "PolytopeComparator",
-    "PosteriorComparator",
-    "Query",
-    "RelaxedPolytopeComparator",
-    "ReplayTutor",
-    "StaleAnswer",
-    "Tier",
-    "TruthfulTutor",
-    "Tutor",
-    "Verdict",
-    "choose",
-    "compare_held_out",
-    "decide",
-    "held_out",
-    "inequalities",
-    "inequality",
-    "simultaneous_bounds",
-    "tutor_report",
-]
+# as lists of names, which type checkers can read
+__all__ = ["Answer", "Answers", "Comparator", "InconsistentAnswers", "Query", "StaleAnswer", "Tier", "Tutor", "Verdict"]
+__all__ += ["Bags", "Inequality", "choose", "decide", "inequalities", "inequality", "simultaneous_bounds"]
+__all__ += ["AlwaysAsk", "BradleyTerryComparator", "Dominance", "PolytopeComparator", "PosteriorComparator"]
+__all__ += ["BradleyTerryTutor", "FlippingTutor", "RelaxedPolytopeComparator", "ReplayTutor", "TruthfulTutor"]
+__all__ += ["AnswerLog", "compare_held_out", "held_out", "tutor_report"]
 
 
 def __getattr__(name: str) -> Any:

@@ -42,7 +42,6 @@ _ARROWS: dict[str, dict[str, Any]] = {
     "on a cycle": {"linewidth": 2.2, "color": _VERMILLION},
 }
 _NAMES = {"better": "answer: better", "equal": "equal", "dominance": "by dominance"}
-_UNIT = "share of the range $e_{k} - e_1$"
 
 
 def polytope(
@@ -56,10 +55,9 @@ def polytope(
     """K_t at k = 4, as an area in the plane of the two middle levels' values: 0 <= e_2 <= e_3 <= 1 is a triangle,
     of which margin, prior and answers leave a part. Areas compare like those in the simplex of the gaps.
 
-    comparators: one, or several of which each knows more than the last; the last is filled, and its analytic
-    centre is the point. labels (4,): the levels' names, worst first. values (4,): the true scale, in
-    any unit, a star. cuts=False leaves out the lines of the last one's answers and prior; those that
-    do not cross the triangle are never drawn. Raises ValueError for k other than 4.
+    comparators: one, or several of which each knows more than the last; the last is filled, and its analytic centre is
+    the point. labels (4,): the levels' names, worst first. values (4,): the true scale, in any unit, a star. cuts=False
+    leaves out the lines of the last one's answers and prior. Raises ValueError for k other than 4.
     """
     shown = [comparators] if isinstance(comparators, Comparator) else list(comparators)
     if not shown:
@@ -72,13 +70,11 @@ def polytope(
 
     ax.add_patch(Polygon([(0, 0), (0, 1), (1, 1)], facecolor="0.97", edgecolor="0.6", linewidth=1, zorder=0))
     for i, (one, points) in enumerate(zip(shown, areas, strict=True)):
-        last, depth, count = i == len(shown) - 1, (i + 1) / len(shown), f"scales that fit {_count(one)}"
-        style: dict[str, Any] = {
-            "edgecolor": (_BLUE, 0.35 + 0.65 * depth),
-            "linewidth": 2.0 if last else 1.3,
-            "linestyle": "-" if last else (0, (1 + 5 * depth, 1.5)),
-        }
-        ax.add_patch(Polygon(points, facecolor=(_BLUE, 0.3 if last else 0.05), label=count, zorder=2 + depth, **style))
+        depth, last = (i + 1) / len(shown), i == len(shown) - 1
+        inner, width, dashes = (0.3, 2.0, "-") if last else (0.05, 1.3, (0, (1 + 5 * depth, 1.5)))
+        area = Polygon(points, label=f"scales that fit {_count(one)}", zorder=2 + depth, linewidth=width)
+        area.set(facecolor=(_BLUE, inner), edgecolor=(_BLUE, 0.35 + 0.65 * depth), linestyle=dashes)
+        ax.add_patch(area)
         if np.ptp(points, axis=0).max() < 0.01:  # too small to be seen
             ax.plot(*points.mean(axis=0), "o", markersize=13, markerfacecolor="none", color=_BLUE, zorder=3)
     if cuts:
@@ -89,20 +85,18 @@ def polytope(
             (False, "0.45", (0, (4, 2)), "limits of the answers"),
         ):
             own = (region.owner < 0) == of_prior
-            lines = [line for line, mine in zip(crossing, own, strict=True) if mine and line is not None]
-            if lines:
-                style = {"colors": color, "linestyles": dashes, "linewidths": 0.8}
-                ax.add_collection(LineCollection(lines, label=label, zorder=1.5, **style))
+            if lines := [line for line, mine in zip(crossing, own, strict=True) if mine and line is not None]:
+                drawn = LineCollection(lines, colors=color, linestyles=dashes, linewidths=0.8, label=label, zorder=1.5)
+                ax.add_collection(drawn)
     ax.plot(*shown[-1].values[1:3], "o", color="black", markersize=6, label="best guess (analytic centre)", zorder=5)
     if true is not None:
-        style = {"markersize": 15, "markerfacecolor": "#F0E442", "markeredgecolor": "black", "linestyle": "none"}
-        ax.plot(*true[1:3], marker="*", label="true scale", zorder=4, **style)
+        (star,) = ax.plot(*true[1:3], "*", color="black", markersize=15, label="true scale", zorder=4)
+        star.set_markerfacecolor("#F0E442")
     for at, shift, side, j in (((0, 1), (0, 6), "left", 1), ((1, 1), (0, 6), "right", 0), ((0, 0), (34, 1), "left", 2)):
         text = f"all of the difference lies\nbetween {names[j]} and {names[j + 1]}"
         ax.annotate(text, at, shift, textcoords="offset points", ha=side, va="bottom", fontsize=9, color="0.25")
-    unit = _UNIT.replace("{k}", "4")
     ax.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), aspect="equal")
-    ax.set(xlabel=f"value of {names[1]}\n({unit})", ylabel=f"value of {names[2]}\n({unit})")
+    ax.set(xlabel=f"value of {names[1]}\n({_unit(4)})", ylabel=f"value of {names[2]}\n({_unit(4)})")
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.1), frameon=False, fontsize=9)
     return ax
@@ -111,7 +105,13 @@ def polytope(
 def corners(comparator: PolytopeComparator) -> Floats:
     """The corners (m, 3) of K_t at k = 4, as gaps, in order around it; two where it is a segment, one where it is
     a point. Computed in rationals and rounded at the end. Raises ValueError for k other than 4."""
-    _check_plane(comparator)
+    if comparator.k != 4:
+        raise ValueError(
+            f"only for k = 4 levels the scales that fit form an area in a plane, and here k = {comparator.k}: "
+            "scale_intervals shows each level's interval for any k"
+        )
+    if not isinstance(comparator, PolytopeComparator):
+        raise ValueError(f"polytope draws PolytopeComparators, not {type(comparator).__name__}: use scale_intervals")
     region, area = comparator.region, _SIMPLEX
     for axis in np.eye(3):
         area = _clipped(area, axis, region.exact_margin)
@@ -134,6 +134,8 @@ def scale_intervals(
     values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the comparators differ in k.
     """
     named = _named(comparators)
+    if not named:
+        raise ValueError("scale_intervals needs at least one comparator")
     k = named[0][1].k
     for name, one in named:
         if one.k != k:
@@ -156,15 +158,13 @@ def scale_intervals(
         ax.plot(one.values, at, style["marker"], color=style["color"], markersize=6, zorder=2)
         handles.append(Line2D([], [], linewidth=2, markersize=6, label=name, **style))
     ax.set_yticks(rows, names)
-    ax.set_ylim(-0.6, k - 0.4)
-    ax.set_xlabel(f"value ({_UNIT.replace('{k}', str(k) if k < 10 else '{' + str(k) + '}')})")
+    ax.set(ylim=(-0.6, k - 0.4), xlabel=f"value ({_unit(k)})")
     ax.tick_params(axis="y", length=0)
     ax.hlines(rows[1:] - 0.5, 0, 1, color="0.9", linewidth=0.7, zorder=0)
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(handles) > 1 or isinstance(comparators, Mapping):
-        ax.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False, handlelength=3.5
-        )
+        where: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1)}
+        ax.legend(handles=handles, ncols=2, frameon=False, handlelength=3.5, **where)
     return ax
 
 
@@ -177,9 +177,9 @@ def preference_graph(
 ) -> Axes:
     """``graph.preference_graph`` in layers, better vectors above worse ones; on a circle some arrows lead upwards.
 
-    Solid arrows: answers "better". Dashed lines: answers "equal". Dotted arrows: dominance, without what follows
-    from other dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. labels: a text for
-    each node; by default its shares in percent, worst level first.
+    Solid arrows: answers "better". Dashed lines: "equal". Dotted arrows: dominance, without what follows from other
+    dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. labels: a text for each node; by default
+    its shares in percent, worst level first.
     """
     import networkx as nx
 
@@ -200,13 +200,9 @@ def preference_graph(
         if start == end or implied or (mutual and end < start):
             continue
         straight = at[start][1] - at[end][1] == 1 and (mutual or back is None)
-        arrow = {
-            **_ARROWS[_NAMES[kind]],
-            **(_ARROWS["on a cycle"] if on_ring else {}),
-            "connectionstyle": f"arc3,rad={0.0 if straight else 0.2}",
-            "shrinkA": 9,
-            "shrinkB": 9,
-        }
+        style = _ARROWS[_NAMES[kind]] | (_ARROWS["on a cycle"] if on_ring else {})
+        bend = f"arc3,rad={0.0 if straight else 0.2}"
+        arrow = dict(style, connectionstyle=bend, shrinkA=9, shrinkB=9)
         ax.annotate("", at[end], at[start], arrowprops=arrow, zorder=1)
     for node, (x, y) in at.items():
         ax.plot(x, y, "o", markersize=17, color="white", markeredgecolor="0.15", zorder=2)
@@ -215,11 +211,8 @@ def preference_graph(
         halo = [withStroke(linewidth=2.5, foreground="white")]
         aside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8, "path_effects": halo}
         ax.annotate(shares if labels is None else labels[node], (x, y), (11, 0), zorder=3, **aside)
-    handles = [
-        Line2D([], [], label=name, **{k: v for k, v in style.items() if k != "arrowstyle"})
-        for name, style in _ARROWS.items()
-        if ring or name != "on a cycle"
-    ]
+    lines = {name: {k: v for k, v in style.items() if k != "arrowstyle"} for name, style in _ARROWS.items()}
+    handles = [Line2D([], [], label=name, **line) for name, line in lines.items() if ring or name != "on a cycle"]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, frameon=False, fontsize=8)
     ax.margins(0.22, 0.06)
     ax.set_axis_off()
@@ -235,16 +228,12 @@ def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
     plain = nx.DiGraph(strict)
     plain.add_nodes_from(graph)
     parts = nx.condensation(plain)
-    rank = {
-        node: (i, plain.in_degree(node) - plain.out_degree(node), node)
-        for i, part in enumerate(nx.topological_sort(parts))
-        for node in parts.nodes[part]["members"]
-    }
+    level = {node: i for i, part in enumerate(nx.topological_sort(parts)) for node in parts.nodes[part]["members"]}
+    rank = {node: (i, plain.in_degree(node) - plain.out_degree(node), node) for node, i in level.items()}
     plain.remove_edges_from([(start, end) for start, end in strict if rank[start] > rank[end]])
     at: dict[int, tuple[float, float]] = {}
     for depth, layer in enumerate(nx.topological_generations(plain)):
-        above = {node: [at[other][0] for other in plain.predecessors(node)] for node in layer}
-        middle = {node: float(np.mean(xs)) if xs else 0.0 for node, xs in above.items()}
+        middle = {node: np.mean([at[over][0] for over in plain.predecessors(node)] or [0.0]) for node in layer}
         for i, node in enumerate(sorted(layer, key=lambda node: (middle[node], node))):
             at[node] = (i - (len(layer) - 1) / 2, -float(depth))
     return at
@@ -253,16 +242,6 @@ def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
 def _plane(g: Floats) -> Floats:
     """(e_2, e_3) (m, 2) of gaps g (m, 3)."""
     return np.cumsum(g, axis=1)[:, :2]
-
-
-def _check_plane(comparator: Comparator) -> None:
-    if comparator.k != 4:
-        raise ValueError(
-            f"only for k = 4 levels the scales that fit form an area in a plane, and here k = {comparator.k}: "
-            "scale_intervals shows each level's interval for any k"
-        )
-    if not isinstance(comparator, PolytopeComparator):
-        raise ValueError(f"polytope draws PolytopeComparators, not {type(comparator).__name__}: use scale_intervals")
 
 
 def _across(row: Floats, limit: float) -> Floats | None:
@@ -293,20 +272,20 @@ def _clipped(area: _Points, row: Floats, limit: Fraction) -> _Points:
 
 
 def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Comparator]) -> list[tuple[str, Comparator]]:
-    if not isinstance(comparators, Mapping):
-        several = [comparators] if isinstance(comparators, Comparator) else comparators
-        kinds = [(type(one).__name__.removesuffix("Comparator"), one) for one in several]
-        named = [(f"{kind}, {_count(one)}" if isinstance(one, KeepsAnswers) else kind, one) for kind, one in kinds]
-    else:
-        named = list(comparators.items())
-    if not named:
-        raise ValueError("scale_intervals needs at least one comparator")
-    return named
+    if isinstance(comparators, Mapping):
+        return list(comparators.items())
+    several = [comparators] if isinstance(comparators, Comparator) else comparators
+    kinds = [(type(one).__name__.removesuffix("Comparator"), one) for one in several]
+    return [(f"{kind}, {_count(one)}" if isinstance(one, KeepsAnswers) else kind, one) for kind, one in kinds]
 
 
 def _count(comparator: Any) -> str:
     n = len(comparator.answers)
     return f"{n} answer" + "s" * (n != 1)
+
+
+def _unit(k: int) -> str:
+    return f"share of the range $e_{k if k < 10 else f'{{{k}}}'} - e_1$"
 
 
 def _labels(labels: Sequence[str] | None, k: int) -> list[str]:

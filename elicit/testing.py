@@ -8,11 +8,10 @@
 Each raises AssertionError with what was asked, what came back, and what the contract says.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.verdicts import decide
@@ -34,15 +33,10 @@ def check_comparator(comparator: Comparator, seed: int = 0) -> None:
     k = comparator.k
     _say(isinstance(k, (int, np.integer)) and k >= 2, f"k must be a whole number of at least 2, not {k!r}")
     d = sample_differences(k, seed)
-    _check_values(comparator)
     _check_shapes(comparator, d)
     _check_errors(comparator, d)
-    _check_verdicts(comparator, d)
-    _check_bounds(comparator, d)
-    learned = _check_update(comparator, d)
-    _check_values(learned)
-    _check_verdicts(learned, d)
-    _check_bounds(learned, d)
+    _check_all(comparator, d)
+    _check_all(_check_update(comparator, d), d)
 
 
 def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> None:
@@ -103,18 +97,21 @@ def _say(condition: Any, message: str) -> None:
         raise AssertionError(message)
 
 
-def _same(what: str, found: Any, than: str, wanted: Any, d: Floats) -> None:
-    differ = np.flatnonzero(np.asarray(found) != np.asarray(wanted))
-    if len(differ):
-        i = differ[0]
-        raise AssertionError(f"{what} must agree with {than}, but on d = {d[i]} it is {found[i]}, not {wanted[i]}")
-
-
-def _near(what: str, found: Floats, wanted: Floats, d: Floats) -> None:
-    apart = np.abs(np.nan_to_num(found) - np.nan_to_num(wanted)) > _TOLERANCE * np.abs(d).sum(axis=1)
+def _near(what: str, found: Any, wanted: Any, d: Floats, tolerance: float = _TOLERANCE) -> None:
+    apart = np.abs(np.nan_to_num(found) - np.nan_to_num(wanted)) > tolerance * np.abs(d).sum(axis=1)
     if apart.any():
         i = int(np.argmax(apart))
-        raise AssertionError(f"{what}: on d = {d[i]} found {found[i]}, not {wanted[i]}")
+        raise AssertionError(f"{what}, but on d = {d[i]} it is {found[i]}, not {wanted[i]}")
+
+
+def _same(what: str, found: Any, than: str, wanted: Any, d: Floats) -> None:
+    _near(f"{what} must agree with {than}", found, wanted, d, 0.0)
+
+
+def _check_all(comparator: Comparator, d: Floats) -> None:
+    _check_values(comparator)
+    _check_verdicts(comparator, d)
+    _check_bounds(comparator, d)
 
 
 def _check_values(comparator: Comparator) -> None:
@@ -128,12 +125,11 @@ def _check_values(comparator: Comparator) -> None:
 def _check_shapes(comparator: Comparator, d: Floats) -> None:
     k = comparator.k
     for rows in (d, d[:1], d[:0]):
-        verdicts = comparator.compare(rows)
-        right = verdicts.shape == (len(rows),) and verdicts.dtype == np.int8
-        _say(right, f"compare of d {rows.shape} must be ({len(rows)},) int8, not {verdicts.shape} {verdicts.dtype}")
-        for bound in comparator.bounds(rows):
-            right = bound.shape == (len(rows),) and bound.dtype == np.float64
-            _say(right, f"bounds of d {rows.shape} must be ({len(rows)},) float64, not {bound.shape} {bound.dtype}")
+        found: list[tuple[str, str, NDArray[Any]]] = [("compare", "int8", comparator.compare(rows))]
+        found += [("bounds", "float64", bound) for bound in comparator.bounds(rows)]
+        for what, dtype, given in found:
+            right = given.shape == (len(rows),) and given.dtype == dtype
+            _say(right, f"{what} of d {rows.shape} must be ({len(rows)},) {dtype}, not {given.shape} {given.dtype}")
     _say(comparator.compare(d[0]).shape == (1,), f"compare must take one difference ({k},) as (1, {k})")
     verdicts, tiers = decide(comparator, d)
     _same("decide(d)", verdicts, "compare(d)", comparator.compare(d), d)
@@ -201,18 +197,15 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
     if not isinstance(comparator, AlwaysAsk):
         wrong["UNKNOWN goes with lo <= 0 <= hi"] = (verdicts == Verdict.UNKNOWN) & ((low > room) | (high < -room))
     for rule, rows in wrong.items():
-        if rows.any():
-            i = int(np.argmax(rows))
-            raise AssertionError(
-                f"{rule}, but on d = {d[i]} bounds are {low[i]}, {high[i]} and compare says {Verdict(verdicts[i])!r}"
-            )
-    mirrored_low, mirrored_high = comparator.bounds(-d)
-    _near("the lower bound of -d must be minus the upper bound of d", mirrored_low, -high, d)
-    _near("the upper bound of -d must be minus the lower bound of d", mirrored_high, -low, d)
-    for j, name in enumerate(("lower", "upper")):
-        single = np.array([comparator.bounds(row)[j][0] for row in d])
-        _near(f"the {name} bound of a row alone must be that in a batch", single, (low, high)[j], d)
-        _near(f"the {name} bound of 2d must be twice that of d", comparator.bounds(2 * d)[j], 2 * (low, high)[j], d)
+        i = int(np.argmax(rows))
+        said = f"on d = {d[i]} bounds are {low[i]}, {high[i]} and compare says {Verdict(verdicts[i])!r}"
+        _say(not rows.any(), f"{rule}, but {said}")
+    alone = np.array([np.concatenate(comparator.bounds(row)) for row in d]).T
+    mirrored, doubled = comparator.bounds(-d), comparator.bounds(2 * d)
+    for j, (name, bound) in enumerate((("lower", low), ("upper", high))):
+        _near(f"the {name} bound of d must be minus the other one of -d", bound, -mirrored[1 - j], d)
+        _near(f"the {name} bound of a row alone must be that in a batch", alone[j], bound, d)
+        _near(f"the {name} bound of 2d must be twice that of d", doubled[j], 2 * bound, d)
 
 
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:

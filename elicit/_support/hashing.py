@@ -1,13 +1,10 @@
 """Randomness that can be indexed: one 64-bit key, and a stateless hash of (key, counters).
 
-``fold(key, a, b, ...)`` is the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)
-applied once per counter. Numbers drawn this way do not depend on the order of drawing, so two
-runs that share a key share their exploration and their transitions (common random numbers).
-``fold``, ``uniform`` and ``pair_codes`` take whole arrays; ``mix``, ``unit`` and ``pair_code``
-are the same for compiled code, one number or one pair at a time.
+``fold(key, a, b, ...)`` is the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) applied once per counter.
+Numbers drawn this way do not depend on the order of drawing, so two runs that share a key share their exploration and
+their transitions (common random numbers). ``mix``, ``unit`` and ``pair_code`` are ``fold``, ``uniform`` and
+``pair_codes`` for compiled code, one number or one pair at a time.
 """
-
-from __future__ import annotations
 
 import hashlib
 from typing import Any, TypeAlias

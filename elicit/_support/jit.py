@@ -1,8 +1,6 @@
 """Compile with numba, and keep the machine code on disk. ``NUMBA_DISABLE_JIT=1`` runs the same source to the same
 numbers, slowly."""
 
-from __future__ import annotations
-
 import hashlib
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Checks of settings, which raise nothing raw whatever they are given: a text, None, nan, or a number without end."""
 
-from __future__ import annotations
-
 from math import inf, isfinite
 from numbers import Real
 from typing import Any

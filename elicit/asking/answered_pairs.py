@@ -1,15 +1,13 @@
 """What the tutor has said of which pairs: a pair is known by its difference, wherever and whichever way round it was
 compared."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import pair_codes
 from elicit.model.comparator import Verdicts
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats, pair_name, tail_sums
 
 Codes = NDArray[np.uint64]
 
@@ -27,12 +25,12 @@ class AnsweredPairs:
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
         """Keep what was said of a difference d (k,)."""
         t = tail_sums(d)
-        name, sign = _name(t)
+        name, sign = pair_name(t)
         self._said[name] = sign * verdict
         code = pair_codes(self._key, t[None, :])[0]
-        self.codes = _with(self.codes, code)
+        self.codes = np.insert(self.codes, np.searchsorted(self.codes, code), code)
         if binding:
-            self.binding = _with(self.binding, code)
+            self.binding = np.insert(self.binding, np.searchsorted(self.binding, code), code)
 
     def said(self, t: Floats) -> Verdicts:
         """What was said (n,) of the very pairs with tail sums t (n, p), whichever way round; UNKNOWN: nothing."""
@@ -40,7 +38,7 @@ class AnsweredPairs:
         if len(self.codes):
             wanted = pair_codes(self._key, t)
             for i in np.flatnonzero(self.codes[np.searchsorted(self.codes[:-1], wanted)] == wanted):
-                name, sign = _name(t[i])
+                name, sign = pair_name(t[i])
                 out[i] = sign * self._said[name] if name in self._said else Verdict.UNKNOWN
         return out
 
@@ -51,18 +49,5 @@ def first_of_each_pair(d: Floats, most: int) -> list[int]:
     for row, t in enumerate(tail_sums(d)):
         if len(chosen) == most:
             break
-        chosen.setdefault(_name(t)[0], row)
+        chosen.setdefault(pair_name(t)[0], row)
     return list(chosen.values())
-
-
-def _name(t: Floats) -> tuple[bytes, int]:
-    """A pair's bytes in its canonical direction (first non-zero tail sum positive), and whether it was turned."""
-    lead = t[np.flatnonzero(t)[0]] if t.any() else 1.0
-    sign = 1 if lead > 0 else -1
-    return (sign * t + 0.0).tobytes(), sign
-
-
-def _with(codes: Codes, code: np.uint64) -> Codes:
-    """Sorted codes, with one more."""
-    at = int(np.searchsorted(codes, code))
-    return np.concatenate([codes[:at], np.array([code], np.uint64), codes[at:]])

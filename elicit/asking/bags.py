@@ -2,11 +2,8 @@
 
 What a learner needs to know comes as long vectors of odd shares. A *bag question* sets one level for certain against a
 mixture of a worse and a better one in small whole numbers of days (the time trade-off of Torrance, Thomas and Sackett
-1972). Its answer often settles the same thing; where the learner has something else at heart it tells less, and more
-questions are needed. ``simplicity`` says how much may be given up for ease.
+1972). Its answer often settles the same thing; where it tells less, more questions are needed.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -104,9 +101,8 @@ def _all_questions(k: int, days: int) -> BagQuestions:
             left[sure], right[high], right[low] = days, good, days - good
             found.append((ease(days, good, low == 0 and high == k - 1), left, right))
     found.sort(key=lambda one: -one[0])
-    eases = np.array([one[0] for one in found])
-    lefts, rights = (np.array([one[i] for one in found]).reshape(-1, k) for i in (1, 2))
-    questions = BagQuestions(lefts, rights, eases)
+    eases, lefts, rights = (np.array([one[i] for one in found]) for i in range(3))
+    questions = BagQuestions(lefts.reshape(-1, k), rights.reshape(-1, k), eases)
     for part in questions:
         part.flags.writeable = False
     return questions

@@ -1,16 +1,8 @@
 """The best of a plain list of vectors, or their order, with few questions: ask and tell, without an MDP.
 
-    choice = choose(vectors, comparator)
-    while queries := choice.ask():
-        choice.tell([tutor(query) for query in queries])
-    choice.result().best
-
-It chooses as if the comparator's best guess at the scale were right, collects the comparisons that
-rest on the guess alone, and asks about the one whose answer is most open; when none is left, the
-choice holds whatever the scale.
+It chooses as if the comparator's best guess at the scale were right, collects the comparisons that rest on the guess
+alone, and asks about the one whose answer is most open; when none is left, the choice holds whatever the scale.
 """
-
-from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
@@ -74,7 +66,7 @@ def choose(
     labels: Sequence[str] | None = None,
     max_queries: int | None = None,
     check_totals: bool = True,
-) -> Choosing:
+) -> "Choosing":
     """Find the best of vectors (n, k), or with ``order=True`` their order, asking what the comparator cannot tell.
 
     labels: n names, for people, shown in the queries. max_queries: beyond so many questions the best
@@ -91,7 +83,16 @@ def choose(
     if labels is not None and len(labels) != n:
         raise ValueError(f"labels must name each of the {n} vectors, but there are {len(labels)}")
     if check_totals:
-        _check_totals(rows)
+        totals = rows.sum(axis=1)
+        off = np.abs(totals - totals[0])
+        i = int(np.argmax(off))
+        found = f"vector 0 has total {totals[0]:g} and vector {i} has {totals[i]:g}"
+        if off[i] > 1e-9 * np.abs(rows).sum(axis=1).max():
+            raise ValueError(
+                f"vectors must have equal totals, but {found}: which is better would depend on what the worst level is "
+                "worth. Divide each by its total, or fill up with the worst level, or say check_totals=False to take "
+                "the worst level as worth nothing"
+            )
     fingerprint = hashlib.blake2b(rows.tobytes() + bytes([bool(order)]), digest_size=8).hexdigest()
     # where the tutor cannot tell, the one that is ahead by the best guess, which is always left, stays ahead
     elicitation = Elicitation(comparator, fingerprint, max_queries=max_queries, undecided=Verdict.BETTER)
@@ -143,12 +144,9 @@ class Choosing:
     def result(self) -> Choice:
         """The choice; before the end, the one by the best guess at the scale so far."""
         asked = self._elicitation
-        if asked.pending:
-            status = ChoiceStatus.WAITING
-        elif self._guessed:
-            status = ChoiceStatus.GUESSED
-        else:
-            status = ChoiceStatus.UNSURE if asked.cannot_tell else ChoiceStatus.FINISHED
+        status = ChoiceStatus.UNSURE if asked.cannot_tell else ChoiceStatus.FINISHED
+        if asked.pending or self._guessed:
+            status = ChoiceStatus.WAITING if asked.pending else ChoiceStatus.GUESSED
         counts = dict(zip((tier.name.lower() for tier in Tier), asked.counts.tolist(), strict=True))
         counts["tutor"] -= asked.cannot_tell
         counts["guess"] = self._guessed
@@ -253,15 +251,3 @@ class Choosing:
             self._enter(i, j, verdicts, np.where(final, 2, 1).astype(np.int8))
         found: NDArray[np.int8] = self._verdicts[a, b]
         return found
-
-
-def _check_totals(vectors: Floats) -> None:
-    totals = vectors.sum(axis=1)
-    off = np.abs(totals - totals[0])
-    if off.max() > 1e-9 * np.abs(vectors).sum(axis=1).max():
-        i = int(np.argmax(off))
-        raise ValueError(
-            f"vectors must have equal totals, but vector 0 has total {totals[0]:g} and vector {i} has {totals[i]:g}: "
-            "which is better would depend on what the worst level is worth. Divide each by its total, or "
-            "fill up with the worst level, or say check_totals=False to take the worst level as worth nothing"
-        )

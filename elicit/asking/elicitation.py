@@ -5,8 +5,6 @@ its user acted. Here lives everything that is the same whoever asks: what the co
 question budget, audits, "cannot tell", "about equal", never asking a pair twice, and the counts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
@@ -17,20 +15,11 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
-from elicit.asking.elicitation_kernel import (
-    BOUNDS,
-    NO_FACT,
-    PLACE,
-    SAID,
-    AskingRule,
-    Facts,
-    Judgement,
-    settle_rows,
-)
+from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, SAID, AskingRule, Facts, Judgement, settle_rows
 from elicit.decision.comparator_rule import ASKING, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import ALLOWANCE, Comparator, Decisions, KeepsAnswers, Tier, bounds_of, tie_of
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
+from elicit.model.comparator import ALLOWANCE, Comparator, Decisions, KeepsAnswers, Tier, bounds_of, learn, tie_of
+from elicit.model.query import Answer, Answers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.answer_log import EXPECTED, Entry
@@ -225,8 +214,11 @@ class Elicitation:
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
         answers = match(answers, self.ask())
         waiting = {p.query.id: p for p in self.pending}
-        comparator, used, dropped = self._learn(answers, on_conflict)
+        told = [answer for answer in answers if answer.verdict is not None]
+        comparator, taken = learn(self.comparator, Answers.of(told, self.comparator.k), on_conflict == "drop")
         equal_in_a_row = self._count_equal(answers)
+        used = Answers.of([answer for answer, took in zip(told, taken, strict=True) if took], self.comparator.k)
+        dropped = tuple(answer for answer, took in zip(told, taken, strict=True) if not took)
         settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
         verdicts = [self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled]
         # from here on nothing can fail but the watcher, which comes last
@@ -350,28 +342,6 @@ class Elicitation:
                 if max(-low[0], high[0]) <= self._near * (1.0 + 1e-9):
                     count = count + 1 if equal else 0
         return count
-
-    def _learn(
-        self, answers: Sequence[Answer], on_conflict: OnConflict
-    ) -> tuple[Comparator, Answers, tuple[Answer, ...]]:
-        k = self.comparator.k
-        try:
-            together = Answers.of(answers, k)
-            return self.comparator.update(together), together, ()
-        except InconsistentAnswers:
-            if on_conflict == "raise":
-                raise
-            if len(answers) == 1:
-                return self.comparator, Answers.none(k), tuple(answers)
-        comparator, used, dropped = self.comparator, Answers.none(k), []
-        for answer in answers:
-            row = Answers.of([answer], k)
-            try:
-                comparator = comparator.update(row)
-                used = used + row
-            except InconsistentAnswers:
-                dropped.append(answer)
-        return comparator, used, tuple(dropped)
 
     def _act_on(self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator) -> Verdict:
         """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an audit's answer that the

@@ -4,8 +4,6 @@ The one statement of it is ``settle``, for whole arrays (``Elicitation.judge``) 
 goes by ``Facts``; where one is missing that is needed, it says which, and whoever calls finds it out.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -4,15 +4,12 @@ A loop that compares by the million cannot call Python for each comparison. It t
 every update. One type for all rules, so that code that judges is compiled once, for whatever comparator.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from elicit.lp.vertices import Known
+from elicit.lp.vertices import Known, nothing_known
 from elicit.model.comparator import Comparator, Decisions
 from elicit.model.scale import Floats
 
@@ -47,50 +44,52 @@ class Settling(Protocol):
         """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves UNSETTLED."""
 
 
+@cache
 def nothing() -> Rule:
     """No arrays: beyond dominance, only the comparator itself can tell."""
-    return _NOTHING
+    known = nothing_known(0.0, np.empty((0, 0)), np.empty(0), corners=0)
+    return Rule(NOTHING, True, known, np.empty((0, 0)), np.empty(0), 0.0)
 
 
 def unaided() -> Rule:
     """No arrays, and dominance says nothing either: only the comparator itself can tell."""
-    return _NOTHING._replace(dominance=False)
+    return nothing()._replace(dominance=False)
 
 
 def asking() -> Rule:
     """Everything is UNKNOWN but what is EQUAL."""
-    return _NOTHING._replace(kind=ASKING, dominance=False)
+    return nothing()._replace(kind=ASKING, dominance=False)
 
 
 def silent() -> Rule:
     """Beyond the order of the levels nothing is known: every other comparison is UNKNOWN."""
-    return _NOTHING._replace(kind=SILENT)
+    return nothing()._replace(kind=SILENT)
 
 
 def proven(known: Known) -> Rule:
     """By proofs about K_t."""
-    return _NOTHING._replace(kind=PROVEN, known=known)
+    return nothing()._replace(kind=PROVEN, known=known)
 
 
 def outer(known: Known, inside: Floats) -> Rule:
     """By proofs about a set around that of the plausible scales, and by points inside (p, m): what they leave open,
     only the comparator can tell."""
-    return _NOTHING._replace(kind=OUTER, known=known, scales=np.ascontiguousarray(inside))
+    return nothing()._replace(kind=OUTER, known=known, scales=np.ascontiguousarray(inside))
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
     """BETTER where scales of gaps (p, m) that carry the weight ``level`` say so; weights (m,) of total 1."""
-    return _NOTHING._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
+    return nothing()._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
 
 
 def ensemble(gaps: Floats, left_out: int) -> Rule:
     """BETTER where the last of the scales of gaps (p, m) says so, and all but so many of the others."""
-    return _NOTHING._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
+    return nothing()._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
 
 
 def box(low: Floats, high: Floats) -> Rule:
     """BETTER where the whole box of values low (p,) to high (p,) of levels 2..k says so."""
-    return _NOTHING._replace(kind=BOX, scales=np.ascontiguousarray(np.stack([low, high], axis=1)))
+    return nothing()._replace(kind=BOX, scales=np.ascontiguousarray(np.stack([low, high], axis=1)))
 
 
 def rule_of(comparator: Comparator) -> Rule:
@@ -110,16 +109,3 @@ def outlasts_answers(rule: Rule) -> bool:
     """Whether what ``judge`` found with a rule before these answers still holds with this one: verdicts proven of K_t
     do, while it has points inside (on a flat one a preference can become a tie)."""
     return rule.kind == PROVEN and not np.isnan(rule.known.inside[0])
-
-
-def _no_proofs() -> Known:
-    none, table, count = np.empty(0), np.empty((0, 0)), np.empty(0, np.int64)
-    masks: NDArray[np.uint64] = np.empty(0, np.uint64)
-    return Known(
-        margin=0.0, cuts=table, limits=none, rows=table, lifted=table, masks=masks, inside=none, room=none,
-        points=table, inverses=np.empty((0, 0, 0)), active=np.empty((0, 0), np.int64), kind=np.empty(0, np.int8),
-        age=count, counts=np.zeros(3, np.int64),
-    )  # fmt: skip
-
-
-_NOTHING = Rule(NOTHING, True, _no_proofs(), np.empty((0, 0)), np.empty(0), 0.0)

@@ -5,8 +5,6 @@ million, one pair at a time. What a rule leaves open (an optimum that is 0, or n
 comes back UNSETTLED, and the comparator itself settles it (``decision.verdicts``).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -15,6 +13,7 @@ import numpy as np
 from elicit._support.jit import compiled
 from elicit.decision.comparator_rule import ASKING, BOX, ENSEMBLE, OUTER, PROVEN, SILENT, WEIGHTED, Rule
 from elicit.decision.votes import by_box, by_count, by_weight, spare_score
+from elicit.lp.primal_simplex import doubt_at, largest
 from elicit.lp.sign_proofs import (
     BY_DOMINANCE,
     BY_EQUAL,
@@ -28,7 +27,7 @@ from elicit.lp.sign_proofs import (
     signs_at_points,
     to_unit,
 )
-from elicit.lp.vertices import EPS, SMALL, USED, Known, doubt_at, largest
+from elicit.lp.vertices import EPS, SMALL, USED, Known
 from elicit.model.comparator import Tier
 from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance, tail_sums_into
 

@@ -1,7 +1,5 @@
 """Verdicts of any comparator, and the tier that decided each: by its rule, and by itself where that leaves any open."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -9,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
 from elicit.decision.judge_kernel import judge_all
-from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts, dominance_tiers
+from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
@@ -22,7 +20,8 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
     if compares_by_rule(type(comparator)):
         return decide_by(rule_of(comparator), rows, comparator.settle if isinstance(comparator, Settling) else None)
     verdicts = _checked(comparator.compare(rows), comparator, len(rows))
-    return Decisions(verdicts, dominance_tiers(dominance(tail_sums(rows)), Tier.MODEL))
+    tiers = np.array([Tier.EQUAL, Tier.DOMINANCE, Tier.MODEL, Tier.DOMINANCE], dtype=np.int8)
+    return Decisions(verdicts, tiers[dominance(tail_sums(rows))])  # whose -1, worse, is the last
 
 
 def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:

@@ -4,8 +4,6 @@ A scale is its gaps g, and votes by the sign of t.g. Weights are counted a block
 neither sign can reach the level.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How well a comparator foretells answers that it has not seen: to compare comparators on a log, without a learner."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,10 +10,11 @@ from numpy.typing import NDArray
 from scipy.special import expit, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of, name_code
+from elicit._support.validation import require
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, pairs_of, read_log
-from elicit.model.comparator import Comparator, Foretells
-from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.comparator import Comparator, Foretells, learn
+from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dot, tail_sums
 
 Folds = int | Literal["sequential"]
@@ -63,9 +62,7 @@ class HeldOutTable(dict[str, HeldOut]):
             likelihood = "{:.3f} ({:.3f} to {:.3f})".format(*score.log_likelihood)
             table.append([name, *cells, "-" if math.isnan(score.log_likelihood.value) else likelihood])
         widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-        lines = [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
-        ]
+        lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in table]
         for name, score in self.items():
             how = "answer by answer" if score.folds == "sequential" else f"in {score.folds} folds"
             lines.append(
@@ -87,8 +84,7 @@ def held_out(
 
     Answers are not the truth: of a tutor who errs in a tenth of all answers no comparator agrees with more than nine
     tenths, but by luck. A log that a learner asked for holds questions its comparator could not decide, harder than
-    fresh pairs. Where training answers contradict each other (InconsistentAnswers) they are taken one by one, without
-    those that contradict the ones before, and counted.
+    fresh pairs. Contradictory training answers are taken as ``learn`` does, one by one, and those dropped are counted.
 
     The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what a
     comparator that ``Foretells`` says. Raises ValueError on other numbers of folds than 2 up to that of the pairs, on a
@@ -101,20 +97,21 @@ def held_out(
 def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, key: int) -> HeldOut:
     y, n = rows.y, len(rows)
     told = np.empty((3, n))
-    contradicted = dropped = 0
+    lost = []  # how many training answers each fold dropped
     if folds == "sequential":
+        taken = np.ones(n, dtype=np.bool_)
         for i in range(n):
             told[:, [i]] = _foretell(comparator, rows.d[i : i + 1])
-            comparator, lost = _learn(comparator, rows[i : i + 1])
-            dropped += lost
-        contradicted = int(dropped > 0)
+            comparator, taken[i : i + 1] = learn(comparator, rows[i : i + 1], one_by_one=True)
+        lost.append(int((~taken).sum()))
     else:
         fold_of = _deal(pairs_of(rows.d), folds, key)
         for number in range(folds):
             test = fold_of == number
             train = np.flatnonzero(~test)
-            learned, lost = _learn(comparator, Answers(rows.d[train], y[train], [rows.ids[i] for i in train]))
-            contradicted, dropped = contradicted + (lost > 0), dropped + lost
+            known = Answers(rows.d[train], y[train], [rows.ids[i] for i in train])
+            learned, taken = learn(comparator, known, one_by_one=True)
+            lost.append(int((~taken).sum()))
             told[:, test] = _foretell(learned, rows.d[test])
     clear = y != 0
     said, (verdicts, scores, chance) = y[clear], told[:, clear]
@@ -134,8 +131,8 @@ def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, ke
         wrong=wilson(wrong, sure, level),
         by_values=wilson(float((1.0 + agree).sum() / 2.0), m, level),
         log_likelihood=_bootstrap_mean(logs, level, key),
-        contradicted=contradicted,
-        dropped=dropped,
+        contradicted=int(np.count_nonzero(lost)),
+        dropped=sum(lost),
     )
 
 
@@ -175,27 +172,11 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
     return np.array([comparator.compare(d), dot(t, np.diff(comparator.values)), chance])
 
 
-def _learn(comparator: Comparator, answers: Answers) -> tuple[Comparator, int]:
-    """The comparator after these answers, and how many of them it could not take."""
-    try:
-        return comparator.update(answers), 0
-    except InconsistentAnswers:
-        lost = 0
-    for i in range(len(answers)):
-        try:
-            comparator = comparator.update(answers[i : i + 1])
-        except InconsistentAnswers:
-            lost += 1
-    return comparator, lost
-
-
 def _deal(pairs: NDArray[np.intp], folds: int, key: int) -> NDArray[np.intp]:
     """The fold (n,) of each row: pairs, not rows, are dealt."""
     n = int(pairs.max(initial=-1)) + 1
-    if not isinstance(folds, (int, np.integer)) or not 2 <= folds <= n:
-        raise ValueError(
-            f'folds must be "sequential" or a number from 2 to that of different pairs, {n}, not {folds!r}'
-        )
+    wanted = f'"sequential" or a number from 2 to that of different pairs, {n}'
+    require(isinstance(folds, (int, np.integer)) and 2 <= folds <= n, "folds", wanted, folds)
     order = _rng(key, "folds").permutation(n)
     return np.asarray((np.argsort(order) % folds)[pairs])
 

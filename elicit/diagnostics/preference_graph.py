@@ -1,15 +1,10 @@
 """The graph of answered vectors: what the answers say by transitivity alone, and where they run in a circle.
 
-This is weaker than a comparator, which also adds answers up, but it can be read: each conclusion is a
-chain of answers. (Where differences of vectors are rounded, a comparator that is exact about the rounded
-numbers can miss such a conclusion by that much.)
-
-What a circle means depends on the tutor. "Better" from a reliable one is read as "at least as good": then
-a circle says that all vectors on it are worth the same. A person who prefers A to B, B to C and C to A has
-most likely made a mistake in one of the three: show the circle, and retract what is taken back.
+This is weaker than a comparator, which also adds answers up, but it can be read: each conclusion is a chain of answers.
+(Where differences of vectors are rounded, a comparator that is exact about the rounded numbers can miss such a
+conclusion by that much.) A circle of a person's answers most likely holds a mistake: show it, and retract what is taken
+back.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -91,24 +86,27 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
             if node not in graph:
                 graph.add_node(node, vector=vector)
         if answer.verdict is not None and (answer.verdict != Verdict.EQUAL or left != right):
-            edges = [(left, right)] * (answer.verdict >= 0) + [(right, left)] * (answer.verdict <= 0)
-            for edge in edges:
+            for edge in [(left, right)] * (answer.verdict >= 0) + [(right, left)] * (answer.verdict <= 0):
                 said.setdefault(edge, ([], []))[answer.verdict == Verdict.EQUAL].append(query.id)
     for (start, end), (better, equal) in said.items():
         kind = "better" if better else "equal"
         graph.add_edge(start, end, ids=(*better, *equal), kind=kind, dominates=False)
-    if dominance:
-        _add_dominance(graph)
+    vectors = np.array([graph.nodes[node]["vector"] for node in range(len(graph) if dominance else 0)])
+    for above, vector in enumerate(vectors):
+        for below in np.flatnonzero(by_order(tail_sums(vector - vectors)) == Verdict.BETTER).tolist():
+            if (above, below) in graph.edges:
+                graph.edges[above, below]["dominates"] = True
+            else:
+                graph.add_edge(above, below, ids=(), kind="dominance", dominates=True)
     return graph
 
 
 def follows(graph: nx.DiGraph) -> list[Implied]:
     """What follows by transitivity alone about pairs that no edge joins: nobody needs to ask about them.
 
-    For each the chain with the fewest answers, and among those one with the fewest steps. Two nodes that are
-    as good as each other are listed once, the first one shown as ``better``. Of nodes on a cycle
-    everything follows, also opposites, so look at ``cycles`` first. Sorted by node; one shortest-path search
-    a node, and at most as many results as pairs.
+    For each the chain with the fewest answers, and among those one with the fewest steps. Two nodes that are as good as
+    each other are listed once, the first one shown as ``better``. Of nodes on a cycle everything follows, also
+    opposites, so look at ``cycles`` first. Sorted by node; one shortest-path search a node.
     """
     found = []
     joined = {pair for u, v in graph.edges for pair in ((u, v), (v, u))}
@@ -140,18 +138,6 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
 _Nodes: TypeAlias = tuple[int, ...]
 _Said: TypeAlias = tuple[int, int, str]
 """What one or more answers say about two nodes: better, worse, and "better"; or both in order, and "equal"."""
-
-
-def _add_dominance(graph: nx.DiGraph) -> None:
-    vectors = np.array([graph.nodes[node]["vector"] for node in range(len(graph))])
-    for one in range(len(vectors) - 1):
-        codes = by_order(tail_sums(vectors[one] - vectors[one + 1 :]))
-        for other in np.flatnonzero(np.abs(codes) == 1).tolist():
-            edge = (one, one + 1 + other) if codes[other] > 0 else (one + 1 + other, one)
-            if edge in graph.edges:
-                graph.edges[edge]["dominates"] = True
-            else:
-                graph.add_edge(*edge, ids=(), kind="dominance", dominates=True)
 
 
 def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
@@ -192,9 +178,7 @@ def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
 
 def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
     """The graph of these nodes as if nothing else had been said about them."""
-    edges = {
-        edge for better, worse, kind in said for edge in ((better, worse), (worse, better))[: 1 + (kind == "equal")]
-    }
+    edges = {(better, worse) for better, worse, _ in said} | {(b, a) for a, b, kind in said if kind == "equal"}
     inner = graph.subgraph(nodes)
     return inner.edge_subgraph(edge for edge, about in inner.edges.items() if about["dominates"] or edge in edges)
 

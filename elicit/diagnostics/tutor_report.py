@@ -4,8 +4,6 @@ Nothing here knows the hidden scale. Wrong answers show where a question was ask
 the order of the levels, and, through the model of ``PosteriorComparator``, where it fits no scale that fits the others.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,7 +21,7 @@ from elicit.comparators.bradley_terry.particle_comparator import PRECISION, Post
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.query import Answer, Answers
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.scale import Floats, dominance, pair_name, tail_sums
 from elicit.tutors.answer_log import AnswerLog, Entry
 
 Told = Answers | Iterable[Entry | Answer]
@@ -56,18 +54,16 @@ class TutorReport:
     """What ``tutor_report`` found; ``str()`` says it in sentences. Estimates hold intervals of ``level``.
 
     answers: that prefer a side or call a tie, of them ``ties``, and of them ``unused``, which were told but not learned
-    from. Not among them: ``cannot_tell`` and ``retracted``.
-    against_order: how many of the ``by_order`` answers to pairs that the order of the levels settles go against it.
-    repeated: questions asked more than once. couples: their first two answers, the next two, and so on.
-    consistency: share of couples that agree, exact (Clopper and Pearson 1934).
-    error_rate_repeated: from the couples without ties; see ``tutor_report``. Exact.
-    error_rate: share of these very answers (ties left out) that are wrong, by the model.
-    precision: logits per unit of d.e (median, quantiles). lapse: share answered at random, half of it wrong (mean,
-    shortest interval). doubtful: (id, probability) of the answers that are more probably wrong than right.
-    left_share: share of the ``sided`` answers that prefer the side shown left, exact; ``exchanged`` of these were
-    shown the other way round. left_p: two-sided exact p-value of that share against 1/2, which it is without a bias if
-    a coin decided about the sides; nan where they were never, or always, exchanged. ``sided`` is 0 where no sides are
-    on record.
+    from. Not among them: ``cannot_tell`` and ``retracted``. against_order: how many of the ``by_order`` answers to
+    pairs that the order of the levels settles go against it. repeated: questions asked more than once. couples: their
+    first two answers, the next two, and so on. consistency: share of couples that agree, exact (Clopper and Pearson
+    1934). error_rate_repeated: from the couples without ties, exact. error_rate: share of these very answers (ties left
+    out) that are wrong, by the model. precision: logits per unit of d.e (median, quantiles). lapse: share answered at
+    random, half of it wrong (mean, shortest interval). doubtful: (id, probability) of the answers that are more
+    probably wrong than right. left_share: share of the ``sided`` answers (0 where no sides are on record) that prefer
+    the side shown left, exact; ``exchanged`` of these were shown the other way round. left_p: two-sided exact p-value
+    of that share against 1/2, which it is without a bias if a coin decided about the sides; nan where they were never,
+    or always, exchanged.
     """
 
     k: int
@@ -120,12 +116,10 @@ class TutorReport:
         lines["sides"] = "which side was shown left is not known: give the log, not bare Answers"
         if self.sided:
             lines["sides"] = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
-            bias = ": a bias" if self.left_p < 1 - self.level else ": no sign of a bias"
-            lines["sides"] += (
-                ", but sides were never exchanged at random: that may be what was asked, not a bias"
-                if math.isnan(self.left_p)
-                else f" ({self.exchanged} shown exchanged), p = {self.left_p:.2g}{bias}"
-            )
+            bias = "a bias" if self.left_p < 1 - self.level else "no sign of a bias"
+            tested = f" ({self.exchanged} shown exchanged), p = {self.left_p:.2g}: {bias}"
+            untested = ", but sides were never exchanged at random: that may be what was asked, not a bias"
+            lines["sides"] += untested if math.isnan(self.left_p) else tested
         title = f"Tutor report, {100 * self.level:g}% intervals in brackets"
         return "\n".join([title, *(f"  {name:<10}{text}" for name, text in lines.items())])
 
@@ -169,9 +163,10 @@ def tutor_report(
     differ = exact_share(int((~agree & clear).sum()), int(clear.sum()), level)
     order = dominance(tail_sums(answers.d))
     settled = (np.abs(order) == 1) & decisive
-    sided = int(decisive.sum()) if told.swapped is not None else 0
+    recorded = decisive & (told.swapped is not None)
     swapped = np.zeros(n, dtype=np.bool_) if told.swapped is None else told.swapped
-    left, exchanged = int(((y > 0) != swapped)[decisive].sum()) if sided else 0, int((swapped & decisive).sum())
+    sided, exchanged = int(recorded.sum()), int((swapped & recorded).sum())
+    left = int(((y > 0) != swapped)[recorded].sum())
     return TutorReport(
         k=answers.k,
         level=level,
@@ -196,10 +191,7 @@ def tutor_report(
 
 def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
     """count / n with Clopper and Pearson's interval; nan for n = 0."""
-    if n == 0:
-        return NOTHING
-    interval = binomtest(count, n).proportion_ci(level, method="exact")
-    return Estimate(count / n, float(interval.low), float(interval.high))
+    return Estimate(count / n, *binomtest(count, n).proportion_ci(level, method="exact")) if n else NOTHING
 
 
 class _Record(NamedTuple):
@@ -241,9 +233,8 @@ def read_log(log: Told, k: int | None) -> _Record:
 
 
 def _orientation(d: Floats) -> NDArray[np.int8]:
-    """+1 or -1 (n,), opposite for d and -d; 0 for d = 0."""
-    first = np.take_along_axis(d, (d != 0).argmax(axis=1)[:, None], axis=1)[:, 0]
-    return np.sign(first).astype(np.int8)
+    """+1 or -1 (n,), opposite for d and -d; 1 for d = 0."""
+    return np.array([pair_name(row)[1] for row in d], dtype=np.int8)
 
 
 def pairs_of(d: Floats) -> NDArray[np.intp]:

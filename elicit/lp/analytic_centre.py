@@ -4,8 +4,6 @@ It is the polytope's single best guess at the scale (``values``), and a strictly
 proves on which side of 0 some plausible d.e lies.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

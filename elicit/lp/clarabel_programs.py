@@ -1,7 +1,5 @@
 """The two linear programs of section 3.1, least and greatest d.e over K_t, by Clarabel, made rigorous."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import clarabel

@@ -1,13 +1,9 @@
 """A small dual simplex over K_t, once in floats and once in exact integers.
 
-The region is K = {g : sum g = 1, g >= margin, rows g >= rhs} in gap space, p = k - 1 variables. The
-method starts at the vertex that is best over K_0 and lets in the most violated row until none is
-left (the dual simplex method; Lemke 1954). Floats only propose: whoever uses their result must
-prove it. The exact method starts from the basis that floats propose and pivots in integers over one
-common denominator (Edmonds 1967), which costs a fiftieth of the same steps in fractions.
+It starts at the vertex that is best over K_0 and lets in the most violated row until none is left (Lemke 1954). Floats
+only propose: whoever uses their result must prove it. The exact method starts from the basis that floats propose and
+pivots in integers over one common denominator (Edmonds 1967), which costs a fiftieth of the same steps in fractions.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -79,10 +75,8 @@ def minimise(t: Floats, region: Region) -> Vertex:
 
 
 def minimise_exactly(t: Floats, region: Region) -> Vertex:
-    """Least t.g over the region in rationals, started from the basis that floats propose.
-
-    The result holds Fractions. An empty region gives End.EMPTY with its proof in ``support``.
-    """
+    """Least t.g over the region in rationals (Fractions). An empty one gives End.EMPTY, and its proof in ``support``.
+    Started from the basis that floats propose."""
     p, m = region.p, len(region.rows)
     goal, unit = _integers(t)
     goals = np.stack([goal, _integers(_tie_break(p))[0]])
@@ -124,7 +118,7 @@ class _Corner:
         self._rows: dict[int, tuple[Numbers, int, int]] = {}
 
     @staticmethod
-    def at(region: Region, basis: tuple[int, ...]) -> _Corner | None:
+    def at(region: Region, basis: tuple[int, ...]) -> "_Corner | None":
         """The corner with these active constraints; None where they are linearly dependent."""
         p = region.p
         gaps = {c for c in basis if c < p}

@@ -5,8 +5,6 @@ chains that start at the middle of K_t and take their directions from Dikin's el
 2012), which has about the shape of K_t, are near enough to uniform after a few dozen steps.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

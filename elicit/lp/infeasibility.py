@@ -1,7 +1,5 @@
 """Contradictory answers: whether a region is empty, and a smallest set of answers that makes it so."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -36,32 +34,28 @@ class Contradiction(InconsistentAnswers):
 
     def __init__(self, region: Region, proof: Vertex, answers: Answers) -> None:
         ValueError.__init__(self)
-        self._found: tuple[Region, Vertex, Answers] | str = (region, proof, answers)
+        self._found_in = region, proof, answers
 
     def __getattr__(self, name: str) -> Any:
         if name not in ("answers", "margin"):
             raise AttributeError(name)
-        str(self)
+        region, proof, answers = self._found_in
+        owners = minimal_conflict(region, proof)
+        keep = np.isin(region.owner, owners) | (region.owner < 0)
+        self.answers = tuple((row, answers.ids[row]) for row in owners)
+        self.margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
         return self.__dict__[name]
 
     def __str__(self) -> str:
-        if not isinstance(self._found, str):
-            region, proof, answers = self._found
-            owners = minimal_conflict(region, proof)
-            keep = np.isin(region.owner, owners) | (region.owner < 0)
-            self.answers = tuple((row, answers.ids[row]) for row in owners)
-            self.margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
-            listed = ", ".join(f"row {row} (id {name})" for row, name in self.answers)
-            self._found = (
-                f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
-                "correct one of them."
-                if len(owners) > 1
-                else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, or the "
-                "prior. Drop or correct it."
-            )
-            if self.margin:
-                self._found += (
-                    f" With a margin of 0 they would be consistent: the margin {region.margin:g} is above the least "
-                    "gap they allow."
-                )
-        return self._found
+        listed = ", ".join(f"row {row} (id {name})" for row, name in self.answers)
+        said = (
+            f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
+            "correct one of them."
+            if len(self.answers) > 1
+            else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, or the "
+            "prior. Drop or correct it."
+        )
+        if self.margin:
+            allowed = f"the margin {self._found_in[0].margin:g} is above the least gap they allow."
+            said += f" With a margin of 0 they would be consistent: {allowed}"
+        return said

@@ -7,27 +7,14 @@ whose bound, less every rounding, shows t.g > 0. What none of them can show is l
 and nothing kept between two calls changes a verdict. Dominance comes before all of this (``decision.judge_kernel``).
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
 
 from elicit._support.jit import compiled
-from elicit.lp.primal_simplex import bound_of, least_in_order, walk
-from elicit.lp.vertices import (
-    CERTAIN_POINT,
-    CORNER,
-    DOUBTFUL_CORNER,
-    ROW,
-    SMALL,
-    USED,
-    Known,
-    doubt_at,
-    largest,
-    multipliers,
-)
+from elicit.lp.primal_simplex import bound_of, doubt_at, largest, least_in_order, multipliers, walk
+from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known
 from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, UNSETTLED, WORSE, by_dominance
 
 BY_EQUAL, BY_DOMINANCE, BY_SCREEN, BY_SIMPLEX = 0, 1, 2, 3  # the codes of Tier

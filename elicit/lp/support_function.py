@@ -4,18 +4,16 @@ Each maximum starts at the best corner known and walks on from there (``walk``);
 value but the bound that its multipliers prove, rounding included.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
 import numpy as np
 
 from elicit._support.jit import compiled
-from elicit.lp.primal_simplex import bound_of, walk
+from elicit.lp.primal_simplex import bound_of, largest, multipliers, walk
 from elicit.lp.region import rounding
 from elicit.lp.sign_proofs import NOWHERE, outermost, signs_at_points, to_unit
-from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known, largest, multipliers
+from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known
 from elicit.model.scale import Floats, order_bounds, tail_sums
 
 

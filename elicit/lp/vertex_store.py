@@ -4,8 +4,6 @@ Everything here works on the arrays of ``vertices.Known``; a cut makes new ones,
 answers as before.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -15,22 +13,9 @@ from numpy.typing import NDArray
 from elicit._support.jit import compiled
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.dual_simplex import minimise
-from elicit.lp.primal_simplex import keep, next_slot, redundant, surely_inside
+from elicit.lp.primal_simplex import corner_of, inverse_of, keep, next_slot, redundant, slacks_of, surely_inside
 from elicit.lp.region import Region, strictly_inside
-from elicit.lp.vertices import (
-    CERTAIN_POINT,
-    DOUBTFUL_CORNER,
-    EPS,
-    ROW,
-    SLOT,
-    SMALL,
-    TINY,
-    USED,
-    Known,
-    corner_of,
-    inverse_of,
-    slacks_of,
-)
+from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, ROW, SLOT, SMALL, TINY, USED, Known, nothing_known
 from elicit.model.scale import Floats
 
 MOST_CORNERS = 128
@@ -40,25 +25,9 @@ MOST_ROWS = 16  # rows proven beside the region's own
 
 def start(region: Region) -> Known:
     """What is known before any comparison: the region's rows, and the corners of K_0 that lie in it."""
-    p, none = region.p, np.empty((0, region.p))
+    p, rows, limits = region.p, region.rows, region.rhs
     corners = max(8, min(MOST_CORNERS, MOST_NUMBERS // (p * p)))
-    known = Known(
-        margin=region.margin,
-        cuts=np.ascontiguousarray(region.rows.T),
-        limits=region.rhs,
-        rows=none,
-        lifted=none,
-        masks=np.empty(0, dtype=np.uint64),
-        inside=np.full(p, np.nan),
-        room=np.full(p + len(region.rows), np.nan),
-        points=np.zeros((p, corners)),
-        inverses=np.zeros((corners, p, p)),
-        active=np.zeros((corners, p - 1), dtype=np.int64),
-        kind=np.zeros(corners, dtype=np.int8),
-        age=np.zeros(corners, dtype=np.int64),
-        counts=np.zeros(3, dtype=np.int64),
-    )
-    known = _with_rows(known, region.rows, region.rhs)
+    known = _with_rows(nothing_known(region.margin, rows, limits, corners), rows, limits)
     if not region.margin * p < 1 - 1e-9:  # K_0 is a point, or nearly
         return known
     _recentre_dearly(known, region)

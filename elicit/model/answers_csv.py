@@ -1,13 +1,11 @@
 """Answers in a CSV file, as columns of numbers: what ``Answers.from_csv`` reads and ``Answers.to_csv`` writes."""
 
-from __future__ import annotations
-
 import csv
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Literal, TextIO
 
 import numpy as np
@@ -24,15 +22,16 @@ File = str | os.PathLike[str] | TextIO
 
 def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8], list[str]]:
     """d (n, k), y (n,) and an id a row, of the answers in a CSV file; see ``Answers.from_csv``."""
-    with _opened(file, "r") as (text, name):
+    with _opened(file, "r") as text:
+        name = str(getattr(text, "name", "the file"))
         # spreadsheets put a byte order mark at the beginning
         rows = csv.reader((line.removeprefix("\ufeff" * (i == 0)) for i, line in enumerate(text)), strict=True)
         try:
-            header = next(((rows.line_num, cells) for cells in rows if any(map(str.strip, cells))), None)
-            if header is None:
+            header = next((cells for cells in rows if any(map(str.strip, cells))), [])
+            if not header:
                 raise ValueError(f"{name} is empty: its first line must name the columns")
-            names = [cell.strip().lower() for cell in header[1]]
-            levels = _level_columns(names, k, f"line {header[0]} of {name}")
+            names = [cell.strip().lower() for cell in header]
+            levels = _level_columns(names, k, f"line {rows.line_num} of {name}")
             told: list[tuple[list[float], int, str]] = []
             for cells in rows:
                 where = f"line {rows.line_num} of {name}"
@@ -41,11 +40,10 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
                 if len(cells) != len(names):
                     raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(names)} columns")
                 verdict = _verdict(cells[names.index("answer")], where)
-                if verdict is None:
-                    continue
-                numbers = [[_number(cells[i], names[i], where) for i in columns] for columns in levels]
-                row = numbers[0] if len(numbers) == 1 else [a - b for a, b in zip(*numbers, strict=True)]
-                told.append((row, verdict, cells[names.index("id")] if "id" in names else f"line {rows.line_num}"))
+                if verdict is not None:
+                    numbers = [[_number(cells[i], names[i], where) for i in columns] for columns in levels]
+                    row = numbers[0] if len(numbers) == 1 else [a - b for a, b in zip(*numbers, strict=True)]
+                    told.append((row, verdict, cells[names.index("id")] if "id" in names else f"line {rows.line_num}"))
         except csv.Error as error:
             raise ValueError(f"line {rows.line_num} of {name} is no CSV: {error}") from None
         except UnicodeDecodeError as error:
@@ -56,7 +54,7 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
 
 def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) -> None:
     """The columns id, d_1, ..., d_k, answer. Python writes floats so that they read back to the last bit."""
-    with _opened(file, "w") as (text, _):
+    with _opened(file, "w") as text:
         rows = csv.writer(text)
         rows.writerow(["id", *(f"d_{i + 1}" for i in range(d.shape[1])), "answer"])
         for name, row, sign in zip(ids, d.tolist(), y.tolist(), strict=True):
@@ -67,17 +65,17 @@ def _level_columns(names: list[str], k: int | None, where: str) -> list[list[int
     """The places of d_1, ..., d_k, or those of left_1, ..., left_k and those of right_1, ..., right_k."""
     if twice := sorted({name for name in names if name and names.count(name) > 1}):
         raise ValueError(f"{where} names the column {twice[0]!r} twice")
-    found = [(name, match[1], int(match[2])) for name in names if (match := _LEVEL.fullmatch(name))]
-    kinds = {kind for _, kind, _ in found}
+    found = [match for match in map(_LEVEL.fullmatch, names) if match]
+    kinds = {match[1] for match in found}
     if not kinds or ("d" in kinds and len(kinds) > 1) or "answer" not in names:
         raise ValueError(
             f"{where} must name the columns left_1, ..., left_k, right_1, ..., right_k, answer, or else d_1, ..., d_k, "
             f"answer, separated by commas; it names {', '.join(names)}"
         )
-    for name, kind, level in found:
-        if level == 0 or name != f"{kind}_{level}":
-            raise ValueError(f"{where} names the column {name!r}: levels are counted 1, 2, ..., the worst being 1")
-    most = max(level for _, _, level in found)
+    for match in found:
+        if match[2].startswith("0"):
+            raise ValueError(f"{where} names the column {match[0]!r}: levels are counted 1, 2, ..., the worst being 1")
+    most = max(int(match[2]) for match in found)
     if k not in (None, most):
         raise ValueError(f"{where} has columns for {most} levels, not k = {k}")
     sides = ("d",) if "d" in kinds else ("left", "right")
@@ -91,10 +89,8 @@ def _verdict(cell: str, where: str) -> int | None:
     word = cell.strip().lower()
     if word in NO_ANSWER:
         return None
-    if word in WORDS:
-        return WORDS[word]
     try:
-        number = float(word)  # a column of whole numbers with holes is often written as 1.0
+        number = float(WORDS.get(word, word))  # a column of whole numbers with holes is often written as 1.0
     except ValueError:
         number = math.nan
     if number not in (-1, 0, 1):
@@ -115,11 +111,8 @@ def _number(cell: str, column: str, where: str) -> float:
     return number
 
 
-@contextmanager
-def _opened(file: File, mode: Literal["r", "w"]) -> Iterator[tuple[TextIO, str]]:
-    """The file as text, and a name for it; one given open stays open."""
+def _opened(file: File, mode: Literal["r", "w"]) -> AbstractContextManager[TextIO]:
+    """The file as text; one given open stays open."""
     if isinstance(file, (str, os.PathLike)):
-        with open(file, mode, encoding="utf-8", newline="") as text:
-            yield text, os.fspath(file)
-    else:
-        yield file, str(getattr(file, "name", "the file"))
+        return open(file, mode, encoding="utf-8", newline="")
+    return nullcontext(file)

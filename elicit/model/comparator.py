@@ -1,8 +1,6 @@
 """The Comparator protocol and what a comparator may have beyond it, who settled a comparison, and the one table from
 signs to verdicts."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -10,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_number, is_whole, require
-from elicit.model.query import Answers, Verdict
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
 
 Verdicts = NDArray[np.int8]
@@ -66,7 +64,7 @@ class Comparator(Protocol):
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) int8 on differences d (n, k)."""
 
-    def update(self, answers: Answers) -> Comparator:
+    def update(self, answers: Answers) -> "Comparator":
         """A comparator that also knows these answers; this one still answers as before."""
 
 
@@ -117,10 +115,23 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
 
 
-def dominance_tiers(codes: Verdicts, otherwise: Tier) -> Tiers:
-    """EQUAL or DOMINANCE where ``scale.dominance`` decided, else the given tier."""
-    by_code = np.array([Tier.EQUAL, Tier.DOMINANCE, otherwise, Tier.DOMINANCE], dtype=np.int8)
-    return by_code[codes]  # -1, worse, is the last
+def learn(comparator: Comparator, answers: Answers, one_by_one: bool) -> tuple[Comparator, NDArray[np.bool_]]:
+    """The comparator after these answers, and which (n,) of them it took. Where they contradict each other, with
+    ``one_by_one`` without those that contradict the ones before; else raises InconsistentAnswers."""
+    taken = np.ones(len(answers), dtype=np.bool_)
+    try:
+        return comparator.update(answers), taken
+    except InconsistentAnswers:
+        if not one_by_one:
+            raise
+        if len(answers) == 1:
+            return comparator, ~taken
+    for i in range(len(answers)):
+        try:
+            comparator = comparator.update(answers[i : i + 1])
+        except InconsistentAnswers:
+            taken[i] = False
+    return comparator, taken
 
 
 def verdicts_from(least: NDArray[np.floating], greatest: NDArray[np.floating]) -> Verdicts:

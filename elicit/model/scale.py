@@ -5,8 +5,6 @@ them) lie in a simplex, and for a difference d of two share vectors d.e = t.g, w
 of d_i over i > j. In these coordinates dominance (eq. 4) is t >= 0 and an answer is a cut t.g >= 0.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from fractions import Fraction
 from typing import Any
@@ -47,6 +45,13 @@ def tail_sums(d: Floats) -> Floats:
         overflown = ~np.isfinite(t).all(axis=-1, keepdims=True)  # each row by itself, whatever its neighbours
         t = np.cumsum(np.where(overflown, top * 2.0**-64, top), axis=-1)
     return t[..., ::-1]
+
+
+def pair_name(d: Floats) -> tuple[bytes, int]:
+    """The bytes of a difference (k,), or of its tail sums (p,), in a canonical direction (the first entry that is not 0
+    is positive), and the sign that turns it there: the same pair has the same name, whichever way round."""
+    sign = -1 if d.any() and d[np.flatnonzero(d)[0]] < 0 else 1
+    return (sign * d + 0.0).tobytes(), sign
 
 
 def dominance(t: Floats) -> NDArray[np.int8]:

@@ -4,8 +4,6 @@ The same numbers to the last bit. Apart from ``scale``, because numba takes long
 without it.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The Tutor protocol: whatever answers a query; and one that answers many at once."""
 
-from __future__ import annotations
-
 from typing import Protocol, runtime_checkable
 
 import numpy as np

@@ -4,20 +4,18 @@ A log on disk is JSON lines: a header, then one line an answer or a retraction. 
 disk before it returns, so a crash loses at most the line that was being written. The log reads no
 clock: a caller who wants times gives them as metadata.
 
-An answer is taken back by a line {"retract": id, ...}; nothing is deleted. It concerns the answers before
-it that have this id, so the query can be answered anew. The header, once written, cannot announce such a
-line, so it has none of an answer's fields: a reader that knows no retractions stops there with BadLog,
-instead of learning from what was taken back. Without retractions a log is what it was before them.
+An answer is taken back by a line {"retract": id, ...}; nothing is deleted. It concerns the answers before it that have
+this id, so the query can be answered anew. It has none of an answer's fields: a reader that knows no retractions stops
+there with BadLog, instead of learning from what was taken back.
 """
-
-from __future__ import annotations
 
 import json
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from elicit.model.query import Answer, Answers, Query, Verdict
 
@@ -60,13 +58,10 @@ class Entry:
 class AnswerLog:
     """All answers of a run, in the order in which they were told.
 
-    path: the file to write; an existing log is continued. None keeps the log in memory.
-    k: the number of levels; None takes it from the file, else from the first answer.
-    header: further JSON fields for the header line, such as the names of the levels. Where the file
-    has them already they must agree.
-
-    Raises BadLog where the file is no log, is damaged before its last line, or disagrees with k or
-    header; OSError where it cannot be written.
+    path: the file to write; an existing log is continued. None keeps the log in memory. k: the number of levels; None
+    takes it from the file, else from the first answer. header: further JSON fields for the header line, such as the
+    names of the levels. Where the file has them already they must agree. Raises BadLog where the file is no log, is
+    damaged before its last line, or disagrees with k or header; OSError where it cannot be written.
     """
 
     def __init__(
@@ -95,7 +90,7 @@ class AnswerLog:
         self._load(self._path)
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> AnswerLog:
+    def read(cls, path: str | os.PathLike[str]) -> Self:
         """The log in a file, for reading only; the file is not touched. Raises BadLog, FileNotFoundError."""
         log = cls()
         log._path, log._read_only = Path(path), True
@@ -115,9 +110,9 @@ class AnswerLog:
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
         """Add an answer; when this returns it is on the disk, and when it raises nothing has changed.
 
-        used=False records an answer that comparators are not to learn from. metadata: any JSON, such as
-        ``time="2024-05-01T12:00:00Z"``. Raises ValueError on another number of levels or metadata
-        that is no JSON, BadLog if someone else wrote to the file, OSError if writing fails.
+        used=False records an answer that comparators are not to learn from. metadata: any JSON, such as a time. Raises
+        ValueError on another number of levels or metadata that is no JSON, BadLog if someone else wrote to the file,
+        OSError if writing fails.
         """
         k = len(answer.query.left)
         if self.k not in (None, k):
@@ -129,7 +124,7 @@ class AnswerLog:
                 "id": answer.query.id,
                 "left": answer.query.left.tolist(),
                 "right": answer.query.right.tolist(),
-                "verdict": None if answer.verdict is None else int(answer.verdict),
+                "verdict": answer.verdict,
                 "swapped": bool(answer.swapped),
                 "about": answer.query.about,
                 "used": bool(used),
@@ -143,11 +138,8 @@ class AnswerLog:
 
     def retract(self, id: str, **metadata: Any) -> None:
         """Take back all answers so far to the query of this id, by adding a line: they stay in the log, marked, but are
-        no longer among ``answers()``. On the disk when this returns; when it raises, nothing has changed.
-
-        metadata: any JSON, such as the reason. Raises ValueError where no answer of this id stands, and
-        otherwise like ``append``.
-        """
+        no longer among ``answers()``. metadata: any JSON, such as the reason. Raises ValueError where no answer of this
+        id stands, and otherwise like ``append``."""
         if not metadata.keys().isdisjoint((*_FIELDS, _RETRACT)):
             raise ValueError(f"a retraction's metadata may not be named like a field of the log: {sorted(metadata)}")
         line = _dump({_RETRACT: id, **metadata}, "metadata")
@@ -224,9 +216,8 @@ class AnswerLog:
                 damage = f"line {number} of {path} is damaged ({why}): {text!r}. Correct or delete that line"
                 raise BadLog(damage, number) from None
             if (found := len(entry.answer.query.left)) != self.k:
-                raise BadLog(
-                    f"line {number} of {path} is about {found} levels, but its header says k = {self.k}", number
-                )
+                about = f"line {number} of {path} is about {found} levels"
+                raise BadLog(f"{about}, but its header says k = {self.k}", number)
             self._entries.append(entry)
 
 
@@ -277,10 +268,9 @@ def _is_torn(line: bytes, first: bool) -> bool:
 
 def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """The header of a file, if it is one of a log that can be continued as wanted."""
-    try:
+    header = None
+    with suppress(ValueError):
         header = json.loads(line)
-    except ValueError:
-        header = None
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         text = line[:60].decode("utf-8", "replace")
         raise BadLog(f"{path} is no answer log: its first line is {text!r}, not {_START}, ...}}", 1)
@@ -290,9 +280,6 @@ def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path) -> dict[
         raise BadLog(f"the header of {path} gives k = {header.get('k')!r}, not a number of levels", 1)
     for name, value in wanted.items():
         if name in header and header[name] != value:
-            raise BadLog(
-                f"{path} is another log: its header says {name} = {header[name]!r}, not {value!r}. "
-                "Choose another file, or open it as what it is",
-                1,
-            )
+            other = f"{path} is another log: its header says {name} = {header[name]!r}, not {value!r}"
+            raise BadLog(f"{other}. Choose another file, or open it as what it is", 1)
     return header

@@ -1,11 +1,9 @@
 """A tutor that replays a log of answers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from elicit.model.query import Answer, Query
-from elicit.model.scale import Floats
+from elicit.model.scale import pair_name
 from elicit.tutors.answer_log import Entry
 
 
@@ -28,19 +26,16 @@ class ReplayTutor:
         self._by_pair: dict[bytes, list[int]] = {}
         for i, answer in enumerate(self._answers):
             self._by_id.setdefault(answer.query.id, []).append(i)
-            self._by_pair.setdefault(_bits(answer.query.d), []).append(i)
+            self._by_pair.setdefault(pair_name(answer.query.d)[0], []).append(i)
         self._replayed: set[int] = set()
         self._last: dict[str, int] = {}
 
     def __call__(self, query: Query) -> Answer:
         """The answer that the log holds. Raises NotInLog (a LookupError) where it holds none."""
-        d = query.d
-        same, opposite = _bits(d), _bits(-d)
+        name, sign = pair_name(query.d)
         own = self._by_id.get(query.id, [])
         last = self._last.get(query.id, own[-1] if own else None)
-        candidates = own
-        if last is None:
-            candidates = sorted({*self._by_pair.get(same, []), *self._by_pair.get(opposite, [])})
+        candidates = self._by_pair.get(name, []) if last is None else own
         fresh = next((i for i in candidates if i not in self._replayed), last)
         if fresh is None:
             raise NotInLog(
@@ -50,18 +45,14 @@ class ReplayTutor:
                 "replay the run that was recorded, or put this query to a tutor and append the answer to the log"
             )
         found = self._answers[fresh]
-        stored = _bits(found.query.d)
-        if stored not in (same, opposite):
+        stored, way = pair_name(found.query.d)
+        if stored != name:
             raise NotInLog(
                 f"the log's query {query.id} is about other vectors: left {found.query.left}, right "
                 f"{found.query.right}, not left {query.left}, right {query.right}. The log is of another problem"
             )
         self._replayed.add(fresh)
         self._last[query.id] = fresh
-        if stored == same:
+        if way == sign:
             return Answer(query, found.verdict, found.swapped)
         return Answer(query, None if found.verdict is None else found.verdict.flipped, not found.swapped)
-
-
-def _bits(d: Floats) -> bytes:
-    return (d + 0.0).tobytes()

@@ -11,23 +11,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.lp.dual_simplex import minimise_exactly
-from elicit.lp.primal_simplex import bound_of, keep, pulled_inside, redundant, surely_inside, walk
-from elicit.lp.region import Region
-from elicit.lp.vertex_store import prune, start
-from elicit.lp.vertices import (
-    CERTAIN_POINT,
-    CORNER,
+from elicit.lp.primal_simplex import (
     NEARLY,
-    USED,
-    Known,
     blocking,
+    bound_of,
     corner_of,
     inverse_of,
+    keep,
     multipliers,
     pivot,
+    pulled_inside,
     rates_of,
+    redundant,
     slacks_of,
+    surely_inside,
+    walk,
 )
+from elicit.lp.region import Region
+from elicit.lp.vertex_store import prune, start
+from elicit.lp.vertices import CERTAIN_POINT, CORNER, USED, Known
 from tests.lp_cases import dot, exact, exactly, known_sets, normalised, objectives, region
 
 Floats = np.ndarray[Any, Any]

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from elicit import Answers, PolytopeComparator, Verdict, decide
 from elicit.lp.dual_simplex import minimise_exactly
+from elicit.lp.primal_simplex import doubt_at
 from elicit.lp.sign_proofs import NOWHERE, lifting_row, lifts, settle, side_of, to_unit
 from elicit.lp.vertex_store import know_rows, start
-from elicit.lp.vertices import ROW, Known, doubt_at
+from elicit.lp.vertices import ROW, Known
 from elicit.model.scale import dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED, by_dominance, tail_sums_into
 from tests.lp_cases import (
