@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -19,7 +18,3 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = vars(parser.parse_args(argv))
     command: Callable[[dict[str, Any]], int] = options.pop("command")
     return command(options)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

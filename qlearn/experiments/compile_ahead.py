@@ -21,8 +21,6 @@ from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.problems.random_mdp import random_mdp
 
-__all__ = ["parts"]
-
 
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
     """What the runs of these cells will need: with two processes, the loops take up what the proofs have compiled."""

@@ -46,8 +46,6 @@ from qlearn.problems.gymnasium import deep_sea_treasure, frozen_lake
 from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values, random_mdp
 
-__all__ = ["COMPARATORS", "LEARNERS", "PROBLEMS", "TUTORS", "Run", "instance", "run", "run_all", "sources"]
-
 Size: TypeAlias = tuple[int, int, int, float]
 """Of the random MDPs: states, actions, levels, discount."""
 SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor

@@ -11,9 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
-__all__ = ["AblationSettings", "Choice", "FiguresSettings", "Number", "Settings"]
-
-
 _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumPy's numbers too
 
 

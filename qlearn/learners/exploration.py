@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from elicit._support.validation import is_number, is_whole
 from elicit.model.scale import Floats
 
-__all__ = ["EXPLORATIONS", "Decay", "Epsilon", "Exploration", "Start", "epsilons"]
-
 Start: TypeAlias = Literal["worst", "zero", "best"]
 
 

@@ -12,8 +12,6 @@ from elicit.model.scale import Floats
 from qlearn.experiments.metrics import half_width, means
 from qlearn.experiments.settings import COMPARATORS
 
-__all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_page", "series_of", "summarise_series"]
-
 DENOMINATORS = ("all", "unequal", "open", "fresh")
 LOSSES = ("paper_loss_percent", "paper_abs_percent", "excess_loss_percent")
 MEASURES = (

@@ -17,11 +17,9 @@ from typing import Any
 
 import pandas as pd
 
-from qlearn.experiments.parallel import Cell, Interrupted
+from qlearn.experiments.parallel import Cell
 from qlearn.experiments.run import Run, in_order, run_all, run_named
 from qlearn.experiments.settings import FiguresSettings
-
-__all__ = ["KEYS", "FiguresSettings", "Interrupted", "figures", "plan_of", "run_one"]
 
 KEYS = ("states", "levels", "comparator", "error_rate", "seed")
 _NOT_SHOWN = ["problem", "learner", "audit", "excess_loss_initial"]  # of a run: the same in all, or of no use here

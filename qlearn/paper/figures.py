@@ -17,8 +17,6 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlearn.experiments.palette import NAMES, STYLES
 
-__all__ = ["plot_asked", "plot_loss", "save"]
-
 _X = {"levels": "number of levels k", "states": "number of states |S|"}
 _ASKED = {
     "asked_percent_all": "of all comparisons",

@@ -24,8 +24,9 @@ from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, re
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
-from qlearn.reference import interactive_q_learning, scalar_q_learning
+from qlearn.reference import interactive_q_learning
 from tests.mdp_cases import messy_mdp
+from tests.scalar_q_learning import scalar_q_learning
 
 COMPARATORS: dict[str, Callable[[int], Comparator]] = {
     "dominance": Dominance,
