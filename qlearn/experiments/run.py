@@ -37,7 +37,7 @@ from qlearn.experiments.metrics import (
 )
 from qlearn.experiments.parallel import Cell, Interrupted, sweep
 from qlearn.experiments.settings import ORDER, Settings
-from qlearn.learners.learner import drive
+from qlearn.learners.learner import Learner, drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -106,30 +106,23 @@ COMPARATORS: Mapping[str, Callable[[int, int, Settings], Comparator]] = {
 CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the indifference ``settings.close``
 
 
-def _q_learning(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
-    how: dict[str, Any] = {"steps": settings.steps, "epsilon": settings.exploration or settings.epsilon}
-    return InteractiveQLearning(mdp, comparator, **how, **common)
-
-
-def _value_iteration(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
-    how: dict[str, Any] = {"tolerance": settings.tolerance, "max_sweeps": settings.max_sweeps}
-    return InteractiveValueIteration(mdp, comparator, **how, **common)
-
-
-LEARNERS: Mapping[str, Callable[[OrdinalMDP, Comparator, Settings, dict[str, Any]], Any]] = {
-    "q-learning": _q_learning,
-    "ivi": _value_iteration,
+LEARNERS: Mapping[str, tuple[Callable[..., Learner], Callable[[Settings], dict[str, Any]]]] = {
+    "q-learning": (InteractiveQLearning, lambda s: {"steps": s.steps, "epsilon": s.exploration or s.epsilon}),
+    "ivi": (InteractiveValueIteration, lambda s: {"tolerance": s.tolerance, "max_sweeps": s.max_sweeps}),
 }
-"""A learner, from the settings and the keywords that all learners have in common."""
+"""A learner, and the keywords that it has from the settings beside those that all learners have in common."""
 
 
-def _logistic(mdp: OrdinalMDP, values: Floats, rate: float, seed: int) -> SimulatedTutor:
-    return BradleyTerryTutor.from_error_rate(values, rate, _reference(mdp, tuple(values)), seed)
+@lru_cache(maxsize=32)
+def _reference(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
+    return reference_differences(mdp, values)
 
 
 TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]] = {
     "flip": lambda mdp, values, rate, seed: FlippingTutor(values, rate, seed),
-    "logistic": _logistic,
+    "logistic": lambda mdp, values, rate, seed: BradleyTerryTutor.from_error_rate(
+        values, rate, _reference(mdp, tuple(values)), seed
+    ),
 }
 """A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of his errors."""
 
@@ -158,9 +151,9 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         seed, rate = cell["seed"], cell["error_rate"]
         comparator = COMPARATORS[cell["comparator"]](mdp.k, seed, settings)
         tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
-        common = {"rng": seed, "max_queries": settings.max_queries, "audit": cell["audit"]}
-        common |= {"indifference": settings.indifference}
-        learner = LEARNERS[cell["learner"]](mdp, comparator, settings, common)
+        common = {"rng": seed, "max_queries": settings.max_queries, "indifference": settings.indifference}
+        make, own = LEARNERS[cell["learner"]]
+        learner = make(mdp, comparator, audit=cell["audit"], **common, **own(settings))
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()
@@ -321,8 +314,3 @@ def _made(make: Callable[[], OrdinalMDP]) -> OrdinalMDP:
 @lru_cache(maxsize=32)
 def _optimum(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
     return value_iteration(mdp, values)[0]
-
-
-@lru_cache(maxsize=32)
-def _reference(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
-    return reference_differences(mdp, values)

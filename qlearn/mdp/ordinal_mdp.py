@@ -107,13 +107,10 @@ class OrdinalMDP:
         levels: ArrayLike,
         discount: float,
         labels: Sequence[str],
-        *,
-        initial: ArrayLike | None = None,
-        terminal: ArrayLike | None = None,
-        admissible: ArrayLike | None = None,
+        **rest: ArrayLike | None,
     ) -> OrdinalMDP:
-        """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s')."""
-        rest: dict[str, Any] = {"initial": initial, "terminal": terminal, "admissible": admissible}
+        """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``: initial, terminal,
+        admissible."""
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
     @classmethod
@@ -151,19 +148,16 @@ class OrdinalMDP:
         a_indices: ArrayLike,
         discount: float,
         labels: Sequence[str],
-        *,
-        initial: ArrayLike | None = None,
-        terminal: ArrayLike | None = None,
+        **rest: ArrayLike | None,
     ) -> OrdinalMDP:
         """The same from its L state-action pairs, as QuantEcon's DiscreteDP takes them: ``levels`` (L,) in place
         of its rewards R, ``transitions`` (L, S) for its Q, sparse or not, and the state and the action of each
-        pair, ``s_indices`` and ``a_indices`` (L,), in any order. A pair that is not listed is inadmissible.
-
-        Raises ValueError for pairs out of range or listed twice, and for a state without any.
+        pair, ``s_indices`` and ``a_indices`` (L,), in any order; ``rest``: initial, terminal. A pair that
+        is not listed is inadmissible. Raises ValueError for pairs out of range or listed twice, and for a state without
+        any.
         """
         matrix, each, listed = tables.from_pairs(levels, transitions, s_indices, a_indices, len(labels))
-        rest: dict[str, Any] = {"initial": initial, "terminal": terminal, "admissible": listed}
-        return cls.from_sparse(matrix, each, discount, labels, **rest)
+        return cls.from_sparse(matrix, each, discount, labels, admissible=listed, **rest)
 
     @classmethod
     def from_environment(
