@@ -112,9 +112,8 @@ def interactive_q_learning(
     start: str = "worst",
     episode_length: int | None = None,
 ) -> tuple[Learned, Comparator, Told]:
-    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is
-    one for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and B(s), then M
-    and B."""
+    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is one
+    for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and B(s), then M and B."""
     one, discount = np.eye(mdp.k), mdp.discount
     model, told = comparator, Told()  # Alg. 1, l. 3
     q = np.zeros((mdp.n_states, mdp.n_actions, mdp.k))  # Alg. 1, l. 4

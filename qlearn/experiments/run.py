@@ -70,9 +70,6 @@ class Run(NamedTuple):
     seconds: float
 
 
-# --- what the names stand for
-
-
 def _posterior(k: int, seed: int, settings: Settings) -> Comparator:
     return PosteriorComparator(k, lapse=settings.lapse, level=settings.level, particles=settings.particles, seed=seed)
 
@@ -135,9 +132,6 @@ PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
 """An MDP and its hidden values (k,)."""
 
 
-# --- one run
-
-
 def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
     """One run of one cell, on one thread.
 
@@ -186,9 +180,6 @@ def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP) -> Settings:
 def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
     """The MDP and the hidden values (k,) of one of ``PROBLEMS``. Raises as their makers do."""
     return PROBLEMS[problem](seed, size)
-
-
-# --- many runs
 
 
 def run_all(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
-from elicit._support.validation import is_number, is_whole
+from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.elicitation import Elicitation
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
@@ -60,12 +60,10 @@ class InteractiveValueIteration(Learner):
         max_loss: float | None = None,
     ) -> None:
         check_problem(mdp, comparator)
-        if not (is_number(tolerance) and tolerance > 0):
-            raise ValueError(f"tolerance must be a positive share of the value range, not {tolerance!r}")
-        if max_sweeps is not None and not is_whole(max_sweeps, 1):
-            raise ValueError(f"max_sweeps must be None or a whole number of at least 1, not {max_sweeps!r}")
-        if not is_whole(jobs, 1):
-            raise ValueError(f"jobs, the number of threads, must be a whole number of at least 1, not {jobs!r}")
+        require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
+        holds = max_sweeps is None or is_whole(max_sweeps, 1)
+        require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
+        require(is_whole(jobs, 1), "jobs, the number of threads,", "a whole number of at least 1", jobs)
         gamma = mdp.discount
         self._mdp = mdp
         self._max_sweeps = max_sweeps or 2 * sweeps_needed(gamma, tolerance)
