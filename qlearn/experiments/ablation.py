@@ -54,7 +54,7 @@ def ablate(
     there is not, and as ``run_all`` does.
     """
     settings = replace(settings or AblationSettings(), **changes)
-    size = {name: getattr(settings, name) for name in ("states", "actions", "levels", "discount")}
+    size = settings.named("states", "actions", "levels", "discount")
     shown = methodcaller("drop", columns="paper_abs_percent")
     how: dict[str, Any] = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
     return run_all(run_named, plan_of(settings), size, settings, shown, **how)

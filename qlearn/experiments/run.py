@@ -11,7 +11,7 @@ from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -71,22 +71,12 @@ class Run(NamedTuple):
 
 
 def _posterior(k: int, seed: int, settings: Settings) -> Comparator:
-    return PosteriorComparator(k, lapse=settings.lapse, level=settings.level, particles=settings.particles, seed=seed)
+    return PosteriorComparator(k, seed=seed, **settings.named("lapse", "level", "particles"))
 
 
-def _bradley_terry(
-    k: int, seed: int, settings: Settings, *, region: Literal["box", "ensemble"], rescale: bool = False
-) -> Comparator:
-    return BradleyTerryComparator(
-        k,
-        precision=settings.precision,
-        region=region,
-        rescale=rescale,
-        n_boot=settings.n_boot,
-        level=settings.level,
-        refit_growth=settings.refit_growth,
-        seed=seed,
-    )
+def _bradley_terry(k: int, seed: int, settings: Settings, **region: Any) -> Comparator:
+    own = settings.named("precision", "n_boot", "level", "refit_growth")
+    return BradleyTerryComparator(k, seed=seed, **region, **own)
 
 
 COMPARATORS: Mapping[str, Callable[[int, int, Settings], Comparator]] = {
@@ -105,7 +95,7 @@ CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the in
 
 LEARNERS: Mapping[str, tuple[Callable[..., Learner], Callable[[Settings], dict[str, Any]]]] = {
     "q-learning": (InteractiveQLearning, lambda s: {"steps": s.steps, "epsilon": s.exploration or s.epsilon}),
-    "ivi": (InteractiveValueIteration, lambda s: {"tolerance": s.tolerance, "max_sweeps": s.max_sweeps}),
+    "ivi": (InteractiveValueIteration, lambda s: s.named("tolerance", "max_sweeps")),
 }
 """A learner, and the keywords that it has from the settings beside those that all learners have in common."""
 
@@ -123,11 +113,18 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
 }
 """A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of his errors."""
 
+
+def _one(make: Callable[[], OrdinalMDP]) -> Callable[[int, Size], tuple[OrdinalMDP, Floats]]:
+    """A problem whose MDP is the same whatever the seed; it is made once, which takes seconds."""
+    made = cache(make)
+    return lambda seed, size: (made(), draw_values(made().k, rng=seed))
+
+
 PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
     "random": lambda seed, size: random_mdp(*size, rng=seed),
-    "icu": lambda seed, size: _real(icu_sepsis, seed),
-    "frozen-lake": lambda seed, size: _real(frozen_lake, seed),
-    "deep-sea-treasure": lambda seed, size: _real(deep_sea_treasure, seed),
+    "icu": _one(icu_sepsis),
+    "frozen-lake": _one(frozen_lake),
+    "deep-sea-treasure": _one(deep_sea_treasure),
 }
 """An MDP and its hidden values (k,)."""
 
@@ -145,9 +142,9 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         seed, rate = cell["seed"], cell["error_rate"]
         comparator = COMPARATORS[cell["comparator"]](mdp.k, seed, settings)
         tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
-        common = {"rng": seed, "max_queries": settings.max_queries, "indifference": settings.indifference}
         make, own = LEARNERS[cell["learner"]]
-        learner = make(mdp, comparator, audit=cell["audit"], **common, **own(settings))
+        common = settings.named("max_queries", "indifference")
+        learner = make(mdp, comparator, rng=seed, audit=cell["audit"], **common, **own(settings))
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()
@@ -290,16 +287,6 @@ def _beside_oracles(results: Iterable[Any]) -> pd.DataFrame:
 
 def _problem(cell: Cell) -> tuple[Any, ...]:
     return tuple(cell.get(key) for key in ("problem", "states", "levels", "learner", "seed"))
-
-
-def _real(make: Callable[[], OrdinalMDP], seed: int) -> tuple[OrdinalMDP, Floats]:
-    mdp = _made(make)
-    return mdp, draw_values(mdp.k, rng=seed)
-
-
-@cache
-def _made(make: Callable[[], OrdinalMDP]) -> OrdinalMDP:
-    return make()  # takes seconds
 
 
 @lru_cache(maxsize=32)

@@ -165,8 +165,7 @@ def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.S
     q = np.zeros((n, m, k))
     if start != "zero":
         q[:, :, 0 if start == "worst" else k - 1] = 1.0  # Alg. 1, l. 4
-    for s in np.flatnonzero(mdp.terminal):  # a terminal state's value is its level, for ever
-        q[s] = np.eye(k)[model.levels[s, model.actions[s, 0]]]
+    q[mdp.terminal] = np.eye(k)[mdp.final_level[mdp.terminal], None]  # a terminal state's value is its level, for ever
     pick = (uniform(fold(model.key, kernel.FIRST_BEST, np.arange(n))) * model.n_actions).astype(np.int64)
     best = model.actions[np.arange(n), pick]  # Alg. 1, l. 5
     cursor = np.zeros(7, dtype=np.int64)

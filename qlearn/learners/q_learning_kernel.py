@@ -57,17 +57,8 @@ class State(NamedTuple):
 @compiled
 def draw(cumulative: Any, u: float) -> int:
     """The first index whose running sum exceeds u; the last with any probability if rounding hides it."""
-    low, high = 0, len(cumulative) - 1
-    total = cumulative[high]
-    if u >= total:
-        u = total * (1.0 - 2.0**-53)
-    while low < high:
-        middle = (low + high) // 2
-        if cumulative[middle] > u:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+    below = cumulative[-1] * (1.0 - 2.0**-53)  # the greatest number less than the total
+    return int(np.searchsorted(cumulative, min(u, below), side="right"))
 
 
 @compiled

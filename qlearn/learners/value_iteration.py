@@ -19,7 +19,7 @@ from elicit.model.scale import Floats
 from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.learners.state_sweep import StateSweep
-from qlearn.mdp.backup import model_of, q_of
+from qlearn.mdp.backup import q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
@@ -89,8 +89,9 @@ class InteractiveValueIteration(Learner):
 
     def result(self) -> Result:
         """The policy and the counts so far."""
-        shares = partial(_q, self._states.v.copy(), self._mdp)  # computed when first read
-        return self._result(self._mdp, self._states.best.copy(), shares, self._end, self._sweeps)
+        states = self._states
+        shares = partial(q_of, np.arange(self._mdp.n_states), states.v.copy(), states.model)  # computed when first read
+        return self._result(self._mdp, states.best.copy(), shares, self._end, self._sweeps)
 
     def _go_on(self) -> tuple[Query, ...]:
         self._act_on_answers()
@@ -190,11 +191,6 @@ class LateValueIteration(InteractiveValueIteration):
         """Begin the sweep anew, with questions put off or asked."""
         self._elicitation.puts_off = questions
         self._states.begin()
-
-
-def _q(v: Floats, mdp: OrdinalMDP) -> Floats:
-    """Q (S, A, k) after V (S, k)."""
-    return q_of(np.arange(mdp.n_states), v, model_of(mdp))
 
 
 def sweeps_needed(discount: float, tolerance: float) -> int:

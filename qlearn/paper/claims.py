@@ -30,7 +30,8 @@ def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
     other = "states" if name == "levels" else "levels"
     points = frame[["states", "levels"]].drop_duplicates()
     fixed = points.groupby(other, sort=True)[name].nunique().idxmax()
-    rows = _wide(frame[frame[other] == fixed])
+    rows = frame[frame[other] == fixed]
+    rows = rows.assign(excess_loss_percent=100 * rows.excess_loss, loss_percent=100 * rows.loss)
     place = rows.comparator.map(COMPARATORS.index)
     return rows.assign(place=place).sort_values(["place", "error_rate", name, "seed"]).drop(columns="place")
 
@@ -101,10 +102,6 @@ def _cells(row: Any) -> tuple[str, ...]:
     interval = f"{row.low:+.3f} to {row.high:+.3f}"
     rate, mean = f"{100 * row.error_rate:g}%", f"{row.estimate:+.3f}"
     return str(row.figure), str(row.comparator), rate, measure, mean, interval, f"{row.answer} ({note})"
-
-
-def _wide(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.assign(excess_loss_percent=100 * rows.excess_loss, loss_percent=100 * rows.loss)
 
 
 def _trend(figure: int, name: str, arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:

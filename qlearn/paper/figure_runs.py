@@ -49,7 +49,7 @@ def figures(
     what is raised are as with ``ablation.ablate``.
     """
     settings = replace(settings or FiguresSettings(), **changes)
-    size = {name: getattr(settings, name) for name in ("actions", "discount")}
+    size = settings.named("actions", "discount")
     how: dict[str, Any] = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
     return run_all(run_one, plan_of(settings), size, settings, _shown, **how)
 

@@ -100,10 +100,10 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
     """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below ``least``; ``arrows``
     show what was cut off there. Returns whether anything was."""
     cut = False
-    arms = list(rows.groupby(["comparator", "error_rate"], sort=False))
+    arms: list[Any] = list(rows.groupby(["comparator", "error_rate"], sort=False))
     span = (rows.x.max() - rows.x.min()) or 1
     for i, ((comparator, rate), arm) in enumerate(arms):
-        style: dict[str, Any] = STYLES[str(comparator)]
+        style = STYLES[comparator]
         aside = 0.012 * span * (i - (len(arms) - 1) / 2)  # intervals beside each other, not on each other
         half, mean = arm[f"{measure}_half"].fillna(0), arm[measure].clip(lower=least)
         below = arm[measure] - half < least
@@ -112,10 +112,8 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
             axes.plot(
                 arm.x[below] + aside,
                 np.full(int(below.sum()), least),
-                color=style["color"],
-                marker=CARETDOWN,
+                **style | {"marker": CARETDOWN, "linestyle": "none"},
                 markersize=8,
-                linestyle="none",
                 clip_on=False,
                 zorder=3,
             )
@@ -123,21 +121,15 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
             arm.x + aside,
             mean,
             yerr=[half.clip(upper=mean - least), half],
-            color=style["color"],
-            marker=style["marker"],
-            linestyle=style["linestyle"],
+            **style,
             markerfacecolor=style["color"] if rate else "white",
             markersize=7,
             linewidth=1.3,
             elinewidth=1,
             capsize=3,
-            label=f"{NAMES[str(comparator)]}, {_tutor(rate)}",
+            label=f"{NAMES[comparator]}, " + (f"tutor errs ({100 * rate:g}%)" if rate else "truthful tutor"),
         )
     return cut
-
-
-def _tutor(rate: Any) -> str:
-    return f"tutor errs ({100 * rate:g}%)" if rate else "truthful tutor"
 
 
 def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
