@@ -100,10 +100,8 @@ LEARNERS: Mapping[str, tuple[Callable[..., Learner], Callable[[Settings], dict[s
 """A learner, and the keywords that it has from the settings beside those that all learners have in common."""
 
 
-@lru_cache(maxsize=32)
-def _reference(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
-    return reference_differences(mdp, values)
-
+_reference = lru_cache(maxsize=32)(reference_differences)
+_solved = lru_cache(maxsize=32)(value_iteration)
 
 TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]] = {
     "flip": lambda mdp, values, rate, seed: FlippingTutor(values, rate, seed),
@@ -150,7 +148,7 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         start = perf_counter()
         result = drive(learner, tutor, on_conflict="drop" if cell["audit"] else "raise")
         seconds = perf_counter() - start
-        loss = policy_loss(mdp, result.policy, values, optimum=_optimum(mdp, tuple(values)))
+        loss = policy_loss(mdp, result.policy, values, optimum=_solved(mdp, tuple(values))[0])
         row = {
             **cell,
             **counts(result),
@@ -287,8 +285,3 @@ def _beside_oracles(results: Iterable[Any]) -> pd.DataFrame:
 
 def _problem(cell: Cell) -> tuple[Any, ...]:
     return tuple(cell.get(key) for key in ("problem", "states", "levels", "learner", "seed"))
-
-
-@lru_cache(maxsize=32)
-def _optimum(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
-    return value_iteration(mdp, values)[0]

@@ -34,14 +34,11 @@ def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
     """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators, on a log scale, with
     95% t-intervals over the runs; an arrow at the axis' lower end where one reaches further down. The unequal pairs,
     the fourth denominator, are all but a few of all comparisons."""
-    rows = summary[(summary.series == series) & (summary.comparator != "always")]
-    figure, panels = _panels(rows, len(_ASKED), sharey=True)
+    rows, figure, panels = _panels(summary, series, list(_ASKED.values()), sharey=True)
     means = rows[list(_ASKED)].to_numpy(dtype=float)
     least = float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0  # a log axis has no 0: it ends here
     cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, _ASKED, strict=True)]
-    for axes, title in zip(panels, _ASKED.values(), strict=True):
-        axes.set_title(title, fontsize=10)
-        axes.set_xlabel(_X[series])
+    for axes in panels:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -56,9 +53,8 @@ def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
 
 def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
     """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the paper's bound."""
-    rows = summary[(summary.series == series) & (summary.comparator != "always")]
-    figure, panels = _panels(rows, len(_LOSSES), sharey=False)
-    for axes, (measure, (title, unit)) in zip(panels, _LOSSES.items(), strict=True):
+    rows, figure, panels = _panels(summary, series, [title for title, _ in _LOSSES.values()], sharey=False)
+    for axes, (measure, (_, unit)) in zip(panels, _LOSSES.items(), strict=True):
         axes.axhline(0, color="0.5", linewidth=0.8, zorder=0)
         for bound in (1,) if measure == "paper_abs_percent" else (-1, 1):
             axes.axhline(bound, color="0.35", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0)
@@ -67,11 +63,9 @@ def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
             fontsize=8, color="0.35", horizontalalignment="right", verticalalignment="top",
         )  # fmt: skip
         _lines(axes, rows, measure, 0.0 if measure == "paper_abs_percent" else -math.inf)
-        axes.set_title(title, fontsize=10)
         axes.set_yscale("symlog", linthresh=1, linscale=0.8)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.set_ylabel(unit)
-        axes.set_xlabel(_X[series])
     title = f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond ±1%)"
     _title(figure, title, rows)
     return figure
@@ -84,16 +78,22 @@ def save(figure: Figure, folder: Path, name: str) -> None:
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
 
 
-def _panels(rows: pd.DataFrame, n: int, sharey: bool) -> tuple[Figure, Sequence[Axes]]:
-    figure = Figure(figsize=(4.1 * n, 4.3), layout="constrained")
-    panels = figure.subplots(1, n, sharex=True, sharey=sharey)
-    for axes in panels:
+def _panels(
+    summary: pd.DataFrame, series: str, titles: Sequence[str], sharey: bool
+) -> tuple[pd.DataFrame, Figure, Sequence[Axes]]:
+    """The rows of a series without the oracle's, and an empty panel for each title."""
+    rows = summary[(summary.series == series) & (summary.comparator != "always")]
+    figure = Figure(figsize=(4.1 * len(titles), 4.3), layout="constrained")
+    panels = figure.subplots(1, len(titles), sharex=True, sharey=sharey)
+    for axes, title in zip(panels, titles, strict=True):
+        axes.set_title(title, fontsize=10)
+        axes.set_xlabel(_X[series])
         axes.grid(True, which="major", color="0.92", linewidth=0.7)
         axes.set_axisbelow(True)
         axes.set_xticks(sorted(rows.x.unique()))
         axes.tick_params(labelleft=True)
         axes.margins(x=0.09)
-    return figure, panels
+    return rows, figure, panels
 
 
 def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False) -> bool:
