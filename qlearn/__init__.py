@@ -16,27 +16,20 @@ if TYPE_CHECKING:
     from qlearn.problems.icu_sepsis import icu_sepsis
     from qlearn.problems.random_mdp import draw_values, random_mdp
 
-_LATER = {  # imported when first used, so that the command line starts fast
-    "Audit": "elicit.asking.elicitation",
-    "Guarantee": "qlearn.learners.loss_bound",
-    "InteractivePolicyIteration": "qlearn.learners.policy_iteration",
-    "InteractiveQLearning": "qlearn.learners.q_learning",
-    "InteractiveValueIteration": "qlearn.learners.value_iteration",
-    "LateQLearning": "qlearn.learners.q_learning_asking_late",
-    "LateValueIteration": "qlearn.learners.value_iteration",
-    "Learner": "qlearn.learners.learner",
-    "OrdinalMDP": "qlearn.mdp.ordinal_mdp",
-    "Result": "qlearn.learners.learner",
-    "Status": "qlearn.learners.learner",
-    "draw_values": "qlearn.problems.random_mdp",
-    "drive": "qlearn.learners.learner",
-    "evaluate_policy": "qlearn.mdp.planning",
-    "icu_sepsis": "qlearn.problems.icu_sepsis",
-    "loss_bound": "qlearn.learners.loss_bound",
-    "policy_loss": "qlearn.mdp.planning",
-    "random_mdp": "qlearn.problems.random_mdp",
-    "value_iteration": "qlearn.mdp.planning",
+_NAMES = {  # imported when first used, so that the command line starts fast
+    "elicit.asking.elicitation": ("Audit",),
+    "qlearn.learners.learner": ("Learner", "Result", "Status", "drive"),
+    "qlearn.learners.loss_bound": ("Guarantee", "loss_bound"),
+    "qlearn.learners.policy_iteration": ("InteractivePolicyIteration",),
+    "qlearn.learners.q_learning": ("InteractiveQLearning",),
+    "qlearn.learners.q_learning_asking_late": ("LateQLearning",),
+    "qlearn.learners.value_iteration": ("InteractiveValueIteration", "LateValueIteration"),
+    "qlearn.mdp.ordinal_mdp": ("OrdinalMDP",),
+    "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
+    "qlearn.problems.icu_sepsis": ("icu_sepsis",),
+    "qlearn.problems.random_mdp": ("draw_values", "random_mdp"),
 }
+_LATER = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {  # to be written as qlearn.strategies.max_regret, say
     "ablation": "qlearn.experiments.ablation",
     "exploration": "qlearn.learners.exploration",

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from elicit._support.hashing import fold, uniform
 from elicit.comparators.baselines import AlwaysAsk
@@ -112,9 +112,8 @@ def interactive_q_learning(
     start: str = "worst",
     episode_length: int | None = None,
 ) -> tuple[Learned, Comparator, Told]:
-    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is
-    one for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and B(s), then M
-    and B."""
+    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is one
+    for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and B(s), then M and B."""
     one, discount = np.eye(mdp.k), mdp.discount
     model, told = comparator, Told()  # Alg. 1, l. 3
     q = np.zeros((mdp.n_states, mdp.n_actions, mdp.k))  # Alg. 1, l. 4
@@ -140,39 +139,6 @@ def interactive_q_learning(
                 )
                 comparisons.append((s, other, incumbent, best[s]))
     return Learned(q, best, comparisons), model, told  # Alg. 1, l. 18
-
-
-def scalar_q_learning(
-    mdp: OrdinalMDP,
-    values: ArrayLike,
-    *,
-    steps: int,
-    epsilon: float | Floats,
-    rates: Sequence[float] | Floats,
-    key: int,
-    start: str = "worst",
-    episode_length: int | None = None,
-) -> Learned:
-    """Ordinary Q-learning on the true ``values`` (k,), with B(s) tracked as in Algorithm 1: what a learner
-    does that always asks a tutor who never errs. Q (S, A) is in shares of the value range, from 0 to 1."""
-    e = mdp.normalise(values)
-    q = np.full((mdp.n_states, mdp.n_actions), float(start == "best"))
-    q[mdp.terminal] = e[mdp.final_level[mdp.terminal], None]
-    best = [pick(actions(mdp, s), key, FIRST_BEST, s) for s in range(mdp.n_states)]
-    comparisons = []
-    walk = Walk(mdp, key, epsilon, episode_length)
-    for t in range(steps):
-        s = walk.state
-        a = walk.choose(best[s], t)
-        following, visit = walk.simulate(a)
-        reward = (1 - mdp.discount) * e[mdp.levels[s, a]]
-        q[s, a] += rates[visit] * (reward + mdp.discount * q[following, best[following]] - q[s, a])
-        for other in [a] if a != best[s] else actions(mdp, s):
-            incumbent = best[s]
-            if other != incumbent:
-                best[s] = other if q[s, other] > q[s, incumbent] else incumbent
-                comparisons.append((s, other, incumbent, best[s]))
-    return Learned(q, best, comparisons)
 
 
 def interactive_value_iteration(

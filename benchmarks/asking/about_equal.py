@@ -106,7 +106,7 @@ def report(problems: int) -> Iterator[list[str]]:
         "",
         f"`python -m benchmarks.asking.about_equal --problems {problems} --out docs/about-equal.md`. {machine()}",
         "",
-        f"Seeds 0 to {problems - 1} for each of k = {', '.join(map(str, LEVELS))}; |S| = 100, |A| = 5; defaults, at most "
+        f"Seeds 0 to {problems - 1} for each of k = {', '.join(map(str, LEVELS))}; |S| = 100, |A| = 5; at most "
         f"{MOST} questions. The tutor is right, but calls equal what lies within the third column (0: never). "
         "Mean questions, and answers equal among them, with 95% t-intervals; *bound*: the median `loss_bound`, a share "
         "of the value range; *loss*: the greatest true loss at the worst state; *broken*: runs whose true loss exceeds "

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from functools import partial
+from pathlib import Path
 from typing import Any
 
-from qlearn.cli.options import add_settings, add_where, frame_of, without, write_csv
+from qlearn.cli.options import KEPT, add_command, add_preset, frame_of, write_csv
 from qlearn.experiments.settings import AblationSettings
 
 QUICK: dict[str, Any] = {
@@ -23,38 +24,21 @@ def add_to(commands: Any) -> None:
         help="compare the comparators: what they cost in questions and in policy loss, and where they break",
         description="Run comparators x learners x tutors x problems over several seeds with common random numbers. "
         "Prints a table and writes runs.csv (one row a run), summary.csv (one a cell), times.csv and ablation.png. "
-        "Runs.csv is the same for the same options on any number of processes. Every run is kept in journal.jsonl as "
-        "it finishes: after Ctrl-C, or worse, the same command computes what is missing.",
+        "Runs.csv is the same for the same options on any number of processes. " + KEPT,
     )
-    command.set_defaults(command=run)
-    add_where(command, "results/ablation")
-    size = command.add_mutually_exclusive_group()
-    size.add_argument("--quick", action="store_true", help="a tiny setting, to see that it works (seconds)")
-    size.add_argument(
-        "--paper",
-        action="store_true",
-        help="the paper's 1e5 steps and 20 runs; 200 resamples, fitted anew at every answer (takes many hours)",
-    )
-    add_settings(command, AblationSettings)
+    presets = add_command(command, run, AblationSettings, QUICK, "results/ablation")
+    text = "the paper's 1e5 steps and 20 runs; 200 resamples, fitted anew at every answer (takes many hours)"
+    add_preset(presets, "--paper", PAPER, text)
 
 
-def run(options: dict[str, Any]) -> int:
-    """The command; returns the exit code."""
-    quick, paper, out, jobs, fresh = (options.pop(name) for name in ("quick", "paper", "out", "jobs", "fresh"))
-    settings = AblationSettings(**(QUICK if quick else PAPER if paper else {}) | options)
-    try:
-        import tqdm  # noqa: F401 - for the bar
+def run(settings: AblationSettings, out: Path, **how: Any) -> int:
+    """The command; returns the exit code. ``how``: keywords of ``ablate``."""
+    from qlearn.experiments.ablation import KEYS, ablate, summarise
+    from qlearn.experiments.ablation_plot import LEGEND, plot_ablation, table
 
-        from qlearn.experiments.ablation import KEYS, ablate, summarise
-        from qlearn.experiments.ablation_plot import LEGEND, plot_ablation, table
-    except ModuleNotFoundError as error:
-        return without(error)
-    frame, code = frame_of("ablation", partial(ablate, settings, jobs=jobs, fresh=fresh), out)
+    frame, code = frame_of("ablation", partial(ablate, settings, **how), KEYS, out)
     if frame is None:
         return code
-
-    write_csv(frame[[*KEYS, "seconds"]], out / "times.csv")
-    write_csv(frame.drop(columns="seconds"), out / "runs.csv")
     summary = summarise(frame)
     write_csv(summary, out / "summary.csv")
     size = "{states} states, {actions} actions, {levels} levels".format(**asdict(settings))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Any
 
-from qlearn.cli.options import add_settings, add_where, frame_of, without, write_csv
+from qlearn.cli.options import KEPT, add_command, frame_of, write_csv
 from qlearn.experiments.settings import FiguresSettings
 
 QUICK: dict[str, Any] = {
@@ -22,37 +23,20 @@ def add_to(commands: Any) -> None:
         description="Run the paper's two series of random MDPs for the polytope, the posterior and the paper's "
         "comparator, with common random numbers. Writes figure2, figure3 and figure4 (.png, .svg), runs.csv (one row "
         "a run), summary.csv (means with 95% intervals), claims.csv and claims.md (trends and bounds with intervals) "
-        "and times.csv. "
-        "All but times.csv are the same for the same options on any number of processes. There is no budget of "
-        "questions. Every run is kept in journal.jsonl as it finishes: after Ctrl-C, or worse, the same command "
-        "computes what is missing.",
+        "and times.csv. All but times.csv are the same for the same options on any number of processes. There is no "
+        "budget of questions. " + KEPT,
     )
-    command.set_defaults(command=run)
-    add_where(command, "results/figures")
-    command.add_argument("--quick", action="store_true", help="a tiny setting, to see that it works (seconds)")
-    add_settings(command, FiguresSettings)
+    add_command(command, run, FiguresSettings, QUICK, "results/figures")
 
 
-def run(options: dict[str, Any]) -> int:
-    """The command; returns the exit code."""
-    quick, out, jobs, fresh = (options.pop(name) for name in ("quick", "out", "jobs", "fresh"))
-    settings = FiguresSettings(**(QUICK if quick else {}) | options)
-    try:
-        import tqdm  # noqa: F401 - for the bar
+def run(settings: FiguresSettings, out: Path, **how: Any) -> int:
+    """The command; returns the exit code. ``how``: keywords of ``figures``."""
+    from qlearn.paper.claims import claims, claims_page, summarise_series
+    from qlearn.paper.figure_runs import KEYS, figures
+    from qlearn.paper.figures import plot_asked, plot_loss, save
 
-        from qlearn.paper.claims import claims, claims_page, summarise_series
-        from qlearn.paper.figure_runs import KEYS, figures
-        from qlearn.paper.figures import plot_asked, plot_loss, save
-    except ModuleNotFoundError as error:
-        return without(error)
-    frame, code = frame_of("figures", partial(figures, settings, jobs=jobs, fresh=fresh), out)
-    if frame is None:
-        return code
-
-    write_csv(frame[[*KEYS, "seconds"]], out / "times.csv")
-    frame = frame.drop(columns="seconds")
-    write_csv(frame, out / "runs.csv")
-    if code:
+    frame, code = frame_of("figures", partial(figures, settings, **how), KEYS, out)
+    if frame is None or code:
         return code
     summary, page = summarise_series(frame), claims_page(frame)
     write_csv(summary, out / "summary.csv")

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from qlearn.cli import ablate, figures
+from qlearn.cli.options import without
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -17,9 +16,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     ablate.add_to(commands)
     figures.add_to(commands)
     options = vars(parser.parse_args(argv))
-    command: Callable[[dict[str, Any]], int] = options.pop("command")
-    return command(options)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    command, settings, preset = (options.pop(name) for name in ("command", "settings", "preset"))
+    where = {name: options.pop(name) for name in ("out", "jobs", "fresh")}
+    try:
+        code: int = command(settings(**preset | options), **where)
+    except ModuleNotFoundError as error:
+        code = without(error)
+    return code

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
 from dataclasses import Field, fields
 from pathlib import Path
@@ -12,6 +12,10 @@ from typing import Any
 
 from qlearn.experiments.settings import COUNT, Number, Settings
 
+KEPT = (
+    "Every run is kept in journal.jsonl as it finishes: after Ctrl-C, or worse, the same command computes what is "
+    "missing."
+)
 EXTRAS = ("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm")
 
 
@@ -21,8 +25,10 @@ def fail(message: str) -> int:
     return 1
 
 
-def add_where(command: argparse.ArgumentParser, folder: str) -> None:
-    """Options that every command has: where to, how many processes, whether to start over."""
+def add_command(command: Any, run: Callable[..., int], settings: type[Settings], quick: Any, folder: str) -> Any:
+    """Make an argparse parser that of a command: where to, how many processes, whether to start over; and the settings
+    by their groups, left out where they are not given. Returns its group of presets, which has the ``quick`` one."""
+    command.set_defaults(command=run, settings=settings, preset={})
     command.add_argument(
         "--out", type=Path, default=Path(folder), metavar="DIR", help="directory to write to [%(default)s]"
     )
@@ -30,11 +36,8 @@ def add_where(command: argparse.ArgumentParser, folder: str) -> None:
         "--jobs", type=_parser(COUNT), default=-1, metavar="N", help="number of processes, one thread each [one a core]"
     )
     command.add_argument("--fresh", action="store_true", help="forget the runs that have finished, and start over")
-
-
-def add_settings(command: argparse.ArgumentParser, settings: type[Settings]) -> None:
-    """An option for each setting of the groups; what is not given is left out, so that a preset or the class has its
-    say."""
+    presets = command.add_mutually_exclusive_group()
+    add_preset(presets, "--quick", quick, "a tiny setting, to see that it works (seconds)")
     by_name = {one.name: one for one in fields(settings)}
     for title, names in settings.GROUPS.items():
         group = command.add_argument_group(title)
@@ -44,6 +47,12 @@ def add_settings(command: argparse.ArgumentParser, settings: type[Settings]) -> 
             stated = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in default)
             text = f"{one.metadata['help']} [{stated}]"
             group.add_argument(f"--{name.replace('_', '-')}", default=argparse.SUPPRESS, help=text, **_keywords(one))
+    return presets
+
+
+def add_preset(presets: Any, name: str, settings: dict[str, Any], text: str) -> None:
+    """An option that stands for these settings, where no option of their own is given."""
+    presets.add_argument(name, dest="preset", action="store_const", const=settings, help=text)
 
 
 def without(error: ModuleNotFoundError) -> int:
@@ -53,9 +62,9 @@ def without(error: ModuleNotFoundError) -> int:
     return fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
 
 
-def frame_of(name: str, runs: Callable[..., Any], out: Path) -> tuple[Any, int]:
-    """The frame of all runs, or of those finished before Ctrl-C, with a bar and a journal in the directory ``out``,
-    and the exit code; None for the frame where there is nothing to show."""
+def frame_of(name: str, runs: Callable[..., Any], keys: Sequence[str], out: Path) -> tuple[Any, int]:
+    """The frame of all runs, or of those finished before Ctrl-C, and the exit code; None for the frame where there is
+    nothing to show. With a bar, and in the directory ``out`` with a journal, runs.csv, and times.csv by these keys."""
     from qlearn.experiments.parallel import Interrupted
 
     try:  # before the runs, not after minutes of them
@@ -65,11 +74,12 @@ def frame_of(name: str, runs: Callable[..., Any], out: Path) -> tuple[Any, int]:
     bar, show = _progress_bar(name)
     try:
         with bar:
-            return runs(progress=show, journal=out / "journal.jsonl"), 0
+            frame, code = runs(progress=show, journal=out / "journal.jsonl"), 0
     except Interrupted as stopped:
-        kept = len(stopped.frame)
-        print(f"interrupted: keeping the {kept} runs that had finished; start again to go on", file=sys.stderr)
-        return stopped.frame if kept else None, 130
+        frame, code = stopped.frame, 130
+        print(f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on", file=sys.stderr)
+        if frame.empty:
+            return None, code
     # a problem's package is missing; a setting that cannot be; a journal that is in use, or not to be written
     except (ImportError, ValueError, OSError) as error:
         return None, fail(str(error))
@@ -78,6 +88,10 @@ def frame_of(name: str, runs: Callable[..., Any], out: Path) -> tuple[Any, int]:
             "a process that computed a run died (killed, or out of memory?); the runs that had finished are kept: "
             "start again to compute the rest, or with --jobs 1"
         )
+    write_csv(frame[[*keys, "seconds"]], out / "times.csv")
+    frame = frame.drop(columns="seconds")
+    write_csv(frame, out / "runs.csv")
+    return frame, code
 
 
 def write_csv(frame: Any, path: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from operator import methodcaller
 from pathlib import Path
 from typing import Any
 
@@ -53,11 +54,10 @@ def ablate(
     there is not, and as ``run_all`` does.
     """
     settings = replace(settings or AblationSettings(), **changes)
-    size = {name: getattr(settings, name) for name in ("states", "actions", "levels", "discount")}
+    size = settings.named("states", "actions", "levels", "discount")
+    shown = methodcaller("drop", columns="paper_abs_percent")
     how: dict[str, Any] = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
-    return run_all(
-        run_named, plan_of(settings), size, settings, lambda rows: rows.drop(columns="paper_abs_percent"), **how
-    )
+    return run_all(run_named, plan_of(settings), size, settings, shown, **how)
 
 
 def plan_of(settings: AblationSettings) -> list[Cell]:

@@ -19,10 +19,6 @@ from qlearn.experiments.palette import NAMES, STYLES
 _BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
 _ASKED = "questions asked\n(log scale)"
 _LOST = "excess policy loss, %\n(log scale beyond ±0.1)"
-_HEADER = (
-    f"{'comparator':<16}{'errors':>7}{'questions':>15}{'% asked':>8}{'excess loss %':>14}{'wrong %':>8}"
-    f"{'after 1st':>10}  {'audits to conflict':<18} notes"
-)
 LEGEND = """\
 errors       chance that the tutor answers wrongly
 questions    asked, mean over the seeds ± half the width of the 95% t-interval
@@ -41,17 +37,16 @@ def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None) -> str:
     """The summary of ``ablation.summarise`` as text of at most 120 columns, by problem and learner; ``LEGEND``
     explains the columns. ``names`` overrides ``NAMES``."""
     shown = NAMES | dict(names or {})
-    audited = summary[summary.audit > 0].set_index(["problem", "learner", "comparator", "error_rate"])
-    lines = []
-    for (problem, learner), part in summary[summary.audit == 0].groupby(["problem", "learner"], sort=False):
-        lines += ["", f"{shown[str(problem)]}, {shown[str(learner)]}", _HEADER, "-" * len(_HEADER)]
-        for row in part.itertuples():
-            place = (problem, learner, row.comparator, row.error_rate)
-            lines.append(_line(row.comparator, row, audited.loc[[place]].iloc[0] if place in audited.index else None))
-        short = summary[(summary.audit > 0) & (summary.problem == problem) & (summary.learner == learner)]
-        for row in short.itertuples():
-            lines.append(_line(f"{row.comparator} *", row, row))
-    return "\n".join(lines[1:])
+    parts = []
+    for (problem, learner), part in summary.groupby(["problem", "learner"], sort=False):
+        conflicts = {(row.comparator, row.error_rate): _conflict(row) for row in part[part.audit > 0].itertuples()}
+        cells = [
+            _cells(row, conflicts.get((row.comparator, row.error_rate), ""))
+            for row in part.sort_values("audit", kind="stable").itertuples()
+        ]
+        text = pd.DataFrame(cells).set_index("comparator").rename_axis(None).to_string()
+        parts.append(f"{shown[str(problem)]}, {shown[str(learner)]}\n{text}")
+    return "\n\n".join(parts)
 
 
 def plot_ablation(
@@ -142,25 +137,28 @@ def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
         asked.axhline(max_queries, zorder=0, **_BUDGET)
 
 
-def _line(name: Any, row: Any, audited: Any) -> str:
-    contradiction = ""
-    if audited is not None:
-        found = int(audited.contradicted)
-        contradiction = f"none in {int(audited.runs)} runs"
-        if found:
-            false = f", {int(audited.audit_wrong)} false" if audited.audit_wrong else ""
-            contradiction = f"{audited.audits_to_contradiction:.0f} ({found}/{int(audited.runs)}{false})"
-    notes = [
-        f"{text} {int(count)}/{int(row.runs)}"
-        for count, text in ((row.budget_spent, "budget"), (row.sweep_limit, "sweeps"))
-        if count
-    ]
-    return (
-        f"{name:<16}{100 * row.error_rate:>6.3g}%{_with_half(row.asked, row.asked_half, 0):>15}"
-        f"{_number(row.asked_percent_open, 2):>8}{_with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2):>14}"
-        f"{_rate(row.wrong_percent):>8}{_rate(row.wrong_percent_after):>10}"
-        f"  {contradiction:<18} {' '.join(notes)}"
-    ).rstrip()
+def _cells(row: Any, conflict: str) -> dict[str, str]:
+    """A row of the summary as a line of the table."""
+    notes = ((row.budget_spent, "budget"), (row.sweep_limit, "sweeps"))
+    return {
+        "comparator": f"{row.comparator} *" if row.audit else row.comparator,
+        "errors": f"{100 * row.error_rate:.3g}%",
+        "questions": _with_half(row.asked, row.asked_half, 0),
+        "% asked": _number(row.asked_percent_open, 2),
+        "excess loss %": _with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2),
+        "wrong %": _rate(row.wrong_percent),
+        "after 1st": _rate(row.wrong_percent_after),
+        "audits to conflict": conflict,
+        "notes": " ".join(f"{text} {int(count)}/{int(row.runs)}" for count, text in notes if count),
+    }
+
+
+def _conflict(row: Any) -> str:
+    """What became of a cell's audits."""
+    if not row.contradicted:
+        return f"none in {int(row.runs)} runs"
+    false = f", {int(row.audit_wrong)} false" if row.audit_wrong else ""
+    return f"{row.audits_to_contradiction:.0f} ({int(row.contradicted)}/{int(row.runs)}{false})"
 
 
 def _number(x: float, digits: int) -> str:

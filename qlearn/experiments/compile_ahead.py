@@ -21,20 +21,17 @@ from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.problems.random_mdp import random_mdp
 
-__all__ = ["parts"]
-
 
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
     """What the runs of these cells will need: with two processes, the loops take up what the proofs have compiled."""
-    cells = tuple(cells)
-    comparators = {cell["comparator"] for cell in cells}
-    needed = {
-        proofs: bool(comparators & {"polytope", "relaxed"}),
-        moves: any(name.startswith("posterior") for name in comparators),
-        loops: any(cell["learner"] == "q-learning" for cell in cells),
-        sweeps: any(cell["learner"] == "ivi" for cell in cells),
+    named = {name for cell in cells for name in (cell["comparator"], cell["learner"])}
+    parts_of = {
+        proofs: {"polytope", "relaxed"},
+        moves: {"posterior", "posterior-close"},
+        loops: {"q-learning"},
+        sweeps: {"ivi"},
     }
-    return tuple(part for part, wanted in needed.items() if wanted)
+    return tuple(part for part, names in parts_of.items() if names & named)
 
 
 def proofs() -> None:

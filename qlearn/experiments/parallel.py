@@ -23,8 +23,6 @@ from typing import Any, BinaryIO, TypeAlias
 if sys.platform != "win32":
     import fcntl
 
-__all__ = ["Cell", "Interrupted", "sweep"]
-
 Cell: TypeAlias = Mapping[str, Any]
 
 _START = b'{"key": "'  # of every line of a journal

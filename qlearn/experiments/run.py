@@ -11,7 +11,7 @@ from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -37,7 +37,7 @@ from qlearn.experiments.metrics import (
 )
 from qlearn.experiments.parallel import Cell, Interrupted, sweep
 from qlearn.experiments.settings import ORDER, Settings
-from qlearn.learners.learner import drive
+from qlearn.learners.learner import Learner, drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -45,8 +45,6 @@ from qlearn.mdp.planning import policy_loss, value_iteration
 from qlearn.problems.gymnasium import deep_sea_treasure, frozen_lake
 from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values, random_mdp
-
-__all__ = ["COMPARATORS", "LEARNERS", "PROBLEMS", "TUTORS", "Run", "instance", "run", "run_all", "sources"]
 
 Size: TypeAlias = tuple[int, int, int, float]
 """Of the random MDPs: states, actions, levels, discount."""
@@ -72,26 +70,13 @@ class Run(NamedTuple):
     seconds: float
 
 
-# --- what the names stand for
-
-
 def _posterior(k: int, seed: int, settings: Settings) -> Comparator:
-    return PosteriorComparator(k, lapse=settings.lapse, level=settings.level, particles=settings.particles, seed=seed)
+    return PosteriorComparator(k, seed=seed, **settings.named("lapse", "level", "particles"))
 
 
-def _bradley_terry(
-    k: int, seed: int, settings: Settings, *, region: Literal["box", "ensemble"], rescale: bool = False
-) -> Comparator:
-    return BradleyTerryComparator(
-        k,
-        precision=settings.precision,
-        region=region,
-        rescale=rescale,
-        n_boot=settings.n_boot,
-        level=settings.level,
-        refit_growth=settings.refit_growth,
-        seed=seed,
-    )
+def _bradley_terry(k: int, seed: int, settings: Settings, **region: Any) -> Comparator:
+    own = settings.named("precision", "n_boot", "level", "refit_growth")
+    return BradleyTerryComparator(k, seed=seed, **region, **own)
 
 
 COMPARATORS: Mapping[str, Callable[[int, int, Settings], Comparator]] = {
@@ -108,43 +93,38 @@ COMPARATORS: Mapping[str, Callable[[int, int, Settings], Comparator]] = {
 CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the indifference ``settings.close``
 
 
-def _q_learning(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
-    how: dict[str, Any] = {"steps": settings.steps, "epsilon": settings.exploration or settings.epsilon}
-    return InteractiveQLearning(mdp, comparator, **how, **common)
-
-
-def _value_iteration(mdp: OrdinalMDP, comparator: Comparator, settings: Settings, common: dict[str, Any]) -> Any:
-    how: dict[str, Any] = {"tolerance": settings.tolerance, "max_sweeps": settings.max_sweeps}
-    return InteractiveValueIteration(mdp, comparator, **how, **common)
-
-
-LEARNERS: Mapping[str, Callable[[OrdinalMDP, Comparator, Settings, dict[str, Any]], Any]] = {
-    "q-learning": _q_learning,
-    "ivi": _value_iteration,
+LEARNERS: Mapping[str, tuple[Callable[..., Learner], Callable[[Settings], dict[str, Any]]]] = {
+    "q-learning": (InteractiveQLearning, lambda s: {"steps": s.steps, "epsilon": s.exploration or s.epsilon}),
+    "ivi": (InteractiveValueIteration, lambda s: s.named("tolerance", "max_sweeps")),
 }
-"""A learner, from the settings and the keywords that all learners have in common."""
+"""A learner, and the keywords that it has from the settings beside those that all learners have in common."""
 
 
-def _logistic(mdp: OrdinalMDP, values: Floats, rate: float, seed: int) -> SimulatedTutor:
-    return BradleyTerryTutor.from_error_rate(values, rate, _reference(mdp, tuple(values)), seed)
-
+_reference = lru_cache(maxsize=32)(reference_differences)
+_solved = lru_cache(maxsize=32)(value_iteration)
 
 TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]] = {
     "flip": lambda mdp, values, rate, seed: FlippingTutor(values, rate, seed),
-    "logistic": _logistic,
+    "logistic": lambda mdp, values, rate, seed: BradleyTerryTutor.from_error_rate(
+        values, rate, _reference(mdp, tuple(values)), seed
+    ),
 }
 """A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of his errors."""
 
+
+def _one(make: Callable[[], OrdinalMDP]) -> Callable[[int, Size], tuple[OrdinalMDP, Floats]]:
+    """A problem whose MDP is the same whatever the seed; it is made once, which takes seconds."""
+    made = cache(make)
+    return lambda seed, size: (made(), draw_values(made().k, rng=seed))
+
+
 PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
     "random": lambda seed, size: random_mdp(*size, rng=seed),
-    "icu": lambda seed, size: _real(icu_sepsis, seed),
-    "frozen-lake": lambda seed, size: _real(frozen_lake, seed),
-    "deep-sea-treasure": lambda seed, size: _real(deep_sea_treasure, seed),
+    "icu": _one(icu_sepsis),
+    "frozen-lake": _one(frozen_lake),
+    "deep-sea-treasure": _one(deep_sea_treasure),
 }
 """An MDP and its hidden values (k,)."""
-
-
-# --- one run
 
 
 def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
@@ -160,15 +140,15 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         seed, rate = cell["seed"], cell["error_rate"]
         comparator = COMPARATORS[cell["comparator"]](mdp.k, seed, settings)
         tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
-        common = {"rng": seed, "max_queries": settings.max_queries, "audit": cell["audit"]}
-        common |= {"indifference": settings.indifference}
-        learner = LEARNERS[cell["learner"]](mdp, comparator, settings, common)
+        make, own = LEARNERS[cell["learner"]]
+        common = settings.named("max_queries", "indifference")
+        learner = make(mdp, comparator, rng=seed, audit=cell["audit"], **common, **own(settings))
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()
         result = drive(learner, tutor, on_conflict="drop" if cell["audit"] else "raise")
         seconds = perf_counter() - start
-        loss = policy_loss(mdp, result.policy, values, optimum=_optimum(mdp, tuple(values)))
+        loss = policy_loss(mdp, result.policy, values, optimum=_solved(mdp, tuple(values))[0])
         row = {
             **cell,
             **counts(result),
@@ -195,9 +175,6 @@ def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP) -> Settings:
 def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
     """The MDP and the hidden values (k,) of one of ``PROBLEMS``. Raises as their makers do."""
     return PROBLEMS[problem](seed, size)
-
-
-# --- many runs
 
 
 def run_all(
@@ -308,23 +285,3 @@ def _beside_oracles(results: Iterable[Any]) -> pd.DataFrame:
 
 def _problem(cell: Cell) -> tuple[Any, ...]:
     return tuple(cell.get(key) for key in ("problem", "states", "levels", "learner", "seed"))
-
-
-def _real(make: Callable[[], OrdinalMDP], seed: int) -> tuple[OrdinalMDP, Floats]:
-    mdp = _made(make)
-    return mdp, draw_values(mdp.k, rng=seed)
-
-
-@cache
-def _made(make: Callable[[], OrdinalMDP]) -> OrdinalMDP:
-    return make()  # takes seconds
-
-
-@lru_cache(maxsize=32)
-def _optimum(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
-    return value_iteration(mdp, values)[0]
-
-
-@lru_cache(maxsize=32)
-def _reference(mdp: OrdinalMDP, values: tuple[float, ...]) -> Floats:
-    return reference_differences(mdp, values)

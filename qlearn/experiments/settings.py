@@ -11,9 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
-__all__ = ["AblationSettings", "Choice", "FiguresSettings", "Number", "Settings"]
-
-
 _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumPy's numbers too
 
 
@@ -118,9 +115,13 @@ class Settings:
             if not (given is None and "None" in str(one.type)):
                 object.__setattr__(self, one.name, _checked(one, given))
 
+    def named(self, *names: str) -> dict[str, Any]:
+        """The settings of these names, as keywords."""
+        return {name: getattr(self, name) for name in names}
+
     def of_a_run(self) -> Settings:
         """Those of a single run alone, without the plan of many."""
-        return Settings(**{one.name: getattr(self, one.name) for one in fields(Settings)})
+        return Settings(**self.named(*(one.name for one in fields(Settings))))
 
 
 _IN_THE_ABLATION = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box")

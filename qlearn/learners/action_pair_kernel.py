@@ -22,7 +22,6 @@ from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import AskingRule, Judgement
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
-from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.scale import Floats
@@ -123,13 +122,6 @@ def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
         t[j - 1] = total
     d[0] = mine[0] - other[0]
     return by_dominance(t)
-
-
-@compiled
-def certified(t: Any, row: int, certificates: Certificates) -> bool:
-    """Whether a pair with tail sums t has the verdict of the row's certificate."""
-    verdict = certificates.verdicts[row]
-    return verdict != 0 and certifies(certificates.least[row], verdict, t)
 
 
 @compiled

@@ -10,10 +10,8 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.validation import is_number, is_whole
+from elicit._support.validation import is_number, is_whole, require
 from elicit.model.scale import Floats
-
-__all__ = ["EXPLORATIONS", "Decay", "Epsilon", "Exploration", "Start", "epsilons"]
 
 Start: TypeAlias = Literal["worst", "zero", "best"]
 
@@ -60,12 +58,10 @@ class Exploration:
     episode_length: int | None = None
 
     def __post_init__(self) -> None:
-        if self.start not in get_args(Start):
-            raise ValueError(f"start must be 'worst', 'zero' or 'best', not {self.start!r}")
-        if self.episode_length is not None and not is_whole(self.episode_length, 1):
-            raise ValueError(
-                f"episode_length must be None or a whole number of at least 1, not {self.episode_length!r}"
-            )
+        require(self.start in get_args(Start), "start", "'worst', 'zero' or 'best'", self.start)
+        length = self.episode_length
+        holds = length is None or is_whole(length, 1)
+        require(holds, "episode_length", "None or a whole number of at least 1", length)
 
 
 EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
@@ -85,11 +81,8 @@ def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
     ValueError where there is no such name."""
     choice = "optimistic" if choice is None else choice
     if isinstance(choice, str):
-        if choice not in EXPLORATIONS:
-            raise ValueError(
-                "epsilon must be a number in 0..1, a function of steps, an Exploration, or one of the names "
-                f"{', '.join(EXPLORATIONS)}, not {choice!r}"
-            )
+        wanted = "a number in 0..1, a function of steps, an Exploration, or one of the names " + ", ".join(EXPLORATIONS)
+        require(choice in EXPLORATIONS, "epsilon", wanted, choice)
         return EXPLORATIONS[choice]
     return choice if isinstance(choice, Exploration) else replace(EXPLORATIONS["constant"], epsilon=choice)
 

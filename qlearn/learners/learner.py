@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
@@ -74,8 +74,8 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
 
 def check_max_loss(max_loss: float | None) -> float | None:
     """``max_loss``, None or a positive share of the value range; raises ValueError."""
-    if max_loss is not None and not (is_number(max_loss) and max_loss > 0):
-        raise ValueError(f"max_loss must be None or a positive share of the value range, not {max_loss!r}")
+    holds = max_loss is None or (is_number(max_loss) and max_loss > 0)
+    require(holds, "max_loss", "None or a positive share of the value range", max_loss)
     return max_loss
 
 
@@ -83,12 +83,7 @@ def check_max_loss(max_loss: float | None) -> float | None:
 class Result:
     """What a learner knows so far. ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted;
     ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes the
-    loss bound; ``rounds``: steps, sweeps, or policies solved for.
-
-    ``loss_bound`` is an upper bound on what the policy loses against the best, from whatever state, as a share of the
-    value range, and ``confidence`` the probability with which it holds: 1 where every scale that fits the answers
-    allows no more (they must be right), the comparator's level for a posterior, nan where none can be stated. Both are
-    computed from the MDP's transition probabilities when first read, also for learners that only ever sample them."""
+    loss bound; ``rounds``: steps, sweeps, or policies solved for."""
 
     policy: NDArray[np.int64]
     status: Status
@@ -113,12 +108,14 @@ class Result:
 
     @property
     def loss_bound(self) -> float:
-        """The policy loses at most this share of the value range from any state; nan where no bound can be given."""
+        """The policy loses at most this share of the value range against the best, from whatever state; nan where no
+        bound can be given. Computed from the MDP's transition probabilities, also where learning only samples them."""
         return float(self._guaranteed.loss_bound)
 
     @property
     def confidence(self) -> float:
-        """How certain ``loss_bound`` is: 1 if the answers are right, a comparator's level, or nan."""
+        """How certain ``loss_bound`` is: 1 where every scale that fits the answers allows no more (they must be right),
+        the comparator's level for a posterior, nan where none can be stated."""
         return float(self._guaranteed.confidence)
 
     @property
@@ -226,13 +223,11 @@ def drive(
 ) -> Result:
     """Ask and tell until the learner has finished.
 
-    Every answer goes to ``log``; one that contradicts the others is marked unused there, and either
-    raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is
-    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor asks
-    so much that only counts are kept.
+    Every answer goes to ``log``; one that contradicts the others is marked unused there, and either raises
+    InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is called with the Result so
+    far after every round of questions. AlwaysAsk with a simulated tutor asks so much that only counts are kept.
     """
-    if on_conflict not in ("raise", "drop"):
-        raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
+    require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
     if not callable(tutor):
         raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):

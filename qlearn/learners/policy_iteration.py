@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.verdicts import decide
@@ -74,12 +74,10 @@ class InteractivePolicyIteration(Learner):
     ) -> None:
         check_problem(mdp, comparator)
         for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
-            if not (is_number(value) and value > 0):
-                raise ValueError(f"{name} must be a positive share of the value range, not {value!r}")
+            require(is_number(value) and value > 0, name, "a positive share of the value range", value)
         self._mdp = mdp
         self._enough = max(tolerance, max_loss or 0.0)
-        if bags is not None and not isinstance(bags, Bags):
-            raise ValueError(f"bags must be None or an elicit.Bags, such as Bags(days=10), not {bags!r}")
+        require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
         self._strategy, self._bags = check_strategy(strategy), bags
         self._elicitation = Elicitation(
             comparator,

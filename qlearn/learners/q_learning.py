@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
-from elicit._support.validation import is_whole
+from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
@@ -70,8 +70,7 @@ class InteractiveQLearning(Learner):
     ) -> None:
         check_problem(mdp, comparator)
         exploration = exploration_of(epsilon)
-        if not is_whole(steps, 0):
-            raise ValueError(f"steps must be a whole number of at least 0, not {steps!r}")
+        require(is_whole(steps, 0), "steps", "a whole number of at least 0", steps)
         key = key_of(rng)
         self._mdp = mdp
         self._elicitation = Elicitation(
@@ -85,7 +84,8 @@ class InteractiveQLearning(Learner):
             known=known,
             seed=int(fold(key, kernel.AUDITS)),
         )
-        rates = _rates(rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate, steps)
+        rate = rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate
+        wanted = "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,)"
         self.model = kernel.Model(
             successors=mdp.successors.astype(np.int64),
             cumulative=np.cumsum(mdp.probabilities, axis=2),
@@ -94,7 +94,7 @@ class InteractiveQLearning(Learner):
             n_actions=mdp.admissible.sum(axis=1),
             terminal=mdp.terminal,
             initial=np.cumsum(mdp.initial),
-            rates=rates,
+            rates=np.resize(schedule(rate, steps, wanted, positive=True), max(1, steps)),
             discount=mdp.discount,
             epsilons=epsilons(exploration.epsilon, steps),
             steps=int(steps),
@@ -168,19 +168,12 @@ class InteractiveQLearning(Learner):
         return pair_of(q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
 
 
-def _rates(learning_rate: LearningRate, steps: int) -> Floats:
-    """The learning rate (steps,) after so many visits, at least one."""
-    wanted = "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,)"
-    return np.resize(schedule(learning_rate, steps, wanted, positive=True), max(1, steps))
-
-
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:
     n, m, k = mdp.n_states, mdp.n_actions, mdp.k
     q = np.zeros((n, m, k))
     if start != "zero":
         q[:, :, 0 if start == "worst" else k - 1] = 1.0  # Alg. 1, l. 4
-    for s in np.flatnonzero(mdp.terminal):  # a terminal state's value is its level, for ever
-        q[s] = np.eye(k)[model.levels[s, model.actions[s, 0]]]
+    q[mdp.terminal] = np.eye(k)[mdp.final_level[mdp.terminal], None]  # a terminal state's value is its level, for ever
     pick = (uniform(fold(model.key, kernel.FIRST_BEST, np.arange(n))) * model.n_actions).astype(np.int64)
     best = model.actions[np.arange(n), pick]  # Alg. 1, l. 5
     cursor = np.zeros(7, dtype=np.int64)

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
 from elicit.asking.elicitation_kernel import judge_pair
+from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certified, certify, difference, keep
+from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, keep
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
@@ -56,17 +57,8 @@ class State(NamedTuple):
 @compiled
 def draw(cumulative: Any, u: float) -> int:
     """The first index whose running sum exceeds u; the last with any probability if rounding hides it."""
-    low, high = 0, len(cumulative) - 1
-    total = cumulative[high]
-    if u >= total:
-        u = total * (1.0 - 2.0**-53)
-    while low < high:
-        middle = (low + high) // 2
-        if cumulative[middle] > u:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+    below = cumulative[-1] * (1.0 - 2.0**-53)  # the greatest number less than the total
+    return int(np.searchsorted(cumulative, min(u, below), side="right"))
 
 
 @compiled
@@ -78,6 +70,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     tutor can settle it and DEFER where perhaps the elicitation can.
     """
     rule, asking, oracle, certificates, kept = judging
+    limits, verdict_of, tier_of = certificates
     best, cursor, decided = state.best, state.cursor, state.decided
     m, k = state.q.shape[1:]
     d, t, work, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
@@ -100,8 +93,8 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                             return FULL
                         if oracle.kind != NOBODY:
                             verdict, tier = respond(t, work[0], oracle), BY_TUTOR
-                        elif asking.plain and certified(t, row, certificates):
-                            verdict, tier = certificates.verdicts[row], certificates.tiers[row]
+                        elif asking.plain and verdict_of[row] != 0 and certifies(limits[row], verdict_of[row], t):
+                            verdict, tier = verdict_of[row], tier_of[row]
                         else:
                             judged = judge_pair(d, t, work, least, rule, asking)
                             verdict, tier = certify(judged, least, row, certificates)

@@ -20,6 +20,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.validation import require
 from elicit.asking.bags import entropy, says_left
 from elicit.asking.elicitation import Elicitation, Place
 from elicit.lp.hit_and_run import Draws, draws_within
@@ -115,11 +116,8 @@ def telling_violation(candidates: Candidates) -> Floats:
 
 def check_strategy(strategy: Strategy) -> Strategy:
     """The strategy itself; raises ValueError for what cannot be called, such as a name."""
-    if not callable(strategy):
-        raise ValueError(
-            "strategy must be a function from Candidates to scores (n,), such as qlearn.strategies.max_regret, "
-            f"not {strategy!r}"
-        )
+    wanted = "a function from Candidates to scores (n,), such as qlearn.strategies.max_regret"
+    require(callable(strategy), "strategy", wanted, strategy)
     return strategy
 
 

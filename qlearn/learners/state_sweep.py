@@ -33,10 +33,7 @@ class StateSweep:
         n, m = mdp.levels.shape
         self._mdp, self._elicitation, self._jobs = mdp, elicitation, jobs
         self.model = model_of(mdp)
-        self.v = np.zeros((n, mdp.k))
-        self.v[:, 0] = 1.0
-        ends = np.flatnonzero(mdp.terminal)
-        self.v[ends] = np.eye(mdp.k)[mdp.final_level[ends]]
+        self.v = np.eye(mdp.k)[np.where(mdp.terminal, mdp.final_level, 0)]
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger

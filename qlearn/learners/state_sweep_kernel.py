@@ -77,7 +77,7 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
     q = vectors[0]
     change = 0.0
     for i in range(len(states)):
-        if len(kept.tiers) > 0 and kept.used[0] + m > len(kept.tiers):
+        if keeps and kept.used[0] + m > len(kept.tiers):
             out.change[0] = change
             return i
         s = states[i]

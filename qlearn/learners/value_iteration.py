@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
-from elicit._support.validation import is_number, is_whole
+from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
@@ -20,7 +20,7 @@ from qlearn.learners.learner import Learner, Result, Status, check_max_loss, che
 from qlearn.learners.loss_bound import loses_at_most
 from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
 from qlearn.learners.state_sweep import StateSweep
-from qlearn.mdp.backup import model_of, q_of
+from qlearn.mdp.backup import q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
@@ -65,12 +65,10 @@ class InteractiveValueIteration(Learner):
         max_loss: float | None = None,
     ) -> None:
         check_problem(mdp, comparator)
-        if not (is_number(tolerance) and tolerance > 0):
-            raise ValueError(f"tolerance must be a positive share of the value range, not {tolerance!r}")
-        if max_sweeps is not None and not is_whole(max_sweeps, 1):
-            raise ValueError(f"max_sweeps must be None or a whole number of at least 1, not {max_sweeps!r}")
-        if not is_whole(jobs, 1):
-            raise ValueError(f"jobs, the number of threads, must be a whole number of at least 1, not {jobs!r}")
+        require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
+        holds = max_sweeps is None or is_whole(max_sweeps, 1)
+        require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
+        require(is_whole(jobs, 1), "jobs, the number of threads,", "a whole number of at least 1", jobs)
         gamma = mdp.discount
         self._mdp, self._tolerance = mdp, float(tolerance)
         self._max_sweeps = max_sweeps or 2 * sweeps_needed(gamma, tolerance)
@@ -98,8 +96,9 @@ class InteractiveValueIteration(Learner):
 
     def result(self) -> Result:
         """The policy and the counts so far."""
-        shares = partial(_q, self._states.v.copy(), self._mdp)  # computed when first read
-        return self._result(self._mdp, self._states.best.copy(), shares, self._end, self._sweeps)
+        states = self._states
+        shares = partial(q_of, np.arange(self._mdp.n_states), states.v.copy(), states.model)  # computed when first read
+        return self._result(self._mdp, states.best.copy(), shares, self._end, self._sweeps)
 
     def _go_on(self) -> tuple[Query, ...]:
         self._act_on_answers()
@@ -207,11 +206,6 @@ class LateValueIteration(InteractiveValueIteration):
         """Begin the sweep anew, with questions put off or asked."""
         self._elicitation.puts_off = questions
         self._states.begin()
-
-
-def _q(v: Floats, mdp: OrdinalMDP) -> Floats:
-    """Q (S, A, k) after V (S, k)."""
-    return q_of(np.arange(mdp.n_states), v, model_of(mdp))
 
 
 def sweeps_needed(discount: float, tolerance: float) -> int:

@@ -26,21 +26,19 @@ _DEFAULT: Any = None  # the fields below are never None once constructed, whatev
 class OrdinalMDP:
     """An MDP whose reward is one of k named levels, worst first; what a level is worth is unknown.
 
-    ``successors`` (S, A, b) state indices and ``probabilities`` (S, A, b): the next state after
-    action a in state s is ``successors[s, a, j]`` with probability ``probabilities[s, a, j]``.
-    A successor may appear twice in a row; its probabilities add. Shorter rows are padded with
-    probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0, 1), ``labels`` the k names.
-    ``initial`` (S,) is where episodes start (default: uniform over the states that are not
-    terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A)
-    bool which actions there are (default: all). Array-likes are accepted and copied, but for arrays of the
-    stored type that are read-only and own their memory; the stored arrays are read-only.
+    ``successors`` (S, A, b) state indices and ``probabilities`` (S, A, b): the next state after action a in state s is
+    ``successors[s, a, j]`` with probability ``probabilities[s, a, j]``. A successor may appear twice in a row; its
+    probabilities add. Shorter rows are padded with probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0,
+    1), ``labels`` the k names. ``initial`` (S,) is where episodes start (default: uniform over the states that are not
+    terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A) bool which actions
+    there are (default: all). Array-likes are accepted and copied, but for arrays of the stored type that are read-only
+    and own their memory; the stored arrays are read-only.
 
-    A terminal state's value is its level for ever, so its levels must agree over its admissible
-    actions. What is never read needs no valid entries and is overwritten: the rows of a terminal
-    state by a self-loop, those of an inadmissible action by probability 0 throughout, and the
-    successors of padding by the row's last real one, where a sampler that runs off the end by
-    rounding then lands. Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are
-    divided by their sum.
+    A terminal state's value is its level for ever, so its levels must agree over its admissible actions. What is never
+    read needs no valid entries and is overwritten: the rows of a terminal state by a self-loop, those of an
+    inadmissible action by probability 0 throughout, and the successors of padding by the row's last real one, where a
+    sampler that runs off the end by rounding then lands. Rows (and ``initial``) that sum to 1 within 1e-9 but not
+    within 1e-12 are divided by their sum.
 
     Raises ValueError (or TypeError for what is no array of numbers), naming the index and the value.
     """
@@ -107,13 +105,10 @@ class OrdinalMDP:
         levels: ArrayLike,
         discount: float,
         labels: Sequence[str],
-        *,
-        initial: ArrayLike | None = None,
-        terminal: ArrayLike | None = None,
-        admissible: ArrayLike | None = None,
+        **rest: ArrayLike | None,
     ) -> OrdinalMDP:
-        """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s')."""
-        rest: dict[str, Any] = {"initial": initial, "terminal": terminal, "admissible": admissible}
+        """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``: initial, terminal,
+        admissible."""
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
     @classmethod
@@ -151,19 +146,15 @@ class OrdinalMDP:
         a_indices: ArrayLike,
         discount: float,
         labels: Sequence[str],
-        *,
-        initial: ArrayLike | None = None,
-        terminal: ArrayLike | None = None,
+        **rest: ArrayLike | None,
     ) -> OrdinalMDP:
-        """The same from its L state-action pairs, as QuantEcon's DiscreteDP takes them: ``levels`` (L,) in place
-        of its rewards R, ``transitions`` (L, S) for its Q, sparse or not, and the state and the action of each
-        pair, ``s_indices`` and ``a_indices`` (L,), in any order. A pair that is not listed is inadmissible.
-
-        Raises ValueError for pairs out of range or listed twice, and for a state without any.
+        """The same from its L state-action pairs, as QuantEcon's DiscreteDP takes them: ``levels`` (L,) in place of its
+        rewards R, ``transitions`` (L, S) for its Q, sparse or not, and the state and the action of each pair,
+        ``s_indices`` and ``a_indices`` (L,), in any order; ``rest``: initial, terminal. A pair that is not listed is
+        inadmissible. Raises ValueError for pairs out of range or listed twice, and for a state without any.
         """
         matrix, each, listed = tables.from_pairs(levels, transitions, s_indices, a_indices, len(labels))
-        rest: dict[str, Any] = {"initial": initial, "terminal": terminal, "admissible": listed}
-        return cls.from_sparse(matrix, each, discount, labels, **rest)
+        return cls.from_sparse(matrix, each, discount, labels, admissible=listed, **rest)
 
     @classmethod
     def from_environment(
@@ -179,11 +170,10 @@ class OrdinalMDP:
         """The same from an environment that carries its tables, such as Gymnasium's toy texts: ``env.unwrapped.P``
         with ``P[s][a]`` a list of (probability, next state, reward, terminated).
 
-        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to the name
-        of its level, several rewards to one name if need be; ``labels`` then are these names, worst first
-        (default: as they first appear in the mapping). By default the distinct rewards in increasing order are
-        the levels. Once an episode has ended, every further step counts as one of reward ``after``, which
-        needs a level too.
+        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to the name of its
+        level, several rewards to one name if need be; ``labels`` then are these names, worst first (default: as they
+        first appear in the mapping). By default the distinct rewards in increasing order are the levels. Once an
+        episode has ended, every further step counts as one of reward ``after``, which needs a level too.
 
         States 0..n-1 are the environment's, so a policy's first n entries are a policy for it; what is
         appended are states after the end. Where a reward depends on the next state, it is counted on

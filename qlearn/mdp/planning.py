@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.sparse.linalg import bicgstab, splu
 
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, require
 from elicit.model.scale import Floats
 from qlearn.mdp.array_checks import Flags, reject
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -30,16 +30,15 @@ _FLOOR = 2.0**-50  # a sweep's change below this is rounding
 def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10) -> tuple[Floats, Actions]:
     """Optimal value v (S,) in shares and an optimal policy (S,), eq. (2), if the scale is ``values`` (k,).
 
-    v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s') over admissible a, with
-    ``values`` normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal state's v is
-    its normalised value exactly. Policy iteration finds the solution, Bellman sweeps then certify it:
-    |v - v*| <= discount / (1 - discount) * (last change). The policy is greedy for v; actions within
-    1e-13 of the best tie, and the lowest index is taken. Raises ValueError for bad ``values``, or
-    a ``tolerance`` that floats cannot certify.
+    v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s') over admissible a, with ``values``
+    normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal state's v is its normalised value
+    exactly. Policy iteration finds the solution, Bellman sweeps then certify it: |v - v*| <= discount / (1 - discount)
+    * (last change). The policy is greedy for v; actions within 1e-13 of the best tie, and the lowest index is taken.
+    Raises ValueError for bad ``values``, or a ``tolerance`` that floats cannot certify.
     """
     gain, ends = _rewarded(mdp, mdp.normalise(values))
-    if not (is_number(tolerance) and tolerance > 0):
-        raise ValueError(f"tolerance must be a positive number (a share of the value range), not {tolerance!r}")
+    holds = is_number(tolerance) and tolerance > 0
+    require(holds, "tolerance", "a positive number (a share of the value range)", tolerance)
     v = policy_iteration(mdp, gain, ends)[0]
     while True:
         previous, q = v, _backed_up(mdp, gain, ends, v)
@@ -82,8 +81,7 @@ def policy_loss(
     value range e_k - e_1, from 0 to 1, that is (1 - discount)(v* - v^policy) on the scale ``values`` (k,).
 
     Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. ``optimum`` is v* (S,), where
-    ``value_iteration`` has found it before. Raises ValueError
-    as ``value_iteration`` and ``evaluate_policy`` do.
+    ``value_iteration`` has found it before. Raises ValueError as ``value_iteration`` and ``evaluate_policy`` do.
     """
     e, rule = mdp.normalise(values), _rule(mdp, policy)
     v = value_iteration(mdp, values, tolerance)[0] if optimum is None else optimum

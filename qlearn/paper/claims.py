@@ -6,13 +6,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import spearmanr
 
 from elicit.model.scale import Floats
 from qlearn.experiments.metrics import half_width, means
 from qlearn.experiments.settings import COMPARATORS
-
-__all__ = ["DENOMINATORS", "MEASURES", "claims", "claims_page", "series_of", "summarise_series"]
 
 DENOMINATORS = ("all", "unequal", "open", "fresh")
 LOSSES = ("paper_loss_percent", "paper_abs_percent", "excess_loss_percent")
@@ -33,7 +30,8 @@ def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
     other = "states" if name == "levels" else "levels"
     points = frame[["states", "levels"]].drop_duplicates()
     fixed = points.groupby(other, sort=True)[name].nunique().idxmax()
-    rows = _wide(frame[frame[other] == fixed])
+    rows = frame[frame[other] == fixed]
+    rows = rows.assign(excess_loss_percent=100 * rows.excess_loss, loss_percent=100 * rows.loss)
     place = rows.comparator.map(COMPARATORS.index)
     return rows.assign(place=place).sort_values(["place", "error_rate", name, "seed"]).drop(columns="place")
 
@@ -55,11 +53,10 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
     """The paper's claims, one row each for every comparator and way of measuring, with a 95% t-interval over seeds.
 
     Figures 2 and 3: ``estimate`` is the mean over seeds of the least squares slope of the percentage asked, in
-    percentage points for 5 levels, or 100 states, more; ``agreeing`` counts the seeds whose own slope has its sign,
-    ``spearman`` is the mean rank correlation. ``answer``: "rises", "falls", or "not told" where the interval holds 0.
-    Figure 4: the mean loss over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an end
-    of the interval at one size. ``answer``: "below 1%" if ``worst`` is; "above 1%" if the interval of every size lies
-    beyond 1% on one side; else "not told".
+    percentage points for 5 levels, or 100 states, more; ``agreeing`` counts the seeds whose own slope has its sign.
+    ``answer``: "rises", "falls", or "not told" where the interval holds 0. Figure 4: the mean loss over all sizes of a
+    seed, in percent; ``worst`` is the greatest distance from zero of an end of the interval at one size. ``answer``:
+    "below 1%" if ``worst`` is; "above 1%" if the interval of every size lies beyond 1% on one side; else "not told".
     The oracle, with nothing to compare, is left out. What is not defined (one seed, one point) is nan.
     """
     found: list[dict[str, Any]] = []
@@ -107,30 +104,20 @@ def _cells(row: Any) -> tuple[str, ...]:
     return str(row.figure), str(row.comparator), rate, measure, mean, interval, f"{row.answer} ({note})"
 
 
-def _wide(rows: pd.DataFrame) -> pd.DataFrame:
-    return rows.assign(excess_loss_percent=100 * rows.excess_loss, loss_percent=100 * rows.loss)
-
-
 def _trend(figure: int, name: str, arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
     table = rows.pivot(index="seed", columns=name, values=measure)
     x = table.columns.to_numpy(dtype=float)
-    slopes, ranks = np.full(len(table), np.nan), np.full(len(table), np.nan)
+    slopes = np.full(len(table), np.nan)
     if len(x) > 1:
         centred = x - x.mean()
         slopes = table.to_numpy() @ centred / (centred @ centred) * _STEP[name]
-        ranks = np.array([_spearman(x, row) for row in table.to_numpy()])
     mean, low, high = _interval(slopes)
     return {
         **_claim(figure, arm, measure, f"slope per {_STEP[name]} {name}", slopes),
         "agreeing": int((np.sign(slopes) == np.sign(mean)).sum()),
-        "spearman": float(np.mean(ranks)),
         "worst": np.nan,
         "answer": "rises" if low > 0 else "falls" if high < 0 else "not told",
     }
-
-
-def _spearman(x: Floats, y: Floats) -> float:
-    return float(spearmanr(x, y).statistic) if np.ptp(y) else np.nan  # of what does not change: not defined
 
 
 def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
@@ -142,7 +129,6 @@ def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
     return {
         **_claim(4, arm, measure, "mean over sizes", means_of_seeds),
         "agreeing": int((np.abs(means_of_seeds) < _BOUND).sum()),
-        "spearman": np.nan,
         "worst": worst,
         "answer": "below 1%" if worst < _BOUND else "above 1%" if beyond else "not told",
     }

@@ -17,11 +17,9 @@ from typing import Any
 
 import pandas as pd
 
-from qlearn.experiments.parallel import Cell, Interrupted
+from qlearn.experiments.parallel import Cell
 from qlearn.experiments.run import Run, in_order, run_all, run_named
 from qlearn.experiments.settings import FiguresSettings
-
-__all__ = ["KEYS", "FiguresSettings", "Interrupted", "figures", "plan_of", "run_one"]
 
 KEYS = ("states", "levels", "comparator", "error_rate", "seed")
 _NOT_SHOWN = ["problem", "learner", "audit", "excess_loss_initial"]  # of a run: the same in all, or of no use here
@@ -51,7 +49,7 @@ def figures(
     what is raised are as with ``ablation.ablate``.
     """
     settings = replace(settings or FiguresSettings(), **changes)
-    size = {name: getattr(settings, name) for name in ("actions", "discount")}
+    size = settings.named("actions", "discount")
     how: dict[str, Any] = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
     return run_all(run_one, plan_of(settings), size, settings, _shown, **how)
 

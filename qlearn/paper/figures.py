@@ -17,8 +17,6 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlearn.experiments.palette import NAMES, STYLES
 
-__all__ = ["plot_asked", "plot_loss", "save"]
-
 _X = {"levels": "number of levels k", "states": "number of states |S|"}
 _ASKED = {
     "asked_percent_all": "of all comparisons",
@@ -36,14 +34,11 @@ def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
     """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators, on a log scale, with
     95% t-intervals over the runs; an arrow at the axis' lower end where one reaches further down. The unequal pairs,
     the fourth denominator, are all but a few of all comparisons."""
-    rows = summary[(summary.series == series) & (summary.comparator != "always")]
-    figure, panels = _panels(rows, len(_ASKED), sharey=True)
+    rows, figure, panels = _panels(summary, series, list(_ASKED.values()), sharey=True)
     means = rows[list(_ASKED)].to_numpy(dtype=float)
     least = float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0  # a log axis has no 0: it ends here
     cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, _ASKED, strict=True)]
-    for axes, title in zip(panels, _ASKED.values(), strict=True):
-        axes.set_title(title, fontsize=10)
-        axes.set_xlabel(_X[series])
+    for axes in panels:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -58,9 +53,8 @@ def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
 
 def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
     """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the paper's bound."""
-    rows = summary[(summary.series == series) & (summary.comparator != "always")]
-    figure, panels = _panels(rows, len(_LOSSES), sharey=False)
-    for axes, (measure, (title, unit)) in zip(panels, _LOSSES.items(), strict=True):
+    rows, figure, panels = _panels(summary, series, [title for title, _ in _LOSSES.values()], sharey=False)
+    for axes, (measure, (_, unit)) in zip(panels, _LOSSES.items(), strict=True):
         axes.axhline(0, color="0.5", linewidth=0.8, zorder=0)
         for bound in (1,) if measure == "paper_abs_percent" else (-1, 1):
             axes.axhline(bound, color="0.35", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0)
@@ -69,11 +63,9 @@ def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
             fontsize=8, color="0.35", horizontalalignment="right", verticalalignment="top",
         )  # fmt: skip
         _lines(axes, rows, measure, 0.0 if measure == "paper_abs_percent" else -math.inf)
-        axes.set_title(title, fontsize=10)
         axes.set_yscale("symlog", linthresh=1, linscale=0.8)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.set_ylabel(unit)
-        axes.set_xlabel(_X[series])
     title = f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond ±1%)"
     _title(figure, title, rows)
     return figure
@@ -86,26 +78,32 @@ def save(figure: Figure, folder: Path, name: str) -> None:
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
 
 
-def _panels(rows: pd.DataFrame, n: int, sharey: bool) -> tuple[Figure, Sequence[Axes]]:
-    figure = Figure(figsize=(4.1 * n, 4.3), layout="constrained")
-    panels = figure.subplots(1, n, sharex=True, sharey=sharey)
-    for axes in panels:
+def _panels(
+    summary: pd.DataFrame, series: str, titles: Sequence[str], sharey: bool
+) -> tuple[pd.DataFrame, Figure, Sequence[Axes]]:
+    """The rows of a series without the oracle's, and an empty panel for each title."""
+    rows = summary[(summary.series == series) & (summary.comparator != "always")]
+    figure = Figure(figsize=(4.1 * len(titles), 4.3), layout="constrained")
+    panels = figure.subplots(1, len(titles), sharex=True, sharey=sharey)
+    for axes, title in zip(panels, titles, strict=True):
+        axes.set_title(title, fontsize=10)
+        axes.set_xlabel(_X[series])
         axes.grid(True, which="major", color="0.92", linewidth=0.7)
         axes.set_axisbelow(True)
         axes.set_xticks(sorted(rows.x.unique()))
         axes.tick_params(labelleft=True)
         axes.margins(x=0.09)
-    return figure, panels
+    return rows, figure, panels
 
 
 def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False) -> bool:
     """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below ``least``; ``arrows``
     show what was cut off there. Returns whether anything was."""
     cut = False
-    arms = list(rows.groupby(["comparator", "error_rate"], sort=False))
+    arms: list[Any] = list(rows.groupby(["comparator", "error_rate"], sort=False))
     span = (rows.x.max() - rows.x.min()) or 1
     for i, ((comparator, rate), arm) in enumerate(arms):
-        style: dict[str, Any] = STYLES[str(comparator)]
+        style = STYLES[comparator]
         aside = 0.012 * span * (i - (len(arms) - 1) / 2)  # intervals beside each other, not on each other
         half, mean = arm[f"{measure}_half"].fillna(0), arm[measure].clip(lower=least)
         below = arm[measure] - half < least
@@ -114,10 +112,8 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
             axes.plot(
                 arm.x[below] + aside,
                 np.full(int(below.sum()), least),
-                color=style["color"],
-                marker=CARETDOWN,
+                **style | {"marker": CARETDOWN, "linestyle": "none"},
                 markersize=8,
-                linestyle="none",
                 clip_on=False,
                 zorder=3,
             )
@@ -125,21 +121,15 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
             arm.x + aside,
             mean,
             yerr=[half.clip(upper=mean - least), half],
-            color=style["color"],
-            marker=style["marker"],
-            linestyle=style["linestyle"],
+            **style,
             markerfacecolor=style["color"] if rate else "white",
             markersize=7,
             linewidth=1.3,
             elinewidth=1,
             capsize=3,
-            label=f"{NAMES[str(comparator)]}, {_tutor(rate)}",
+            label=f"{NAMES[comparator]}, " + (f"tutor errs ({100 * rate:g}%)" if rate else "truthful tutor"),
         )
     return cut
-
-
-def _tutor(rate: Any) -> str:
-    return f"tutor errs ({100 * rate:g}%)" if rate else "truthful tutor"
 
 
 def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:

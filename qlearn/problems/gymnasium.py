@@ -10,8 +10,6 @@ import numpy as np
 
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-__all__ = ["deep_sea_treasure", "frozen_lake"]
-
 _ACTIONS = 4
 _SEA = 0.0  # on the map of deep-sea-treasure: open water; rocks are below it, treasures above
 

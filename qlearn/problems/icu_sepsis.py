@@ -19,12 +19,11 @@ _SHAPES = {"tx_mat": (716, 25, 716), "d_0": (716,), "sofa_scores": (716,)}
 def icu_sepsis(bands: tuple[float, float, float] | None = None, discount: float = 0.99) -> OrdinalMDP:
     """ICU-Sepsis: treating sepsis in intensive care, an MDP estimated from real patients' records.
 
-    715 states and 25 actions (5 doses of fluids by 5 of vasopressors). States 0..712 are clusters of
-    patients' conditions; 713 (died) and 714 (recovered) are terminal; the tables' state 715, which
-    absorbs after both and could bear no level, is left out. Transitions and the initial
-    distribution are those of the tables (version 2). Actions that doctors rarely took in a state
-    are inadmissible there; the package lets them act as the mean of the admissible ones,
-    here they are not offered, which changes no optimal value.
+    715 states and 25 actions (5 doses of fluids by 5 of vasopressors). States 0..712 are clusters of patients'
+    conditions; 713 (died) and 714 (recovered) are terminal; the tables' state 715, which absorbs after both and could
+    bear no level, is left out. Transitions and the initial distribution are those of the tables (version 2). Actions
+    that doctors rarely took in a state are inadmissible there; the package lets them act as the mean of the admissible
+    ones, here they are not offered, which changes no optimal value.
 
     Levels: died < critical < severe < moderate < mild < recovered. The middle four are ours, not the
     benchmark's: bands of the cluster's mean SOFA score (organ failure; higher is worse).
@@ -32,10 +31,9 @@ def icu_sepsis(bands: tuple[float, float, float] | None = None, discount: float 
     milder; the default is the quartiles over the 713 clusters (4.69, 6.49, 8.55), so a band holds
     a quarter of the clusters, and is no clinical category. The level is that of the state, whatever the action.
 
-    The benchmark itself scores survival only, undiscounted. Here a policy is judged by the discounted
-    share of time at each level, died and recovered counting for ever: how bad a day in a
-    critical state is, next to death, is for the tutor to say. For research on algorithms; not
-    medical advice.
+    The benchmark itself scores survival only, undiscounted. Here a policy is judged by the discounted share of time at
+    each level, died and recovered counting for ever: how bad a day in a critical state is, next to death, is for the
+    tutor to say. For research on algorithms; not medical advice.
 
     Source: Choudhary, Gupta and Thomas, "ICU-Sepsis: A Benchmark MDP Built from Real Medical Data"
     (2024), arXiv 2406.05646; tables from the package ``icu-sepsis`` (MIT), which is read, not imported.

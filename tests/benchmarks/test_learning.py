@@ -19,8 +19,8 @@ from elicit._support.hashing import key_of
 from elicit.model.scale import tail_sums
 from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
-from qlearn.reference import scalar_q_learning
 from tests.report_cases import table_rows
+from tests.scalar_q_learning import scalar_q_learning
 
 STEPS = 150
 TINY = Setting(k=4, states=8, actions=3, steps=STEPS, seeds=1, repeats=1)

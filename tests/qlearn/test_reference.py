@@ -20,9 +20,9 @@ from qlearn.reference import (
     interactive_q_learning,
     interactive_value_iteration,
     pick,
-    scalar_q_learning,
 )
 from tests.mdp_cases import messy_mdp
+from tests.scalar_q_learning import scalar_q_learning
 
 
 def two_state_mdp() -> OrdinalMDP:

@@ -1,4 +1,4 @@
-"""Tutors who call equal what is close: bounds that hold, learners that end, and not one question more for the others."""
+"""Tutors who call equal what is close: bounds that hold, learners that end, and not one question more for others."""
 
 from __future__ import annotations
 

@@ -14,9 +14,10 @@ from qlearn import OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
 from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
-from qlearn.reference import interactive_q_learning, scalar_q_learning
+from qlearn.reference import interactive_q_learning
 from tests.mdp_cases import messy_mdp
 from tests.noisy_cases import COMPARATORS
+from tests.scalar_q_learning import scalar_q_learning
 
 TUTORS: dict[str, Callable[[Floats], Tutor]] = {
     "truthful": TruthfulTutor,
