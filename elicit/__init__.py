@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
+    from elicit.model.scale_variable import scale_variable
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -43,6 +44,7 @@ _LATER = {  # imported when first used, so that `import elicit` stays light
     "held_out": "elicit.diagnostics.held_out",
     "inequalities": "elicit.lp.prior_inequalities",
     "inequality": "elicit.lp.prior_inequalities",
+    "scale_variable": "elicit.model.scale_variable",
     "tutor_report": "elicit.diagnostics.tutor_report",
 }
 _MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.cycles, say
@@ -76,6 +78,7 @@ __all__ = [
     "held_out",
     "inequalities",
     "inequality",
+    "scale_variable",
     "simultaneous_bounds",
     "tutor_report",
 ]

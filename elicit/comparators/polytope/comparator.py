@@ -26,6 +26,8 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, values_of
 
 if TYPE_CHECKING:
+    import cvxpy
+
     from elicit.comparators.polytope.explanation import Explanation
     from elicit.decision.comparator_rule import Rule
 
@@ -34,9 +36,9 @@ class PolytopeComparator:
     """All scales in K_t: at least ``margin`` (eta) between neighbouring levels, the prior inequalities
     A e >= b, and one inequality for each answer. A frozen value.
 
-    ``prior`` is (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", and what
-    ``elicit.inequality`` makes of them. Raises ValueError for k < 2, a margin outside [0, 1/(k-1)], and a prior
-    that no scale satisfies.
+    ``prior`` is (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", what ``elicit.inequality``
+    makes of them, and linear cvxpy constraints over ``elicit.scale_variable(k)``. Raises ValueError
+    for k < 2, a margin outside [0, 1/(k-1)], and a prior that no scale satisfies.
     """
 
     def __init__(self, k: int, margin: float = 1e-6, prior: PriorLike = None) -> None:
@@ -119,6 +121,14 @@ class PolytopeComparator:
         from elicit.comparators.polytope.minimal_proof import explain
 
         return explain(d, self, labels)
+
+    def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
+        """The programs that minimise and maximise d.e over K_t, for one difference d (k,), as cvxpy problems over a
+        scale variable that they share; each constraint's label says where it comes from ("answer 3"; in the unit in
+        which its largest tail sum is between 1/2 and 1). To inspect, extend, and give to another solver."""
+        from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
+
+        return least_and_greatest(d, self.region, self.prior)
 
     @property
     def solves(self) -> int:
