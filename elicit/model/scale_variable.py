@@ -68,14 +68,17 @@ def linear_rows(constraint: Any, k: int) -> LinearConstraint:
         a, b = a_more - a_less, 0.0 - (b_more - b_less)
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         raise ValueError(f'the prior\'s "{called}" holds numbers too large to compute with')
-    if _kind(constraint) in ("Equality", "Zero"):
+    if isinstance(constraint, (_kinds().Equality, _kinds().Zero)):
         a, b = np.stack([a, 0.0 - a], axis=1).reshape(-1, k), np.stack([b, 0.0 - b], axis=1).ravel()
     states = a[:, 1:-1].any(axis=1) | (a[:, -1] < b)
     return LinearConstraint(a[states], b[states], called if constraint.label or len(called) <= _LONGEST else "")
 
 
-def _kind(constraint: Any) -> str:
-    return type(constraint).__name__
+def _kinds() -> Any:
+    """cvxpy's classes of constraints, which its types do not export."""
+    import cvxpy
+
+    return cvxpy.constraints
 
 
 def _check_terms(constraint: Any, k: int, called: str) -> None:
@@ -108,12 +111,12 @@ def _check_terms(constraint: Any, k: int, called: str) -> None:
 
 def _sides(constraint: Any, called: str) -> tuple[Any, Any]:
     """The affine expressions of "more >= less" or "more == less". Raises ValueError where there are none."""
-    kind, args = _kind(constraint), constraint.args
-    if kind in ("Inequality", "Equality", "Zero", "NonNeg", "NonPos") and all(arg.is_affine() for arg in args):
-        if kind in ("Inequality", "Equality"):
-            return args[1], args[0]
-        return (0.0 * args[0], args[0]) if kind == "NonPos" else (args[0], 0.0 * args[0])
-    if kind == "FiniteSet" or not constraint.is_dcp():
+    args, of = constraint.args, _kinds()
+    linear = of.Inequality, of.Equality, of.Zero, of.NonNeg, of.NonPos
+    if isinstance(constraint, linear) and all(arg.is_affine() for arg in args):
+        first, second = args if len(args) == 2 else (args[0], 0.0 * args[0])
+        return (second, first) if isinstance(constraint, (of.Inequality, of.NonPos)) else (first, second)
+    if isinstance(constraint, of.FiniteSet) or not constraint.is_dcp():
         raise ValueError(
             f'the prior\'s "{called}" is not convex by the rules of cvxpy (DCP), and a prior must be linear: state it '
             "as linear inequalities"
