@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
+    from elicit.model.scale_variable import scale_variable
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -36,6 +37,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.diagnostics.tutor_report": ["tutor_report"],
     "elicit.lp.prior_inequalities": ["Inequality", "inequalities", "inequality"],
     "elicit.tutors.answer_log": ["AnswerLog"],
+    "elicit.model.scale_variable": ["scale_variable"],
     "elicit.tutors.replay": ["ReplayTutor"],
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
@@ -44,7 +46,16 @@ _MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as 
 
 # as lists of names, which type checkers can read
 __all__ = ["Answer", "Answers", "Comparator", "InconsistentAnswers", "Query", "StaleAnswer", "Tier", "Tutor", "Verdict"]
-__all__ += ["Bags", "Inequality", "choose", "decide", "inequalities", "inequality", "simultaneous_bounds"]
+__all__ += [
+    "Bags",
+    "Inequality",
+    "choose",
+    "decide",
+    "inequalities",
+    "inequality",
+    "scale_variable",
+    "simultaneous_bounds",
+]
 __all__ += ["AlwaysAsk", "BradleyTerryComparator", "Dominance", "PolytopeComparator", "PosteriorComparator"]
 __all__ += ["BradleyTerryTutor", "FlippingTutor", "RelaxedPolytopeComparator", "ReplayTutor", "TruthfulTutor"]
 __all__ += ["AnswerLog", "compare_held_out", "held_out", "tutor_report"]

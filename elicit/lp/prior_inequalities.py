@@ -12,7 +12,7 @@ import ast
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from unicodedata import normalize
 
 import numpy as np
@@ -20,6 +20,10 @@ from numpy.typing import ArrayLike
 
 from elicit.model.comparator import check_levels
 from elicit.model.scale import Floats, as_vectors
+from elicit.model.scale_variable import is_constraint, linear_rows
+
+if TYPE_CHECKING:
+    import cvxpy
 
 _LONGEST = 1000  # characters; the parser's own limit is a crash
 _FORM = 'such as "e4 >= 2*e2 + 0.1": names of levels, numbers, + - * / and brackets on both sides of one >= or <='
@@ -55,7 +59,8 @@ class Prior(NamedTuple):
     names: tuple[str, ...]
 
 
-PriorLike: TypeAlias = "Prior | tuple[ArrayLike, ArrayLike] | Inequality | str | Sequence[Inequality | str] | None"
+Statement: TypeAlias = "Inequality | str | cvxpy.Constraint"
+PriorLike: TypeAlias = "Prior | tuple[ArrayLike, ArrayLike] | Statement | Sequence[Statement] | None"
 
 
 def inequality(
@@ -106,25 +111,27 @@ def inequalities(
 def as_prior(prior: PriorLike, k: int) -> Prior | None:
     """Any way to state prior knowledge about k levels as one ``Prior``; None where there is none.
 
-    Takes None, (A (p, k), b (p,)) meaning A e >= b, an Inequality or its text, a sequence of these, or a Prior.
-    Raises ValueError for other shapes, another number of levels, and numbers that are not finite.
+    Takes None, (A (p, k), b (p,)) meaning A e >= b, an Inequality or its text, a linear cvxpy constraint over
+    ``elicit.scale_variable(k)``, a sequence of these, or a Prior. A constraint goes by its label, or else as cvxpy
+    prints it. Raises ValueError for other shapes, another number of levels, numbers that are not finite, and
+    constraints that are not linear.
     """
     if prior is None:
         return None
     if isinstance(prior, Prior):
         a, b, names = prior
         return _prior(a, b, tuple(str(name) for name in names), k)
-    given: Any = [prior] if isinstance(prior, (Inequality, str)) else prior
+    given: Any = [prior] if _is_statement(prior) else prior
     if not isinstance(given, (list, tuple)):
         raise ValueError(f"a prior is (A, b) with A e >= b, or a list of inequalities, not {prior!r}")
-    if all(isinstance(one, (Inequality, str)) for one in given):
-        listed = [x for one in given for x in (inequalities(one, k) if isinstance(one, str) else [one])]
+    if all(_is_statement(one) for one in given):
+        listed = [x for one in given for x in _stated(one, k)]
         for one in listed:
             if len(one.coefficients) != k:
                 raise ValueError(f'the prior\'s "{one.name}" is about {len(one.coefficients)} levels, not k = {k}')
         rows = np.array([one.coefficients for one in listed])
         return _prior(rows, [one.bound for one in listed], tuple(one.name for one in listed), k) if listed else None
-    if len(given) != 2 or any(isinstance(one, (Inequality, str)) for one in given):
+    if len(given) != 2 or any(_is_statement(one) for one in given):
         raise ValueError(f"a prior is (A, b) with A e >= b, or a list of inequalities, not {prior!r}")
     return _prior(given[0], given[1], None, k)
 
@@ -138,6 +145,22 @@ def readable(coefficients: Floats, bound: float) -> str:
         size = "" if abs(c) == 1 else f"{abs(c):.6g}*"
         text += (" + " if sign * c > 0 else " - ") * bool(text) + size + level
     return f"{text or '0'} {'>=' if sign > 0 else '<='} {sign * bound + 0.0:.6g}"
+
+
+def _is_statement(one: object) -> bool:
+    return isinstance(one, (Inequality, str)) or is_constraint(one)
+
+
+def _stated(one: Statement, k: int) -> Sequence[Inequality]:
+    """The inequalities of a statement about k levels. The rows of one constraint are told apart as those of a chain."""
+    if isinstance(one, Inequality):
+        return [one]
+    if isinstance(one, str):
+        return inequalities(one, k)
+    a, b, name = linear_rows(one, k)
+    numbers = [readable(row, float(limit)) for row, limit in zip(a, b, strict=True)]
+    names = [name] * len(a) if one.size == 1 else [f"{name}: {shown}" if name else shown for shown in numbers]
+    return [Inequality(row, float(limit), shown) for row, limit, shown in zip(a, b, names, strict=True)]
 
 
 def _prior(a: ArrayLike, b: ArrayLike, names: tuple[str, ...] | None, k: int) -> Prior:

@@ -62,7 +62,8 @@ class PosteriorComparator:
     particles  how many stand for the posterior
     shape      a priori the gaps are Dirichlet(a), log a uniform between these two; None: between ``CONCENTRATION``
                over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
-    prior      inequalities that hold for certain: (A, b) with A e >= b, or texts such as "e4 >= 2*e2"
+    prior      inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or linear cvxpy
+               constraints over ``elicit.scale_variable(k)``
     seed       int, numpy SeedSequence or Generator (kept as an int)
 
     A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of

@@ -26,6 +26,8 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, values_of
 
 if TYPE_CHECKING:
+    import cvxpy
+
     from elicit.comparators.polytope.explanation import Explanation
     from elicit.decision.comparator_rule import Rule
 
@@ -34,13 +36,16 @@ class PolytopeComparator:
     """All scales in K_t: at least ``margin`` (eta) between neighbouring levels, the prior inequalities
     A e >= b, and what each answer says: d.e >= 0, d.e <= 0, or, of "equal", |d.e| <= ``tie``. A frozen value.
 
+    ``prior`` is (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", what ``elicit.inequality``
+    makes of them, and linear cvxpy constraints over ``elicit.scale_variable(k)``.
+
     ``tie`` is the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call equal, of differences
     of share vectors; 0: equal means equal. It matters only once the tutor says "equal": then a larger one is safer,
     and teaches less (docs/about-equal.md). Verdicts and ``bounds`` go by it; ``simultaneous_bounds``, and so the
     guarantees that rest on them, allow for twice as much.
-    ``prior`` is (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", and what
-    ``elicit.inequality`` makes of them. Raises ValueError for k < 2, a margin outside [0, 1/(k-1)], a prior
-    that no scale satisfies, and a tie outside [0, 1).
+
+    Raises ValueError for k < 2, a margin outside [0, 1/(k-1)], a prior that no scale satisfies, and a tie outside
+    [0, 1).
     """
 
     def __init__(self, k: int, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE) -> None:
@@ -129,6 +134,14 @@ class PolytopeComparator:
         from elicit.comparators.polytope.minimal_proof import explain
 
         return explain(d, self, labels)
+
+    def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
+        """The programs that minimise and maximise d.e over K_t, for one difference d (k,), as cvxpy problems over a
+        scale variable that they share; each constraint's label says where it comes from ("answer 3"; in the unit in
+        which its largest tail sum is between 1/2 and 1). To inspect, extend, and give to another solver."""
+        from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
+
+        return least_and_greatest(d, self.region, self.prior)
 
     @property
     def solves(self) -> int:

@@ -16,6 +16,7 @@ There are finitely many subsets, and few of them matter.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +36,9 @@ from elicit.lp.region import rounding
 from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, as_vectors, values_of
+
+if TYPE_CHECKING:
+    import cvxpy
 
 LEAST_SLACK = 1e-9
 """Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised to (but for 0
@@ -150,6 +154,19 @@ class RelaxedPolytopeComparator:
         best = self._within(self._least + LEAST_SLACK)
         wrong = self._hinges.owner[self._hinges.lacking(np.diff(best.values)) > 1e-7]
         return tuple((int(row), self.answers.ids[row]) for row in np.unique(wrong))
+
+    def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
+        """The programs that minimise and maximise d.e over the plausible scales, for one difference d (k,), as
+        ``PolytopeComparator.problems``; a variable "violation" (n,) says by how much each answer is violated, in units
+        of e_k - e_1, wherever it may be."""
+        from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
+
+        if isinstance(self._set, PolytopeComparator):
+            return self._set.problems(d)
+        hinges, unit = self._hinges, np.ldexp(1.0, self._hinges.exponent)
+        weights = unit * hinges.weights
+        region = self._blank.region.plus(weights[:, None] * hinges.rows, weights * hinges.rhs, hinges.owner)
+        return least_and_greatest(d, region, self.prior, (len(self.answers), float(unit * self._set.budget)))
 
     @property
     def solves(self) -> int:

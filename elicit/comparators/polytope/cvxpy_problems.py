@@ -1,0 +1,76 @@
+"""The two programs over a set of scales as cvxpy problems: to inspect, to extend, to give to any solver cvxpy has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from elicit.lp.prior_inequalities import Prior
+from elicit.lp.region import Region
+from elicit.model.scale import Floats, as_vectors
+from elicit.model.scale_variable import scale_variable
+
+if TYPE_CHECKING:
+    import cvxpy
+
+
+def least_and_greatest(
+    d: ArrayLike, region: Region, prior: Prior | None, violation: tuple[int, float] | None = None
+) -> tuple[cvxpy.Problem, cvxpy.Problem]:
+    """The problems that minimise and maximise d.e, for one difference d (k,), over a variable e that they share.
+
+    region     the answers' rows (owner >= 0) in gap space, and the margin
+    prior      the prior's inequalities, as they were given
+    violation  (n, budget): answers may be violated, by a variable "violation" (n,) of which entry i is that of answer
+               i, and which totals at most the budget; all in the unit of the region's rows. None: they may not
+
+    Labels are "worst level", "best level", "order", the prior's names, "answer 1", ... and "total violation".
+    Constraints are each problem's own, and so are their dual values. Raises ValueError for other shapes of d.
+    """
+    import cvxpy as typed
+
+    cp: Any = typed  # its types lack half of what it offers
+    rows = as_vectors(d, region.p + 1)
+    if len(rows) != 1:
+        raise ValueError(f"problems takes one difference of shape ({region.p + 1},), not {len(rows)} of them")
+    e = scale_variable(region.p + 1)
+    lacking: Any = None if violation is None else cp.Variable(violation[0], name="violation")
+
+    def constraints() -> Iterator[Any]:
+        yield (e[0] == 0).set_label("worst level")
+        yield (e[region.p] == 1).set_label("best level")
+        yield (cp.diff(e) >= region.margin).set_label("order")
+        for row, limit, name in () if prior is None else zip(*prior, strict=True):
+            yield (_constant(row) @ e >= limit).set_label(name)
+        # an answer "equal" has two rows, one for each side: |at| <= -limit, as norm1, for cvxpy 1.9 warns of NaN within
+        # its bounds on the abs of a matrix product
+        for owner in np.unique(region.owner[region.owner >= 0]):
+            mine = np.flatnonzero(region.owner == owner)
+            at, limit = _constant(_along_levels(region.rows[mine[0]])) @ e, float(region.rhs[mine[0]])
+            if lacking is not None:
+                slack = lacking[int(owner)]
+                said = at + slack >= limit if len(mine) == 1 else cp.norm1(at) <= -limit + slack
+            else:
+                said = at >= limit if len(mine) == 1 else cp.norm1(at) <= -limit
+            yield said.set_label(f"answer {owner + 1}")
+        if lacking is not None and violation is not None:
+            yield (lacking >= 0).set_label("violations")
+            yield (cp.sum(lacking) <= violation[1]).set_label("total violation")
+
+    goal = _constant(rows[0]) @ e
+    return cp.Problem(cp.Minimize(goal), [*constraints()]), cp.Problem(cp.Maximize(goal), [*constraints()])
+
+
+def _along_levels(t: Floats) -> Floats:
+    """The difference (k,) of total 0 whose tail sums are t (k-1,)."""
+    return 0.0 - np.diff(t, prepend=0.0, append=0.0)
+
+
+def _constant(row: Floats) -> Any:
+    """These numbers (k,) in cvxpy, shown on one line with four digits."""
+    import cvxpy
+
+    return cvxpy.Constant(row, name=f"[{', '.join(f'{x + 0.0:.4g}' for x in row)}]")
