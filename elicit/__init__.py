@@ -44,21 +44,39 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
 _LATER = {name: place for place, names in _PLACES.items() for name in names}
 _MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.cycles, say
 
-# as lists of names, which type checkers can read
-__all__ = ["Answer", "Answers", "Comparator", "InconsistentAnswers", "Query", "StaleAnswer", "Tier", "Tutor", "Verdict"]
-__all__ += [
+__all__ = [
+    "AlwaysAsk",
+    "Answer",
+    "AnswerLog",
+    "Answers",
     "Bags",
+    "BradleyTerryComparator",
+    "BradleyTerryTutor",
+    "Comparator",
+    "Dominance",
+    "FlippingTutor",
+    "InconsistentAnswers",
     "Inequality",
+    "PolytopeComparator",
+    "PosteriorComparator",
+    "Query",
+    "RelaxedPolytopeComparator",
+    "ReplayTutor",
+    "StaleAnswer",
+    "Tier",
+    "TruthfulTutor",
+    "Tutor",
+    "Verdict",
     "choose",
+    "compare_held_out",
     "decide",
+    "held_out",
     "inequalities",
     "inequality",
     "scale_variable",
     "simultaneous_bounds",
+    "tutor_report",
 ]
-__all__ += ["AlwaysAsk", "BradleyTerryComparator", "Dominance", "PolytopeComparator", "PosteriorComparator"]
-__all__ += ["BradleyTerryTutor", "FlippingTutor", "RelaxedPolytopeComparator", "ReplayTutor", "TruthfulTutor"]
-__all__ += ["AnswerLog", "compare_held_out", "held_out", "tutor_report"]
 
 
 def __getattr__(name: str) -> Any:
