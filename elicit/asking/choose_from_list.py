@@ -5,16 +5,17 @@ alone, and asks about the one whose answer is most open; when none is left, the 
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit.asking.elicitation import Elicitation, Pair
-from elicit.model.comparator import Comparator, Decisions, Tier, check_comparator_made
+from elicit.asking.elicitation import Elicitation, Known, Pair
+from elicit.model.comparator import Comparator, Decisions, Tier, check_comparator_made, simultaneous_bounds
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 
@@ -27,6 +28,9 @@ class ChoiceStatus(Enum):
     """How far a choice has come."""
 
     FINISHED = "Finished: every comparison that the choice rests on is settled."
+    CALLED_EQUAL = (
+        "Finished, but what the tutor called equal may be only nearly so; loss_bound says what that may lose."
+    )
     UNSURE = "Finished, but the tutor could not tell some pairs apart; of these the one that was ahead stayed ahead."
     GUESSED = (
         "Finished, but the question budget was spent: the rest went by the best guess at the scale, as "
@@ -45,7 +49,8 @@ class Choice:
     best: index of the best vector, the first in the list of equals. order: all indices, best first, or
     None if only the best was wanted. label: the name of the best. asked: questions told, among them
     ``cannot_tell`` without a verdict. decided: how many pairs each tier settled ("equal", "dominance",
-    "lp", "tutor", "guess", ...). answers: what the comparator learned from.
+    "lp", "tutor", "guess", ...). answers: what the comparator learned from. guarantee: computes ``loss_bound`` and
+    ``confidence``.
     """
 
     best: int
@@ -57,6 +62,23 @@ class Choice:
     decided: dict[str, int]
     comparator: Comparator
     answers: Answers
+    guarantee: Callable[[], tuple[float, float]] = field(repr=False)
+
+    @cached_property
+    def _guaranteed(self) -> tuple[float, float]:
+        return self.guarantee()
+
+    @property
+    def loss_bound(self) -> float:
+        """By how much any other vector can be better than the best, in units of e_k - e_1: a share of the value range
+        where vectors are shares."""
+        return self._guaranteed[0]
+
+    @property
+    def confidence(self) -> float:
+        """The probability with which ``loss_bound`` holds: 1 where it is proven of every scale that the answers allow,
+        a posterior's level, nan where none can be stated."""
+        return self._guaranteed[1]
 
 
 def choose(
@@ -66,11 +88,13 @@ def choose(
     labels: Sequence[str] | None = None,
     max_queries: int | None = None,
     check_totals: bool = True,
+    known: Known = (),
 ) -> "Choosing":
     """Find the best of vectors (n, k), or with ``order=True`` their order, asking what the comparator cannot tell.
 
     labels: n names, for people, shown in the queries. max_queries: beyond so many questions the best
-    guess at the scale settles the rest. The vectors must have equal totals, as shares do: otherwise
+    guess at the scale settles the rest. known: what was answered before (Answers, an AnswerLog, or a
+    list of Answer): learned, and not asked again. The vectors must have equal totals, as shares do: otherwise
     the choice depends on what the worst level is worth, and an order of levels does not say that;
     ``check_totals=False`` takes the worst level as worth nothing. Raises ValueError on vectors that
     are not finite, not (n, k), or of unequal totals; TypeError for anything but a comparator.
@@ -95,7 +119,7 @@ def choose(
             )
     fingerprint = hashlib.blake2b(rows.tobytes() + bytes([bool(order)]), digest_size=8).hexdigest()
     # where the tutor cannot tell, the one that is ahead by the best guess, which is always left, stays ahead
-    elicitation = Elicitation(comparator, fingerprint, max_queries=max_queries, undecided=Verdict.BETTER)
+    elicitation = Elicitation(comparator, fingerprint, max_queries=max_queries, known=known, undecided=Verdict.BETTER)
     return Choosing(rows, elicitation, bool(order), [str(x) for x in (range(n) if labels is None else labels)])
 
 
@@ -144,7 +168,8 @@ class Choosing:
     def result(self) -> Choice:
         """The choice; before the end, the one by the best guess at the scale so far."""
         asked = self._elicitation
-        status = ChoiceStatus.UNSURE if asked.cannot_tell else ChoiceStatus.FINISHED
+        tied = ChoiceStatus.CALLED_EQUAL if asked.called_equal else ChoiceStatus.FINISHED
+        status = ChoiceStatus.UNSURE if asked.unsure or asked.cannot_tell else tied
         if asked.pending or self._guessed:
             status = ChoiceStatus.WAITING if asked.pending else ChoiceStatus.GUESSED
         counts = dict(zip((tier.name.lower() for tier in Tier), asked.counts.tolist(), strict=True))
@@ -160,6 +185,7 @@ class Choosing:
             decided={name: count for name, count in counts.items() if count},
             comparator=asked.comparator,
             answers=asked.answers,
+            guarantee=partial(_loses_at_most, self._vectors, self._ranking[0], asked.comparator),
         )
 
     def _advance(self) -> None:
@@ -251,3 +277,9 @@ class Choosing:
             self._enter(i, j, verdicts, np.where(final, 2, 1).astype(np.int8))
         found: NDArray[np.int8] = self._verdicts[a, b]
         return found
+
+
+def _loses_at_most(vectors: Floats, best: int, comparator: Comparator) -> tuple[float, float]:
+    """By how much another of the vectors (n, k) can be better than the best, and the confidence in that."""
+    high, confidence = simultaneous_bounds(comparator, np.delete(vectors, best, axis=0) - vectors[best])
+    return max(0.0, float(high.max(initial=0.0))), float(confidence)

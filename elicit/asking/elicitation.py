@@ -18,7 +18,17 @@ from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
 from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, SAID, AskingRule, Facts, Judgement, settle_rows
 from elicit.decision.comparator_rule import ASKING, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import ALLOWANCE, Comparator, Decisions, KeepsAnswers, Tier, bounds_of, learn, tie_of
+from elicit.model.comparator import (
+    ALLOWANCE,
+    Comparator,
+    Decisions,
+    KeepsAnswers,
+    Tier,
+    bounds_of,
+    check_answers,
+    learn,
+    tie_of,
+)
 from elicit.model.query import Answer, Answers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
@@ -301,10 +311,12 @@ class Elicitation:
         """Take in what was answered before."""
         k = self.comparator.k
         if isinstance(known, Answers):
-            told = known
+            told = check_answers(known, k)
             for d, y in zip(known.d, known.y, strict=True):
                 self._answered.add(d, int(y), binding=bool(y == 0))
         else:
+            if not isinstance(known, Iterable):
+                raise TypeError(f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}")
             told = Answers.of([answer for answer in map(self._enter, known) if answer is not None], k)
         had = set(_rows(self.comparator.answers)) if isinstance(self.comparator, KeepsAnswers) else set()
         new = [i for i, row in enumerate(_rows(told)) if row not in had]
