@@ -8,7 +8,7 @@ where that fails, a primal simplex method on the dual program, in exact integers
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -74,8 +74,9 @@ def region_of(
     d: Floats,
     y: Sequence[int],
     only: Sequence[int] | None = None,
+    tie: float = 0.0,
 ) -> Region:
-    """K_t of answers (d, y), or of those numbered ``only``."""
+    """K_t of answers (d, y), or of those numbered ``only``; "equal" means within ``tie``."""
     p = k - 1
     region = Region(p, Fraction(1, p) if margin == 1.0 / p else Fraction(margin), [], [])
     if prior is not None:
@@ -86,9 +87,9 @@ def region_of(
         t, shift = tails(d[i])
         if not any(t):
             continue
-        band = -TIE_BAND * sum(map(abs, exact(d[i]))) / 2**shift if y[i] == 0 else Fraction(0)
+        band = max(TIE_BAND * sum(map(abs, exact(d[i]))), Fraction(tie)) / 2**shift if y[i] == 0 else Fraction(0)
         for sign in (1, -1) if y[i] == 0 else (int(y[i]),):
-            region.add([sign * x for x in exact(t)], band)
+            region.add([sign * x for x in exact(t)], -band)
     return region
 
 
@@ -250,13 +251,14 @@ class Case:
     y: NDArray[np.int8]
     ask: Floats
     truth: Rationals
+    tie: float = 0.0
 
     def region(self) -> Region:
-        return region_of(self.k, self.margin, self.prior, self.d, list(self.y))
+        return region_of(self.k, self.margin, self.prior, self.d, list(self.y), tie=self.tie)
 
     def known(self) -> PolytopeComparator:
         """A comparator that was told the answers at once."""
-        return PolytopeComparator(self.k, self.margin, self.prior).update(Answers(self.d, self.y))
+        return PolytopeComparator(self.k, self.margin, self.prior, self.tie).update(Answers(self.d, self.y))
 
 
 Rng = np.random.Generator
@@ -403,18 +405,20 @@ def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
 
 
 def tied(rng: Rng, k: int, n: int, asks: int) -> Case:
-    """Answers "equal": to exact ties and to pairs inside the band of 1e-9 |d|_1."""
+    """Answers "equal": to exact ties and to pairs inside the band of 1e-9 |d|_1, or inside that of a wider tie."""
     truth, _ = few_bits(rng, k - 1, 60)
     ties = np.array([tie_with(rng, truth) for _ in range(int(rng.integers(1, 5)))])
-    ties = ties + (rng.random() < 0.7) * 1e-10 * rng.uniform(-1, 1, size=ties.shape) * np.abs(ties).max()
+    tie = float(rng.choice([0.0, 0.0, 0.01, 0.2]))
+    off = tie or 1e-10 * np.abs(ties).max()
+    ties = ties + (rng.random() < 0.7) * off * rng.uniform(-1, 1, size=ties.shape)
     more = shares(rng, k, min(n, 30))
     y = np.concatenate([np.zeros(len(ties), dtype=np.int8), answered(rng, more, truth)])
     d = np.concatenate([ties, more])
     for i in range(len(ties)):
         value = abs(dot(exact(tails(d[i])[0]), truth))
-        if value > TIE_BAND * sum(map(abs, exact(d[i]))):
+        if value > max(TIE_BAND * sum(map(abs, exact(d[i]))), Fraction(tie)):
             y[i] = sign_of(d[i], truth)
-    return _case("tied", rng, truth, random_margin(rng, truth), d, asks, y)
+    return replace(_case("tied", rng, truth, random_margin(rng, truth), d, asks, y), tie=tie)
 
 
 def opposite(rng: Rng, k: int, n: int, asks: int) -> Case:

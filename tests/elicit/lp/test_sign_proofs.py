@@ -278,7 +278,7 @@ def test_any_layout_and_number_type() -> None:
     wide = np.zeros((24, 12))
     wide[::2, ::2] = told[0]
     for same in (np.asfortranarray(told[0]), wide[::2, ::2], told[0].astype(np.float32), told[0].tolist()):
-        assert (PolytopeComparator(6).update(Answers(same, told[1].astype(float))).compare(d) == wanted).all()
+        assert (PolytopeComparator(6).update(Answers(same, told[1].astype(np.int64))).compare(d) == wanted).all()
     short = d.astype(np.float32)
     assert (c.compare(short) == c.compare(short.astype(np.float64))).all()
     whole = np.round(8 * d).astype(np.int8)

@@ -83,10 +83,17 @@ def test_draws_from_an_uncut_simplex_are_uniform():
 def test_comparators_that_learn_nothing_bound_by_the_order_alone():
     d = differences(np.random.default_rng(4), 8, 5)
 
-    class Silent:
+    class Plain:
         k = 5
 
-    for comparator in (Dominance(5), AlwaysAsk(5), Silent()):
+        def bounds(self, d):
+            return np.full(len(d), -np.inf), np.append(np.full(len(d) - 1, np.inf), -0.25)
+
+    for comparator in (Dominance(5), AlwaysAsk(5)):
         high, confidence = simultaneous_bounds(comparator, d)
         np.testing.assert_allclose(high, tail_sums(d).max(axis=1))
         assert confidence == 1
+    high, confidence = simultaneous_bounds(Plain(), d)  # what it says row by row, where the order says no more
+    np.testing.assert_allclose(high[:-1], tail_sums(d[:-1]).max(axis=1))
+    assert high[-1] == -0.25
+    assert np.isnan(confidence)

@@ -130,7 +130,7 @@ def test_ten_thousand_times_the_same_answer() -> None:
     d, ask = from_tails([1.0, -2.0, 0.5, 0.25]), shares(np.random.default_rng(3), 5, 50)
     once = PolytopeComparator(5).update(Answers([d], [1]))
     begin = time.perf_counter()
-    often = PolytopeComparator(5).update(Answers(np.repeat(d[None], 10_000, axis=0), np.ones(10_000)))
+    often = PolytopeComparator(5).update(Answers(np.repeat(d[None], 10_000, axis=0), np.ones(10_000, int)))
     assert time.perf_counter() - begin < 10.0  # it takes a third of a second
     assert rows_kept(often) == 1
     assert (often.compare(ask) == once.compare(ask)).all()

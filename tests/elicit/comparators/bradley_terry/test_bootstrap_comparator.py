@@ -68,7 +68,9 @@ def test_nothing_beyond_dominance_without_answers_or_after_one(region: str, n: i
 def test_many_equal_answers_about_one_pair_leave_the_rest_open(region: str) -> None:
     """No false certainty: every resample is the same, so spread can only come from the prior."""
     d = np.array([0.3, -0.5, 0.2, 0.0, 0.0, 0.0])
-    a = BradleyTerryComparator(6, precision=20.0, region=region).update(Answers(np.tile(d, (200, 1)), np.ones(200)))
+    a = BradleyTerryComparator(6, precision=20.0, region=region).update(
+        Answers(np.tile(d, (200, 1)), np.ones(200, int))
+    )
     untouched = np.array([[0.0, 0.0, 0.0, 0.5, -1.0, 0.5], [0.0, 0.0, 0.3, -0.6, 0.0, 0.3], [0, 0, 0.5, -1, 0.5, 0]])
     assert (a.compare(untouched) == Verdict.UNKNOWN).all()
     lo, hi = a.bounds(untouched)
@@ -104,7 +106,7 @@ def test_precision_zero_learns_nothing() -> None:
 @pytest.mark.parametrize("region", REGIONS)
 def test_separable_answers_without_a_prior_are_no_fit(region: str) -> None:
     answers, fresh, precision, e = told(4, 5, 30)
-    truthful = Answers(answers.d, np.sign(answers.d @ e))
+    truthful = Answers(answers.d, np.sign(answers.d @ e).astype(int))
     a = BradleyTerryComparator(5, precision=precision, prior_strength=0, region=region).update(truthful)
     with pytest.warns(NotConverged, match="no maximum found for 100 of 100 resamples of 29 answers, nor"):
         assert not a.converged
@@ -139,7 +141,7 @@ def test_a_pair_answered_both_ways_a_thousand_times_stays_open(region: str) -> N
 @pytest.mark.parametrize("region", REGIONS)
 def test_ties_everywhere(region: str) -> None:
     answers, fresh, precision, _ = told(6, 5, 300)
-    a = BradleyTerryComparator(5, precision=precision, region=region).update(Answers(answers.d, np.zeros(300)))
+    a = BradleyTerryComparator(5, precision=precision, region=region).update(Answers(answers.d, np.zeros(300, int)))
     assert a.converged
     assert np.isfinite(a.values).all()
     assert a.values[0] == 0
@@ -153,11 +155,11 @@ def test_a_tutor_against_the_order_ends_in_silence(region: str, rescale: bool) -
     """Every dominated vector is called better: all gaps shrink to 0, and no verdict may come of it."""
     rng = np.random.default_rng(7)
     d = np.sort(rng.dirichlet(np.ones(4), 400), axis=1) - 0.25
-    a = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale).update(Answers(d, -np.ones(400)))
+    a = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale).update(Answers(d, -np.ones(400, int)))
     assert (a.compare(pairs(rng, 4, 50)) == Verdict.UNKNOWN).all()
     assert (a.compare(d) == Verdict.BETTER).all()
     literal = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale, monotone=False)
-    assert (literal.update(Answers(d, -np.ones(400))).compare(d) == Verdict.BETTER).all()
+    assert (literal.update(Answers(d, -np.ones(400, int))).compare(d) == Verdict.BETTER).all()
 
 
 # How well it decides

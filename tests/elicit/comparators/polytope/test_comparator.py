@@ -46,7 +46,7 @@ def setting(seed: int, k: int = 7, n: int = 40, asks: int = 60) -> Case:
 
 
 def test_without_answers_it_knows_the_order_and_the_margin() -> None:
-    c = PolytopeComparator(3, margin=0.125)
+    c = PolytopeComparator(3, margin=0.125, tie=0.0)
     steps = np.array([[-1, 1, 0], [0, 1, -1], [0, 0, 0], [-1, 2, -1], [-1, 7, -6], [-6, 7, -1]], dtype=float)
     assert c.compare(steps).tolist() == [BETTER, WORSE, EQUAL, UNKNOWN, UNKNOWN, UNKNOWN]
     # the gaps lie in [1/8, 7/8]: one step up against another down is decided from 7 to 1
@@ -68,12 +68,12 @@ def test_the_closed_form_is_right_to_the_last_bit() -> None:
         d = np.concatenate([[0.0], np.append(t[:-1] - t[1:], t[-1])])
         exactly = exact(tails(d)[0])
         least = Fraction(margin) * sum(exactly) + (1 - (k - 1) * Fraction(margin)) * min(exactly)
-        assert PolytopeComparator(k, margin=margin).compare(d)[0] == (BETTER if least >= 0 else UNKNOWN)
+        assert PolytopeComparator(k, margin=margin, tie=0.0).compare(d)[0] == (BETTER if least >= 0 else UNKNOWN)
 
 
 def test_closed_gaps_make_no_difference() -> None:
     """Margin 0 and an answer against dominance: the gap is 0, and what differs by it only is equal."""
-    c = PolytopeComparator(4, margin=0.0).update(Answers([from_tails([0.0, 1.0, 0.0])], [-1]))
+    c = PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers([from_tails([0.0, 1.0, 0.0])], [-1]))
     asked = [from_tails(t) for t in ([0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -5.0, 0.0], [1.0, 0.0, -1.0])]
     assert c.compare(asked).tolist() == [EQUAL, BETTER, BETTER, UNKNOWN]
     assert decide(c, asked).tiers[:3].tolist() == [Tier.EXACT] * 3  # dominance itself would say too much
@@ -101,7 +101,7 @@ def test_verdicts_depend_on_nothing_else(seed: int, k: int, n: int) -> None:
     _, _ = warm.values, warm.bounds(case.ask[:5])
     assert (warm.compare(case.ask) == expected).all()
 
-    one_by_one = PolytopeComparator(k)
+    one_by_one = PolytopeComparator(k, tie=0.0)
     for i in rng.permutation(n):
         one_by_one.compare(case.ask[: rng.integers(10)])  # proofs found on the way are carried along
         one_by_one = one_by_one.update(Answers(case.d[i : i + 1], case.y[i : i + 1]))
@@ -116,7 +116,7 @@ def test_verdicts_depend_on_nothing_else(seed: int, k: int, n: int) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_decided_stays_decided(seed: int) -> None:
     case = setting(seed, k=6, n=30, asks=150)
-    c = PolytopeComparator(6)
+    c = PolytopeComparator(6, tie=0.0)
     before = c.compare(case.ask)
     for i in range(30):
         c = c.update(Answers(case.d[i : i + 1], case.y[i : i + 1]))
@@ -144,7 +144,7 @@ def test_level_1_of_an_answer_never_enters() -> None:
     case = setting(9)
     other = case.d.copy()
     other[:, 0] = 1e300
-    c = PolytopeComparator(case.k).update(Answers(other, case.y))
+    c = PolytopeComparator(case.k, tie=case.tie).update(Answers(other, case.y))
     assert (c.compare(case.ask) == case.known().compare(case.ask)).all()
 
 
@@ -193,7 +193,7 @@ def test_the_centre_is_the_barriers_optimum(seed: int) -> None:
 def test_the_centre_lies_strictly_inside() -> None:
     for k, n in ((3, 5), (6, 40), (12, 150), (25, 300)):
         case = setting(k, k=k, n=n, asks=0)
-        c = PolytopeComparator(k, margin=float(min(case.truth)) / 2).update(Answers(case.d, case.y))
+        c = PolytopeComparator(k, margin=float(min(case.truth)) / 2, tie=case.tie).update(Answers(case.d, case.y))
         g = exact(np.diff(c.values))
         g = [x / sum(g) for x in g]
         region = region_of(k, c.margin, None, case.d, list(case.y))
@@ -204,22 +204,24 @@ def test_the_centre_lies_strictly_inside() -> None:
 
 def test_equal_gaps_before_any_answer() -> None:
     for k in (2, 3, 10, 25):
-        assert PolytopeComparator(k).values == pytest.approx(np.linspace(0, 1, k), abs=1e-9)
-        assert PolytopeComparator(k, margin=1 / (k - 1)).values == pytest.approx(np.linspace(0, 1, k), abs=1e-12)
+        assert PolytopeComparator(k, tie=0.0).values == pytest.approx(np.linspace(0, 1, k), abs=1e-9)
+        assert PolytopeComparator(k, margin=1 / (k - 1), tie=0.0).values == pytest.approx(
+            np.linspace(0, 1, k), abs=1e-12
+        )
 
 
 def test_known_centres() -> None:
     # g_1 = g_2: the product g_1 g_2 g_3 is greatest at a third each; with d told three ways
     d = from_tails([1.0, -1.0, 0.0])
     for told, y in (([d, -d], [1, 1]), ([d], [0]), ([d, d, d], [1, -1, 0])):
-        c = PolytopeComparator(4, margin=0.0).update(Answers(told, y))
+        c = PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers(told, y))
         assert c.values == pytest.approx([0, 1 / 3, 2 / 3, 1], abs=1e-7)
     # g_1 >= g_2: maximise g_1 g_2 (g_1 - g_2) with g_1 + g_2 = 1, hence 6 g_1^2 - 6 g_1 + 1 = 0
-    c = PolytopeComparator(3, margin=0.0).update(Answers([from_tails([1.0, -1.0])], [1]))
+    c = PolytopeComparator(3, margin=0.0, tie=0.0).update(Answers([from_tails([1.0, -1.0])], [1]))
     assert c.values[1] == pytest.approx(0.5 + 1 / np.sqrt(12), abs=1e-9)
     # one point: the ratios 1 : 2 : 5 are told exactly
     pairs = [from_tails([2.0, -1.0, 0.0]), from_tails([5.0, 0.0, -1.0])]
-    c = PolytopeComparator(4).update(Answers(pairs + [-p for p in pairs], [1] * 4))
+    c = PolytopeComparator(4, tie=0.0).update(Answers(pairs + [-p for p in pairs], [1] * 4))
     assert c.values == pytest.approx([0, 1 / 8, 3 / 8, 1], abs=1e-9)
     assert c.compare(from_tails([2.0, 0.0, -0.375])).tolist() == [BETTER]
     assert c.compare(from_tails([2.0, 0.0, -0.5])).tolist() == [WORSE]
@@ -229,7 +231,7 @@ def test_known_centres() -> None:
 def test_ties_that_only_the_edge_of_the_band_satisfies() -> None:
     """Two answers "equal" whose middles contradict each other leave a sliver, and values lie in it."""
     a, b = from_tails([1.0, -1.0, 0.0]), from_tails([1.0 + 2.0**-28, -1.0, 0.0])
-    c = PolytopeComparator(4, margin=0.3).update(Answers([a, b], [0, 0]))
+    c = PolytopeComparator(4, margin=0.3, tie=0.0).update(Answers([a, b], [0, 0]))
     _, slack = slacks(c, np.diff(c.values))
     assert slack.min() > -1e-12
 
@@ -239,7 +241,7 @@ def test_values_do_not_depend_on_the_order_of_the_answers() -> None:
     for case in cases(53, 140, asks=1, most_answers=60, most_levels=15):
         if case.kind not in ("plain", "touching", "equal gaps", "extreme"):
             order = rng.permutation(len(case.y))
-            shuffled = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
+            shuffled = PolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
             for part in np.array_split(order, 3):
                 shuffled = shuffled.update(Answers(case.d[part], case.y[part]))
             assert (shuffled.values == case.known().values).all(), case.kind
@@ -267,7 +269,7 @@ def test_an_erring_tutor_is_caught_with_a_minimal_set(seed: int) -> None:
         y = np.where(rng.random(n) < 0.1, -1, 1) * answered(rng, d, truth)
         ids = [f"q{i}" for i in range(n)]
         margin = float(rng.choice([0.0, 1e-6, 1e-3]))
-        c, told, batch = PolytopeComparator(k, margin=margin), 0, int(rng.choice([1, 7, n]))
+        c, told, batch = PolytopeComparator(k, margin=margin, tie=0.0), 0, int(rng.choice([1, 7, n]))
         while told < n:
             part = slice(told, told + batch)
             ask = shares(rng, k, 5)
@@ -292,9 +294,9 @@ def test_truthful_answers_and_a_margin_above_the_least_gap() -> None:
     truth = [Fraction(1, 100), Fraction(49, 100), Fraction(50, 100)]
     d = shares(rng, 4, 400)
     y = answered(rng, d, truth)
-    assert len(PolytopeComparator(4, margin=0.009).update(Answers(d, y)).answers) == 400
+    assert len(PolytopeComparator(4, margin=0.009, tie=0.0).update(Answers(d, y)).answers) == 400
     with pytest.raises(InconsistentAnswers, match=r"margin 0\.1 is above the least gap") as caught:
-        PolytopeComparator(4, margin=0.1).update(Answers(d, y))
+        PolytopeComparator(4, margin=0.1, tie=0.0).update(Answers(d, y))
     assert caught.value.margin is True
     check_conflict(caught.value, 4, 0.1, None, d, list(y))
 
@@ -302,7 +304,7 @@ def test_truthful_answers_and_a_margin_above_the_least_gap() -> None:
 def test_a_real_contradiction_does_not_blame_the_margin() -> None:
     d = np.array([from_tails(t) for t in ([1.0, -2.0], [-2.0, 1.0], [1.0, 1.0])])
     with pytest.raises(InconsistentAnswers) as caught:
-        PolytopeComparator(3, margin=0.01).update(Answers(d, [1, 1, 1], ["a", "b", "c"]))
+        PolytopeComparator(3, margin=0.01, tie=0.0).update(Answers(d, [1, 1, 1], ["a", "b", "c"]))
     copied = pickle.loads(pickle.dumps(caught.value))  # as from a worker process
     for error in (caught.value, copied):
         assert error.answers == ((0, "a"), (1, "b"))
@@ -322,7 +324,7 @@ def test_a_real_contradiction_does_not_blame_the_margin() -> None:
     ],
 )
 def test_one_answer_against_dominance(t: list[float], y: int, margin: float, blamed: bool) -> None:
-    c = PolytopeComparator(4, margin=margin).update(Answers([from_tails([1.0, -1.0, 0.0])], [1]))
+    c = PolytopeComparator(4, margin=margin, tie=0.0).update(Answers([from_tails([1.0, -1.0, 0.0])], [1]))
     with pytest.raises(InconsistentAnswers) as caught:
         c.update(Answers([from_tails(t)], [y], ["odd"]))
     assert caught.value.answers == ((1, "odd"),)
@@ -331,15 +333,15 @@ def test_one_answer_against_dominance(t: list[float], y: int, margin: float, bla
 
 def test_equal_levels_within_the_band_are_no_contradiction() -> None:
     step = from_tails([0.0, 1.0, 0.0])
-    assert PolytopeComparator(4, margin=1e-10).update(Answers([step], [0])).compare(step).tolist() == [BETTER]
+    assert PolytopeComparator(4, margin=1e-10, tie=0.0).update(Answers([step], [0])).compare(step).tolist() == [BETTER]
     with pytest.raises(InconsistentAnswers):
-        PolytopeComparator(4, margin=1e-6).update(Answers([step], [0]))
-    assert PolytopeComparator(4, margin=0.0).update(Answers([step], [-1])).compare(step).tolist() == [EQUAL]
+        PolytopeComparator(4, margin=1e-6, tie=0.0).update(Answers([step], [0]))
+    assert PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers([step], [-1])).compare(step).tolist() == [EQUAL]
 
 
 def test_the_prior_is_never_named() -> None:
     prior = (np.array([[0.0, 1.0, 0.0]]), np.array([0.5]))  # level 2 is worth at least a half
-    c = PolytopeComparator(3, margin=0.01, prior=prior)
+    c = PolytopeComparator(3, margin=0.01, prior=prior, tie=0.0)
     d = from_tails([-1.0, 2.0])
     ok = c.update(Answers([d], [1]))
     with pytest.raises(InconsistentAnswers) as caught:
@@ -351,7 +353,7 @@ def test_the_prior_is_never_named() -> None:
 def test_contradictions_by_the_last_bit() -> None:
     """The truth lies exactly on a cut: moving a later cut by one unit in the last place decides consistency."""
     d = from_tails([3.0, -1.0])  # g = (1/4, 3/4)
-    c = PolytopeComparator(3).update(Answers([d, d], [1, -1]))
+    c = PolytopeComparator(3, tie=0.0).update(Answers([d, d], [1, -1]))
     touching, beyond = from_tails([-6.0, 2.0]), np.array([4.0, -8.0, 2.0 - 2.0**-52])
     assert c.update(Answers([touching], [1])).compare(touching).tolist() == [EQUAL]
     beyond = np.array([0.0, -6.0 - 2.0 + 2.0**-52, 2.0 - 2.0**-52])
@@ -365,19 +367,19 @@ def test_contradictions_by_the_last_bit() -> None:
 )
 def test_a_margin_that_does_not_fit(k: int, margin: float) -> None:
     with pytest.raises(ValueError, match=r"margin eta must lie between 0 and 1/\(k-1\)") as caught:
-        PolytopeComparator(k, margin=margin)
+        PolytopeComparator(k, margin=margin, tie=0.0)
     assert repr(margin) in str(caught.value)
 
 
 def test_the_greatest_margin() -> None:
     for k in range(2, 26):
-        c = PolytopeComparator(k, margin=1.0 / (k - 1))
+        c = PolytopeComparator(k, margin=1.0 / (k - 1), tie=0.0)
         d = shares(np.random.default_rng(k), k, 20)
         truth = [Fraction(1, k - 1)] * (k - 1)
         assert c.compare(d).tolist() == [sign_of(row, truth) for row in d]
         with pytest.raises(ValueError, match="margin eta"):
-            PolytopeComparator(k, margin=float(np.nextafter(1.0 / (k - 1), 2)))
-        PolytopeComparator(k, margin=float(np.nextafter(1.0 / (k - 1), 0))).compare(d)
+            PolytopeComparator(k, margin=float(np.nextafter(1.0 / (k - 1), 2)), tie=0.0)
+        PolytopeComparator(k, margin=float(np.nextafter(1.0 / (k - 1), 0)), tie=0.0).compare(d)
 
 
 @pytest.mark.parametrize(
@@ -395,7 +397,7 @@ def test_the_greatest_margin() -> None:
 )
 def test_a_prior_that_cannot_be(prior: Any, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        PolytopeComparator(3, prior=prior)
+        PolytopeComparator(3, prior=prior, tie=0.0)
 
 
 @pytest.mark.parametrize(
@@ -409,7 +411,7 @@ def test_a_prior_that_cannot_be(prior: Any, message: str) -> None:
     ],
 )
 def test_differences_that_are_none(d: Any, message: str) -> None:
-    c = PolytopeComparator(3)
+    c = PolytopeComparator(3, tie=0.0)
     for ask in (c.compare, c.bounds, partial(decide, c)):
         with pytest.raises(ValueError, match=message):
             ask(d)
@@ -418,7 +420,7 @@ def test_differences_that_are_none(d: Any, message: str) -> None:
 def test_ties_keep_their_width_at_any_size() -> None:
     d = from_tails([1.0, -2.0, 0.25])
     for power in (1020, 0, -1000):
-        c = PolytopeComparator(4).update(Answers([np.ldexp(d, power)], [0]))
+        c = PolytopeComparator(4, tie=0.0).update(Answers([np.ldexp(d, power)], [0]))
         band = TIE_BAND * np.abs(d).sum()
         assert band <= c.bounds(d)[1][0] <= 2.001 * band
         assert c.compare(from_tails([1.0 + 2.0**-26, -2.0, 0.25])).tolist() == [UNKNOWN]
@@ -427,13 +429,13 @@ def test_ties_keep_their_width_at_any_size() -> None:
 
 def test_huge_and_tiny_in_one_difference() -> None:
     d = np.array([0.0, 0.0, -1e-300, 1e300])
-    c = PolytopeComparator(4)
+    c = PolytopeComparator(4, tie=0.0)
     assert c.compare([d, -d]).tolist() == [BETTER, WORSE]
     odd = [0.0, 1e280, -1e-300, 0.0]
     assert tails(odd)[0] == [1e280, -1e-300, 0.0]
     assert c.compare(odd).tolist() == [BETTER]
-    assert PolytopeComparator(4, margin=0.0).compare(odd).tolist() == [UNKNOWN]
-    pinned = PolytopeComparator(4, margin=0.0).update(Answers([from_tails([1.0, 0.0, 0.0])], [-1]))
+    assert PolytopeComparator(4, margin=0.0, tie=0.0).compare(odd).tolist() == [UNKNOWN]
+    pinned = PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers([from_tails([1.0, 0.0, 0.0])], [-1]))
     assert pinned.compare(odd).tolist() == [WORSE]
     with pytest.raises(ValueError, match="row 0 of the answers holds both huge and tiny numbers"):
         c.update(Answers([odd], [1]))
@@ -449,7 +451,7 @@ def test_five_hundred_answers(k: int, flat: int) -> None:
     y = np.concatenate([np.ones(2 * flat, dtype=int), answered(rng, d[2 * flat :], truth)])
     ask = np.concatenate([questions(rng, d, truth, 12), shares(rng, k, 4)])
     begin = time.perf_counter()
-    c = PolytopeComparator(k).update(Answers(d, y))
+    c = PolytopeComparator(k, tie=0.0).update(Answers(d, y))
     given, _ = c.compare(ask), (c.values, c.bounds(ask[:5]))
     assert time.perf_counter() - begin < 30.0
     oracle = Oracle(region_of(k, 1e-6, None, d, list(y)))

@@ -14,7 +14,7 @@ PARTS, PART = 14, 80  # 1,120 cases
 
 def told(case: Case, how: int) -> PolytopeComparator:
     """The comparator that knows the case's answers: told at once, one by one in another order, or in halves."""
-    comparator = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
+    comparator = PolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
     n = len(case.y)
     if how == 0 or n > 60:
         return comparator.update(Answers(case.d, case.y))

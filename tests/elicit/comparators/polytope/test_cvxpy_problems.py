@@ -144,7 +144,7 @@ def test_violations_are_named_and_limited():
     told = Answers(
         [[-0.2, 0.5, -0.3, 0.0], [-0.2, 0.2, 0.3, -0.3], [-0.3, 0.6, 0.0, -0.3], [0.2, -0.5, 0.2, 0.1]], [1, -1, 0, 1]
     )
-    comparator = RelaxedPolytopeComparator(4, 0.02).update(told)
+    comparator = RelaxedPolytopeComparator(4, 0.02, tie=0.0).update(told)
     assert comparator.violation > 0.01
     least, _ = comparator.problems([0.1, 0.2, -0.7, 0.4])
     labels = [constraint.label for constraint in least.constraints]

@@ -26,7 +26,7 @@ def told(
     k: int, answers: Sequence[tuple[Any, int]] = (), margin: float = 1e-6, prior: Any = None
 ) -> PolytopeComparator:
     known = as_prior(prior, k)
-    comparator = PolytopeComparator(k, margin=margin, prior=known)
+    comparator = PolytopeComparator(k, margin=margin, prior=known, tie=0.0)
     if answers:
         d, y = zip(*answers, strict=True)
         comparator = comparator.update(Answers(np.array(d, dtype=float), y, ids=[f"q{i}" for i in range(len(y))]))
@@ -37,7 +37,7 @@ def of_case(case: Case, rows: Sequence[int] | None = None, prior: Sequence[int] 
     """The comparator that knows a case, or only some of its answers and prior inequalities."""
     keep = slice(None) if rows is None else list(rows)
     given = case.prior if prior is None or case.prior is None else tuple(x[list(prior)] for x in case.prior)
-    comparator = PolytopeComparator(case.k, margin=case.margin, prior=given)
+    comparator = PolytopeComparator(case.k, margin=case.margin, prior=given, tie=case.tie)
     return comparator.update(Answers(case.d[keep], case.y[keep]))
 
 
@@ -46,9 +46,9 @@ def in_units_of(d: Sequence[float]) -> list[Fraction]:
     return [x * 2**shift for x in exact(t)]
 
 
-def band(d: Sequence[float]) -> Fraction:
+def band(d: Sequence[float], tie: float) -> Fraction:
     """What an answer "equal" about d allows: elicit draws it wider by less than one part in 10^12."""
-    return TIE_BAND * sum(map(abs, exact(d)))
+    return max(TIE_BAND * sum(map(abs, exact(d))), Fraction(tie))
 
 
 def least_gap(comparator: PolytopeComparator) -> Fraction:
@@ -60,12 +60,13 @@ def check_proof(proof: Proof, d: Any, comparator: PolytopeComparator) -> None:
     """The identity, in gaps: d.e = t.g with the tail sums t, e_{j+1} - e_j = g_j and e_k - e_1 = 1."""
     answers, prior = comparator.answers, comparator.prior
     total, bound, wider = [proof.remainder] * (comparator.k - 1), proof.remainder, Fraction(0)
-    for row, name, sign, weight in proof.answers:
+    for row, name, sign, weight, equal in proof.answers:
         assert name == answers.ids[row]
         assert sign == answers.y[row] or (answers.y[row] == 0 and sign in (1, -1))
+        assert equal == (answers.y[row] == 0)
         assert weight > 0
         total = [a + weight * sign * x for a, x in zip(total, in_units_of(answers.d[row]), strict=True)]
-        wider += weight * band(answers.d[row]) if answers.y[row] == 0 else 0
+        wider += weight * band(answers.d[row], comparator.tie) if answers.y[row] == 0 else 0
     for row, name, weight in proof.prior:
         assert prior is not None
         assert name == prior.names[row]
@@ -94,7 +95,7 @@ def check_scales(explanation: Explanation, comparator: PolytopeComparator) -> No
         assert min(g) >= least_gap(comparator)
         for d, y in zip(answers.d, answers.y, strict=True):
             value = dot(in_units_of(d), g)
-            assert y * value >= 0 if y else abs(value) <= band(d) * (1 + Fraction(1e-12))
+            assert y * value >= 0 if y else abs(value) <= band(d, comparator.tie) * (1 + Fraction(1e-12))
         for a, b in zip(prior.a, prior.b, strict=True) if prior is not None else ():
             assert dot(in_units_of(a), g) >= Fraction(float(b))
         signs.append(np.sign(dot(t, g)))

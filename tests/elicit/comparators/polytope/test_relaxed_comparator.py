@@ -27,13 +27,15 @@ BETTER, WORSE, EQUAL, UNKNOWN = Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Ve
 class Fit:
     """Least total violation, and least d.e where the total violation is at most some number."""
 
-    def __init__(self, k: int, margin: float, prior: tuple[Floats, Floats] | None, answers: Answers) -> None:
+    def __init__(
+        self, k: int, margin: float, prior: tuple[Floats, Floats] | None, answers: Answers, tie: float = 0.0
+    ) -> None:
         self.k, self.n, self.most = k, len(answers), np.inf
         none, rows, limits = np.zeros(self.n), [], []
         for i, (d, y) in enumerate(zip(answers.d, answers.y, strict=True)):
             for sign in (1, -1) if y == 0 else (y,):
                 rows.append(np.append(sign * d, np.eye(self.n)[i]))
-                limits.append(-TIE_BAND * np.abs(d).sum() if y == 0 else 0.0)
+                limits.append(-max(TIE_BAND * np.abs(d).sum(), tie) if y == 0 else 0.0)
         steps = np.eye(k)[1:] - np.eye(k)[:-1]
         for a, b in [*((step, margin) for step in steps), *(zip(*prior, strict=True) if prior is not None else ())]:
             rows.append(np.append(a, none))
@@ -72,7 +74,7 @@ def budget_of(comparator: RelaxedPolytopeComparator) -> float:
     """The total violation that is allowed, as documented."""
     if comparator.violation == comparator.slack == 0:
         return 0.0
-    hinges = Hinges.of(comparator.answers)
+    hinges = Hinges.of(comparator.answers, comparator.tie)
     unit = 2.0**hinges.exponent
     most = unit * (len(hinges.rows) + 1)  # of any scale
     return comparator.violation + min(max(comparator.slack, LEAST_SLACK * unit), most)
@@ -113,7 +115,7 @@ def test_verdicts_and_bounds_are_those_of_the_linear_programs(part: int) -> None
         y = np.where(rng.random(n) < 0.1, 0, told.y)
         told = Answers(told.d, y) + Answers(told.d[:3], y[:3])  # some of them twice
         margin = float(rng.choice([0.0, 1e-6, 0.02]))
-        comparator = RelaxedPolytopeComparator(k, slack, margin).update(told[: n // 2])
+        comparator = RelaxedPolytopeComparator(k, slack, margin, tie=0.0).update(told[: n // 2])
         comparator.compare(told.d)  # what is cut for some answers is handed on
         comparator = comparator.update(told[n // 2 :])
         inconsistent += comparator.violation > 0
@@ -136,11 +138,11 @@ def test_nasty_answers_turned_round() -> None:
         if case.kind == "extreme":
             continue
         told, slack = flipped(case, i), (0.0, 0.01, 0.2)[i % 3]
-        comparator = RelaxedPolytopeComparator(case.k, slack, case.margin, case.prior).update(told)
+        comparator = RelaxedPolytopeComparator(case.k, slack, case.margin, case.prior, tie=case.tie).update(told)
         inconsistent += comparator.violation > 0
         ask = case.ask / np.maximum(np.abs(case.ask).sum(axis=1, keepdims=True), 1e-300)
         size = max(1.0, np.abs(told.d).max(initial=0.0))
-        check_against(Fit(case.k, case.margin, case.prior, told), comparator, ask, size)
+        check_against(Fit(case.k, case.margin, case.prior, told, case.tie), comparator, ask, size)
         widest = comparator.bounds(np.eye(case.k)[1:] - np.eye(case.k)[:-1])[1]
         assert (np.diff(comparator.values) <= widest + 1e-12).all()
     assert inconsistent > 30
@@ -150,7 +152,7 @@ def test_values_are_the_analytic_centre_with_violations() -> None:
     """The barrier's maximum by another method: a conic program with logarithms."""
     for seed, slack in ((0, 0.1), (1, 0.02)):
         _, told = noisy(seed, 5, 20, 0.2)
-        comparator = RelaxedPolytopeComparator(5, slack, margin=0.01).update(told)
+        comparator = RelaxedPolytopeComparator(5, slack, margin=0.01, tie=0.0).update(told)
         e, s = cp.Variable(5), cp.Variable(20)
         over = cp.multiply(told.y, told.d @ e) + s
         rest = comparator.violation + slack - cp.sum(s)
@@ -163,8 +165,8 @@ def test_values_are_the_analytic_centre_with_violations() -> None:
 def test_consistent_answers_and_no_slack_are_the_polytope_comparator() -> None:
     for i, case in enumerate(cases(31, 56, most_levels=11, most_answers=60)):
         told = Answers(case.d, case.y)
-        plain = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
-        relaxed = RelaxedPolytopeComparator(case.k, margin=case.margin, prior=case.prior)
+        plain = PolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
+        relaxed = RelaxedPolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
         half = len(told) // 2
         relaxed = relaxed.update(told[:half]).update(told[half:])
         plain = plain.update(told)
@@ -183,7 +185,9 @@ def test_slack_only_ever_loosens() -> None:
     for i, case in enumerate(cases(32, 21, most_levels=8, most_answers=30)):
         told = flipped(case, i) if i % 2 else Answers(case.d, case.y)
         slacks = (0.0, 1e-12, 1e-3, 0.1, 1e9)
-        several = [RelaxedPolytopeComparator(case.k, x, case.margin, case.prior).update(told) for x in slacks]
+        several = [
+            RelaxedPolytopeComparator(case.k, x, case.margin, case.prior, tie=case.tie).update(told) for x in slacks
+        ]
         for tight, loose in pairwise(several):
             assert loose.violation == tight.violation
             narrow, wide = tight.compare(case.ask), loose.compare(case.ask)
@@ -195,7 +199,7 @@ def test_slack_only_ever_loosens() -> None:
                 assert (ends[1][1] >= ends[0][1] - room).all()
             decided += int(np.count_nonzero(narrow != UNKNOWN))
             loosened += int(np.count_nonzero(narrow != wide))
-        free = PolytopeComparator(case.k, margin=case.margin, prior=case.prior)
+        free = PolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
         assert (several[-1].compare(case.ask) == free.compare(case.ask)).all()
     assert decided > 100
     assert loosened > 10
@@ -204,7 +208,7 @@ def test_slack_only_ever_loosens() -> None:
 def test_cuts_hold_exactly() -> None:
     """Of any rows and weights, in rationals: the cut asks no more of any g >= 0 of total 1 than the weighted sum."""
     for i, case in enumerate(cases(33, 56, most_levels=12, most_answers=60)):
-        rng, hinges = np.random.default_rng(i), Hinges.of(flipped(case, i))
+        rng, hinges = np.random.default_rng(i), Hinges.of(flipped(case, i), case.tie)
         if not len(hinges.rows):
             continue
         for _ in range(5):
@@ -226,8 +230,8 @@ def test_cuts_hold_exactly() -> None:
 def test_the_best_fit_is_a_scale_and_its_violation_no_less_than_told() -> None:
     for i, case in enumerate(cases(34, 28, most_levels=10, most_answers=60)):
         told = flipped(case, i)
-        hinges = Hinges.of(told)
-        rows, rhs, owner = answer_rows(told, 0)
+        hinges = Hinges.of(told, case.tie)
+        rows, rhs, owner = answer_rows(told, 0, case.tie)
         assert (hinges.rows == rows).all()
         assert (hinges.owner == owner).all()
         unit = Fraction(2) ** hinges.exponent
@@ -236,7 +240,7 @@ def test_the_best_fit_is_a_scale_and_its_violation_no_less_than_told() -> None:
             if weight > 2.0**-1000:
                 size = max(map(abs, exact(t))) * 2**shift
                 assert size == max(map(abs, exact(row))) * Fraction(weight) * unit
-        order = PlausibleSet(PolytopeComparator(case.k, case.margin, case.prior).region)
+        order = PlausibleSet(PolytopeComparator(case.k, case.margin, case.prior, tie=case.tie).region)
         g = best_fit(hinges, order)
         true = [x / sum(exact(g)) for x in exact(g)]
         region = region_of(case.k, case.margin, case.prior, case.d[:0], [])
@@ -253,7 +257,7 @@ UP, DOWN = from_tails([1.0, -1.5]), from_tails([-0.90625, 1.0])
 
 
 def test_repeated_answers_count_repeatedly() -> None:
-    once = RelaxedPolytopeComparator(3).update(Answers([UP, DOWN], [1, 1], ["up", "down"]))
+    once = RelaxedPolytopeComparator(3, tie=0.0).update(Answers([UP, DOWN], [1, 1], ["up", "down"]))
     # 1.5 - 2.5 g is lacking of the one, 1.90625 g - 1 of the other: the steeper one wins
     assert once.violation == pytest.approx(1.90625 * 0.6 - 1, abs=1e-10)
     assert once.values[1] == pytest.approx(0.6, abs=1e-8)
@@ -266,7 +270,7 @@ def test_repeated_answers_count_repeatedly() -> None:
     assert once.violated == ((1, "down"),)
     low, high = once.bounds([[0, 1, 0]])
     assert (low[0], high[0]) == pytest.approx((0.6, 0.6), abs=1e-8)
-    loose = RelaxedPolytopeComparator(3, slack=0.19).update(Answers([UP, DOWN], [1, 1]))
+    loose = RelaxedPolytopeComparator(3, slack=0.19, tie=0.0).update(Answers([UP, DOWN], [1, 1]))
     # between the cuts f falls by .59375 a unit, beyond 0.6 it rises by 1.90625, below 1/1.90625 by 2.5
     wide = [0.6 - 0.19 / 0.59375, 0.6 + 0.19 / 1.90625]
     wide[0] = (1.5 - once.violation - 0.19) / 2.5  # beyond the other cut
@@ -275,7 +279,7 @@ def test_repeated_answers_count_repeatedly() -> None:
 
 def test_a_tie_is_violated_by_what_exceeds_its_band() -> None:
     told = Answers([UP, DOWN, DOWN, DOWN], [0, 1, 1, 1])
-    c = RelaxedPolytopeComparator(3).update(told)
+    c = RelaxedPolytopeComparator(3, tie=0.0).update(told)
     g = 1 / 1.90625
     # the tie asks for g = 0.6 and gives way: |1.5 - 2.5 g| less its band
     assert c.violation == pytest.approx(1.5 - 2.5 * g - TIE_BAND * np.abs(UP).sum(), abs=2e-10)
@@ -285,7 +289,7 @@ def test_a_tie_is_violated_by_what_exceeds_its_band() -> None:
 def test_where_the_blame_can_be_put_either_way_all_are_named() -> None:
     """g_1 >= 0.6 and g_1 <= 0.4, equally steep: every g_1 between is a best fit, and violates both."""
     told = Answers([from_tails([0.4, -0.6]), from_tails([-0.6, 0.4])], [1, 1], ["a", "b"])
-    c = RelaxedPolytopeComparator(3).update(told)
+    c = RelaxedPolytopeComparator(3, tie=0.0).update(told)
     assert c.violation == pytest.approx(0.2, abs=1e-10)
     assert c.violated == ((0, "a"), (1, "b"))
     assert [b[0] for b in c.bounds([[0, 1, 0]])] == pytest.approx([0.4, 0.6], abs=1e-8)
@@ -299,7 +303,7 @@ def test_violated_names_whom_some_best_fit_violates() -> None:
         # few distinct numbers: best fits are often not unique
         d = np.array([from_tails(rng.integers(-3, 4, size=3).astype(float)) for _ in range(8)])
         told = Answers(d, rng.choice([-1, 1], 8))
-        c, fit = RelaxedPolytopeComparator(4).update(told), Fit(4, 1e-6, None, told)
+        c, fit = RelaxedPolytopeComparator(4, tie=0.0).update(told), Fit(4, 1e-6, None, told)
         fit.within(fit.violation() + 1e-9)
         most = np.array([fit.most_violation(i) for i in range(8)])
         if ((most < 1e-4) & (most > 1e-7)).any():
@@ -311,7 +315,7 @@ def test_violated_names_whom_some_best_fit_violates() -> None:
 
 
 def test_an_answer_against_the_order() -> None:
-    c = RelaxedPolytopeComparator(2).update(Answers([[0.5, -0.5]], [1]))
+    c = RelaxedPolytopeComparator(2, tie=0.0).update(Answers([[0.5, -0.5]], [1]))
     assert c.violation == pytest.approx(0.5, abs=1e-10)
     assert c.compare([[0.5, -0.5]]).tolist() == [WORSE]
     assert c.violated == ((0, "0"),)
@@ -323,10 +327,10 @@ def test_what_the_order_alone_leaves_at_zero() -> None:
     g = 1 / 1.90625  # where the answers say it is
     told = Answers([UP, DOWN, DOWN], [1, 1, 1])
     for corner in (0.3, 0.4, 0.45):
-        c = RelaxedPolytopeComparator(3, prior=[f"e2 >= {corner}"]).update(told)
+        c = RelaxedPolytopeComparator(3, prior=[f"e2 >= {corner}"], tie=0.0).update(told)
         d = np.array([-corner, 1.0, 0.0]) - np.array([0.0, 0.0, corner])
         assert [b[0] for b in c.bounds(d)] == pytest.approx([g - corner] * 2, abs=1e-8)
-        fresh = RelaxedPolytopeComparator(3, prior=[f"e2 >= {corner}"]).update(told)
+        fresh = RelaxedPolytopeComparator(3, prior=[f"e2 >= {corner}"], tie=0.0).update(told)
         assert fresh.compare([d, -d]).tolist() == [BETTER, WORSE]
 
 
@@ -334,7 +338,7 @@ def test_what_the_order_alone_leaves_at_zero() -> None:
 def test_a_prior_that_leaves_a_flat_set(prior: list[str]) -> None:
     _, told = noisy(3, 5, 30, 0.2)
     for slack in (0.0, 0.05):
-        c = RelaxedPolytopeComparator(5, slack, prior=prior).update(told)
+        c = RelaxedPolytopeComparator(5, slack, prior=prior, tie=0.0).update(told)
         assert c.violation > 0
         assert c.prior is not None
         fit = Fit(5, 1e-6, (c.prior.a, c.prior.b), told)
@@ -346,10 +350,10 @@ def test_a_prior_that_leaves_a_flat_set(prior: list[str]) -> None:
 def test_bounds_for_all_rows_at_once_state_a_confidence_only_while_the_answers_agree() -> None:
     _, answers = noisy(2, 5, 10, 0.0)
     d = shares(np.random.default_rng(2), 5, 20, 1.0)
-    relaxed = RelaxedPolytopeComparator(5, slack=0.01).update(answers)
+    relaxed = RelaxedPolytopeComparator(5, slack=0.01, tie=0.0).update(answers)
     high, confidence = relaxed.simultaneous_bounds(d)
     assert confidence == 1
-    assert (high >= PolytopeComparator(5).update(answers).bounds(d)[1] - 1e-9).all()
+    assert (high >= PolytopeComparator(5, tie=0.0).update(answers).bounds(d)[1] - 1e-9).all()
     assert (high >= relaxed.bounds(d)[1] - 1e-8).all()
     assert high.max() == pytest.approx(relaxed.bounds(d)[1].max(), abs=1e-7)
     torn = relaxed.update(Answers(answers.d[:3], -answers.y[:3]))
@@ -362,7 +366,9 @@ def test_bounds_for_all_rows_at_once_state_a_confidence_only_while_the_answers_a
 
 @pytest.mark.parametrize(("k", "slack"), [(2, 0.0), (3, 0.1), (5, 0.0), (5, 0.02)])
 def test_it_keeps_the_contract_where_answers_contradict_each_other(k: int, slack: float) -> None:
-    c = RelaxedPolytopeComparator(k, slack, margin=0.01).update(noisy(1, k, 12, 0.4)[1] if k > 2 else Answers.none(2))
+    c = RelaxedPolytopeComparator(k, slack, margin=0.01, tie=0.0).update(
+        noisy(1, k, 12, 0.4)[1] if k > 2 else Answers.none(2)
+    )
     check_comparator(c)
     new = c.update(c.answers[:2])
     assert (new.slack, new.k, new.margin, new.prior) == (slack, k, 0.01, None)
@@ -376,9 +382,9 @@ def test_verdicts_depend_on_the_answers_only() -> None:
     for seed, slack in ((1, 0.0), (2, 0.01), (3, 0.1)):
         _, told = noisy(seed, 7, 30, 0.2)
         ask = shares(rng, 7, 120)
-        cold = RelaxedPolytopeComparator(7, slack).update(told)
+        cold = RelaxedPolytopeComparator(7, slack, tie=0.0).update(told)
         expected = cold.compare(ask)
-        warm = RelaxedPolytopeComparator(7, slack)
+        warm = RelaxedPolytopeComparator(7, slack, tie=0.0)
         for i in range(30):
             warm.compare(ask[rng.integers(120, size=5)])
             warm = warm.update(told[i : i + 1])
@@ -388,7 +394,7 @@ def test_verdicts_depend_on_the_answers_only() -> None:
         for power in (-40, 3, 40):
             assert (cold.compare(ask * 2.0**power) == expected).all()
             # answers in another unit, and the slack with them
-            scaled = RelaxedPolytopeComparator(7, slack * 2.0**power)
+            scaled = RelaxedPolytopeComparator(7, slack * 2.0**power, tie=0.0)
             scaled = scaled.update(Answers(told.d * 2.0**power, told.y, told.ids))
             assert (scaled.compare(ask) == expected).all()
             assert scaled.violation == cold.violation * 2.0**power
@@ -397,13 +403,13 @@ def test_verdicts_depend_on_the_answers_only() -> None:
 
 def test_what_is_retracted_was_never_told() -> None:
     _, told = noisy(5, 6, 40, 0.1)
-    c = RelaxedPolytopeComparator(6, 0.0).update(told)
+    c = RelaxedPolytopeComparator(6, 0.0, tie=0.0).update(told)
     assert c.violation > 0
     names = [name for _, name in c.violated]
     without = c.retract(*names)
     assert len(without.answers) == 40 - len(names)
     assert without.violation < c.violation
-    never = RelaxedPolytopeComparator(6).update(told.without(names))
+    never = RelaxedPolytopeComparator(6, tie=0.0).update(told.without(names))
     ask = shares(np.random.default_rng(0), 6, 60)
     assert (without.compare(ask) == never.compare(ask)).all()
     with pytest.raises(ValueError, match="no answer here has the id 'nobody'"):
@@ -415,7 +421,7 @@ def test_extreme_answers_turned_round() -> None:
     seen = 0
     for i, case in enumerate(c for c in cases(35, 14 * 12, most_levels=8) if c.kind == "extreme"):
         for slack in (0.0, 0.1):
-            c = RelaxedPolytopeComparator(case.k, slack, case.margin).update(flipped(case, i))
+            c = RelaxedPolytopeComparator(case.k, slack, case.margin, tie=case.tie).update(flipped(case, i))
             verdicts, (low, high) = c.compare(case.ask), c.bounds(case.ask)
             assert (low[verdicts == BETTER] >= -1e-9 * np.abs(case.ask[verdicts == BETTER]).max(initial=0.0)).all()
             assert (low <= high).all()
@@ -429,14 +435,14 @@ def test_extreme_answers_turned_round() -> None:
 def test_errors() -> None:
     for slack in (-0.1, np.nan, np.inf, "a", None):
         with pytest.raises(ValueError, match=f"slack must be a finite number of at least 0.*not {slack!r}"):
-            RelaxedPolytopeComparator(4, slack)
+            RelaxedPolytopeComparator(4, slack, tie=0.0)
     with pytest.raises(ValueError, match="margin eta must lie between 0 and"):
-        RelaxedPolytopeComparator(4, margin=0.5)
+        RelaxedPolytopeComparator(4, margin=0.5, tie=0.0)
     with pytest.raises(ValueError, match="no scale with margin"):
-        RelaxedPolytopeComparator(4, prior=["e2 >= 0.9", "e3 <= 0.5"])
+        RelaxedPolytopeComparator(4, prior=["e2 >= 0.9", "e3 <= 0.5"], tie=0.0)
     with pytest.raises(ValueError, match="about 3 levels"):
-        RelaxedPolytopeComparator(4).update(Answers.none(3))
-    inconsistent = RelaxedPolytopeComparator(3).update(Answers([UP, DOWN], [1, 1]))
+        RelaxedPolytopeComparator(4, tie=0.0).update(Answers.none(3))
+    inconsistent = RelaxedPolytopeComparator(3, tie=0.0).update(Answers([UP, DOWN], [1, 1]))
     with pytest.raises(ValueError, match="both huge and tiny numbers"):
         inconsistent.update(Answers([[0, 1e300, 1e-300]], [1]))
 
@@ -453,7 +459,7 @@ def test_slack_brings_the_truth_back() -> None:
         y[row] *= -1
         ask = shares(rng, 5, 300, 1.0)
         for slack in (0.0, 0.01, 0.05, 0.2):
-            c = RelaxedPolytopeComparator(5, slack).update(Answers(told.d, y))
+            c = RelaxedPolytopeComparator(5, slack, tie=0.0).update(Answers(told.d, y))
             within = abs(told.d[row] @ e) <= c.violation + slack
             inside[slack] += int(within)
             verdicts = c.compare(ask)
@@ -469,7 +475,7 @@ def test_it_is_fast_enough() -> None:
     k = 10
     _, told = noisy(2, k, 60, 0.05)
     ask = shares(np.random.default_rng(3), k, 10_000, 1.0)
-    first = RelaxedPolytopeComparator(k, 0.05).update(told[:50])
+    first = RelaxedPolytopeComparator(k, 0.05, tie=0.0).update(told[:50])
     first.compare(ask[:50])  # compiles, if need be
     started = time.process_time()
     c = first
