@@ -408,7 +408,7 @@ def tied(rng: Rng, k: int, n: int, asks: int) -> Case:
     """Answers "equal": to exact ties and to pairs inside the band of 1e-9 |d|_1, or inside that of a wider tie."""
     truth, _ = few_bits(rng, k - 1, 60)
     ties = np.array([tie_with(rng, truth) for _ in range(int(rng.integers(1, 5)))])
-    tie = float(rng.choice([0.0, 0.0, 0.01, 0.2]))
+    tie = float(rng.choice([0.0, 0.0, 0.0, 0.01, 0.2]))
     off = tie or 1e-10 * np.abs(ties).max()
     ties = ties + (rng.random() < 0.7) * off * rng.uniform(-1, 1, size=ties.shape)
     more = shares(rng, k, min(n, 30))

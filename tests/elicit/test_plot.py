@@ -116,7 +116,7 @@ def test_shrunk_to_a_segment_and_to_a_point():
     assert plot.corners(line).cumsum(axis=1)[:, 1] == pytest.approx(2 * plot.corners(line)[:, 0])
     point = line.update(Answers([ways[1], ways[1]], [-1, 1]))
     assert plot.corners(point).tolist() == [[0.25, 0.25, 0.5]]
-    band = PolytopeComparator(4).update(Answers(ways, [0, 0]))  # "equal" is a band, if a narrow one
+    band = PolytopeComparator(4, tie=0.0).update(Answers(ways, [0, 0]))  # "equal" is a band, if a narrow one
     assert plot.corners(band) == pytest.approx(np.tile([0.25, 0.25, 0.5], (len(plot.corners(band)), 1)), abs=1e-8)
     for known, rings in ((line, 0), (point, 1), (band, 1)):
         ax = plot.polytope(known)

@@ -135,7 +135,7 @@ def test_a_rule_that_leaves_differences_open_needs_a_comparator_that_settles_the
 def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     class Blind(PolytopeComparator):
         def compare(self, d: ArrayLike) -> NDArray[np.int8]:
-            return np.where(super().compare(d) == Verdict.UNKNOWN, Verdict.UNKNOWN, Dominance(self.k).compare(d))
+            return np.where(super().compare(d) == Verdict.UNKNOWN, np.int8(2), Dominance(self.k).compare(d))
 
     class Named(PolytopeComparator):
         pass

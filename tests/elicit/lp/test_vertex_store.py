@@ -33,7 +33,7 @@ def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
     answers = rows = 0
     for i, case in enumerate(cases([61, seed], 3 * len(KINDS), asks=3, most_levels=9, most_answers=60)):
         rng = np.random.default_rng(i)
-        c, other = case.known(), PolytopeComparator(case.k, case.margin, case.prior)
+        c, other = case.known(), PolytopeComparator(case.k, case.margin, case.prior, case.tie)
         for part in np.array_split(rng.permutation(len(case.y)), min(5, len(case.y) or 1)):
             other = other.update(Answers(case.d[part], case.y[part]))
             other.compare(case.ask)

@@ -23,9 +23,11 @@ def answer(name="q", verdict=Verdict.BETTER, left=LEFT, right=RIGHT, **more):
 
 def parts(log):
     """All that a log's entries hold, to the last bit, to be compared."""
-    rest = [replace(entry, answer=replace(entry.answer, query=None)) for entry in log]
-    queries = [entry.answer.query for entry in log]
-    return rest, [(one.id, one.about, one.left.tobytes(), one.right.tobytes()) for one in queries]
+    blank, queries = Query("", LEFT, RIGHT), [entry.answer.query for entry in log]
+    rest = [replace(entry, answer=replace(entry.answer, query=blank)) for entry in log]
+    return [repr(entry) for entry in rest], [
+        (one.id, one.about, one.left.tobytes(), one.right.tobytes()) for one in queries
+    ]
 
 
 def told(**changes):
