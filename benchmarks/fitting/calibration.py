@@ -26,6 +26,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from joblib import Parallel, delayed
+from numpy.typing import ArrayLike
 
 from benchmarks.fitting.calibration_tables import Row, report, summary
 from benchmarks.fitting.tutor_data import open_pairs
@@ -34,8 +35,8 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryCo
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, values_of
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from elicit.model.scale import Floats, as_vectors, tail_sums, values_of
+from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, Signs, TruthfulTutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, drive, random_mdp
 from qlearn.experiments.metrics import Watch, reference_differences
 
@@ -48,7 +49,7 @@ LEAST_GAP = 1e-9  # a tutor's levels must differ in floats
 
 class Setting(NamedTuple):
     """A law of scales, and a tutor: the standard deviation of her logits over the pairs asked, or 0 where she flips a
-    share ``flips`` of her answers instead.
+    share ``flips`` of her answers instead; ``equal``: the largest |d.e| that she calls equal.
     ``counts``: after how many answers fresh pairs are judged. ``learners``: whether learners run on it too. ``times``:
     how many times as many data sets."""
 
@@ -59,6 +60,7 @@ class Setting(NamedTuple):
     learners: bool = False
     times: int = 1
     flips: float = 0.0
+    equal: float = 0.0
 
 
 SETTINGS = (
@@ -74,6 +76,9 @@ SETTINGS = (
     Setting("scales from the prior, 5% flips", "prior", 0.0, learners=True, flips=0.05),
     Setting("scales from the prior, 20% flips", "prior", 0.0, learners=True, flips=0.2),
     Setting("scales from the prior, 30% flips", "prior", 0.0, learners=True, flips=0.3),
+    Setting("scales from the prior, no flips, equal within .005", "prior", 0.0, learners=True, equal=0.005),
+    Setting("scales from the prior, no flips, equal within .02", "prior", 0.0, learners=True, equal=0.02),
+    Setting("scales from the prior, 10% flips, equal within .01", "prior", 0.0, learners=True, flips=0.1, equal=0.01),
 )  # in this order ever since: a setting's place is part of its seed
 
 
@@ -240,9 +245,22 @@ def tutor(
     """The tutor, and the precision to tell the Bradley-Terry rules: her own, or their default where she has none."""
     spread = float(np.std(asked @ values)) if len(asked) else 0.0
     if not setting.spread:
-        return FlippingTutor(values, setting.flips, seed), 10.0
+        return Blurred(values, setting.flips, seed, setting.equal), 10.0
     precision = setting.spread / spread if spread > 0 else 10.0
     return BradleyTerryTutor(values, precision, seed), precision
+
+
+class Blurred(FlippingTutor):
+    """Calls equal what lies within ``equal``."""
+
+    def __init__(self, values: Floats, error_rate: float, seed: int, equal: float) -> None:
+        super().__init__(values, error_rate, seed)
+        self._equal = equal
+
+    def signs(self, d: ArrayLike) -> Signs:
+        """Answers (n,) to differences d (n, k)."""
+        close = np.abs(tail_sums(as_vectors(d, self.k)) @ np.diff(self.values)) <= self._equal
+        return np.where(close & (self._equal > 0), np.int8(0), super().signs(d))
 
 
 def _warm_up(levels: Iterable[int]) -> None:

@@ -200,8 +200,8 @@ class BradleyTerryComparator:
         if n < self.min_answers or self.precision == 0:
             return nothing
         t, y, key, m = tail_sums(self.answers.d[:n]), self.answers.y[:n], key_of(self.seed), self.n_boot
-        settings = {"precision": self.precision, "monotone": self.monotone, "tie": self.tie}
-        fitted = partial(fit, t, y, strength=self.prior_strength * p**2, **settings)
+        strength = self.prior_strength * p**2
+        fitted = partial(fit, t, y, precision=self.precision, strength=strength, monotone=self.monotone, tie=self.tie)
         point = fitted(centre=equal)
         centres, weights = prior_centres(key, m, p, self.prior_shape), bootstrap_weights(key, m, n)
         boot = fitted(centre=centres, weights=weights, start=point.gamma[0])

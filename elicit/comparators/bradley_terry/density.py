@@ -4,8 +4,8 @@ A particle's first p coordinates x are theta = exp(x) = c g; then come, where th
 (see ``slips``) and that of the width within which the tutor calls two things equal, as a share of its greatest.
 
 With a width w an answer is one of three (Rao and Kupper 1967): P(better) = sigma(c d.e - c w), P(worse) likewise of -d,
-P(equal) the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c d.e); and a lapse gives each of the three as often.
-Without, it is one of two, and a tie counts as half an answer each way.
+P(equal) the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c d.e); and a lapse gives each of the three equally
+often. Without, it is one of two, and a tie counts as half an answer each way.
 
 Each term of the log-likelihood is at most 0, so that a proposal can be given up as soon as its partial sum is too low.
 """

@@ -5,7 +5,8 @@ left - right and gamma_j = c (e_{j+1} - e_j) >= 0 the scaled gaps. The log-likel
 gamma, so a fit is a convex problem; ``fit`` solves many of them fast.
 
 Shapes: n answers, p = k - 1 gaps, m resamples. An answer y = 0 (a tie) counts as half an answer
-each way, or has a probability of its own (Rao and Kupper 1967; see ``fit``). Gammas are in logits per unit of share, so that t.gamma is in logits.
+each way, or has a probability of its own (Rao and Kupper 1967; see ``fit``). Gammas are in logits
+per unit of share, so that t.gamma is in logits.
 """
 
 from __future__ import annotations

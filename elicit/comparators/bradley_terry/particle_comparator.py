@@ -3,8 +3,9 @@
 The likelihood is eq. (6) with a lapse: P(left is said to be better) = lapse/2 + (1 - lapse) sigma(c d.e). The prior
 knows the order of the levels, is wide enough for scales with a few large gaps, and learns the precision c and the lapse
 unless they are given. From the first EQUAL on the tutor is taken to call equal what is close, as Rao and Kupper (1967)
-have it (see ``density``), and how close is learned too. A comparison is decided where one sign has posterior probability ``level``: of what is decided so, at most
-1 - level is wrong, on average over the prior, whichever questions were asked.
+have it (see ``density``), and how close is learned too. A comparison is decided where one sign has posterior
+probability ``level``: of what is decided so, at most 1 - level is wrong, on average over the prior, whichever questions
+were asked.
 """
 
 from __future__ import annotations

@@ -68,10 +68,10 @@ def resample(weights: Any, u: float, out: Any) -> None:
 def learn(
     x: Any, theta: Any, slip: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior, key: Any
 ) -> tuple[int, int]:
-    """Reweight particles x (m, >= p), whose ``thetas`` are theta (p, m) and slip (2, m), with log weights ``logs`` (m,) by row n - 1 of
-    rows (p, >= n), and move them where that leaves few with weight. ``noise`` (1,) is the variance of a mean over
-    equally weighted particles, in units of the posterior's: resampling adds to it, and moves take away as much as they
-    make a particle forget. Returns how many moves were proposed and accepted."""
+    """Reweight particles x (m, >= p), whose ``thetas`` are theta (p, m) and slip (2, m), with log weights ``logs`` (m,)
+    by row n - 1 of rows (p, >= n), and move them where that leaves few with weight. ``noise`` (1,) is the variance of a
+    mean over equally weighted particles, in units of the posterior's: resampling adds to it, and moves take away as
+    much as they make a particle forget. Returns how many moves were proposed and accepted."""
     m = len(x)
     found, target, copied = np.empty(m), np.empty(m), np.empty(m, dtype=np.int64)
     proposed, accepted, done, stage = 0, 0, 0.0, 0
