@@ -58,17 +58,21 @@ def drawn_gaps(rng: Rng, k: int, m: int = 1) -> Floats:
     return np.asarray(np.exp(log_gaps(rng, k, m)))
 
 
-def log_terms(theta: Floats, t: Floats, tied: Any, lapse: float) -> Floats:
+def log_terms(theta: Floats, t: Floats, tied: Any, lapse: Any, width: Any = 0.0) -> Floats:
     """Log-likelihoods (m, n) at theta (m, p) of answers with tail sums t (n, p), turned to the side that was said to
-    be better; where ``tied`` (n,) half an answer each way."""
-    eta = theta @ t.T
-    if lapse:
-        yes, no = (np.log(lapse / 2 + (1 - lapse) * expit(s * eta)) for s in (1, -1))
+    be better; where ``tied`` (n,) half an answer each way, or with a width, in logits, by Rao and Kupper's formula.
+    Lapse and width are numbers, or (m,)."""
+    eta, q, s = theta @ t.T, np.asarray(lapse)[..., None], np.asarray(width)[..., None]
+    if s.any():
+        equal = -np.expm1(-2 * s) * expit(s - np.abs(eta)) * expit(s + np.abs(eta))
+        return np.asarray(np.log(q / 3 + (1 - q) * np.where(tied, equal, expit(eta - s))))
+    if q.any():
+        yes, no = (np.log(q / 2 + (1 - q) * expit(sign * eta)) for sign in (1, -1))
     else:
         yes, no = -np.logaddexp(0, -eta), -np.logaddexp(0, eta)
     return np.asarray(np.where(tied, (yes + no) / 2, yes))
 
 
 def prior_of(k: int, **settings: Any) -> ParticlePrior:
-    """The density that a comparator's particles have before any answer."""
-    return PosteriorComparator(k, **settings)._prior
+    """The density that a comparator's particles have before any answer; by default with a given lapse."""
+    return PosteriorComparator(k, **({"lapse": 0.05} | settings))._prior

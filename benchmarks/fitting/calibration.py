@@ -1,11 +1,12 @@
 """How often the noisy-tutor comparators are wrong in what they decide, and how much that is.
 
     python -m benchmarks.fitting.calibration [--quick] [--out FILE.md] [--csv FILE.csv]
-        [--jobs N] [--levels 5 10 20] [--seed N]
+        [--jobs N] [--levels 5 10 20] [--rules posterior ...] [--settings flips ...] [--seed N]
 
 A data set is a scale, a tutor and what she answered. On random pairs: 1000 answers in order, and after each of
 ``COUNTS`` of them the verdicts on fresh pairs. On a learner's pairs: a run of Q-learning or value iteration asks what
 the comparator in question leaves open, up to a budget, and its verdicts on what the run compares are judged.
+``calibration_questions`` counts what the lapse costs that nobody tells.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ os.environ |= ONE_THREAD  # read when the libraries load, hence set before they 
 
 import argparse
 import csv
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from joblib import Parallel, delayed
+from numpy.typing import ArrayLike
 
 from benchmarks.fitting.calibration_tables import Row, report, summary
 from benchmarks.fitting.tutor_data import open_pairs
@@ -33,20 +35,21 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryCo
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, values_of
-from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
+from elicit.model.scale import Floats, as_vectors, tail_sums, values_of
+from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, Signs, TruthfulTutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, drive, random_mdp
 from qlearn.experiments.metrics import Watch, reference_differences
 
 Rng: TypeAlias = np.random.Generator
-Rule: TypeAlias = Callable[[int, float, float], Comparator]
+Rule: TypeAlias = Callable[[int, float, float, float], Comparator]  # of k, precision, lapse, refit_growth
 COUNTS = (10, 30, 100, 300, 1000)
 FRESH = 300  # pairs judged a data set
 LEAST_GAP = 1e-9  # a tutor's levels must differ in floats
 
 
 class Setting(NamedTuple):
-    """A law of scales, and a tutor: the standard deviation of her logits over the pairs asked, or 0 for 10% flips.
+    """A law of scales, and a tutor: the standard deviation of her logits over the pairs asked, or 0 where she flips a
+    share ``flips`` of her answers instead; ``equal``: the largest |d.e| that she calls equal.
     ``counts``: after how many answers fresh pairs are judged. ``learners``: whether learners run on it too. ``times``:
     how many times as many data sets."""
 
@@ -56,39 +59,48 @@ class Setting(NamedTuple):
     counts: tuple[int, ...] = COUNTS[:-1]
     learners: bool = False
     times: int = 1
+    flips: float = 0.0
+    equal: float = 0.0
 
 
 SETTINGS = (
     Setting("scales from the prior, logit sd 1", "prior", 1.0, COUNTS),
     Setting("scales from the prior, logit sd 2", "prior", 2.0, COUNTS, True),
     Setting("scales from the prior, logit sd 5", "prior", 5.0, COUNTS),
-    Setting("scales from the prior, 10% flips", "prior", 0.0, learners=True),
+    Setting("scales from the prior, 10% flips", "prior", 0.0, learners=True, flips=0.1),
     Setting("skewed scales (Dirichlet .2), logit sd 2", "skewed", 2.0, learners=True),
     Setting("even scales (Dirichlet 1), logit sd 2", "even", 2.0),
     Setting("one huge gap (.9 of the range), logit sd 2", "two-step", 2.0, COUNTS[:3], times=3),
     Setting("geometric gaps (ratio 2 or 1/2), logit sd 2", "geometric", 2.0, COUNTS[:3], times=3),
-)
+    Setting("scales from the prior, no flips", "prior", 0.0, learners=True),
+    Setting("scales from the prior, 5% flips", "prior", 0.0, learners=True, flips=0.05),
+    Setting("scales from the prior, 20% flips", "prior", 0.0, learners=True, flips=0.2),
+    Setting("scales from the prior, 30% flips", "prior", 0.0, learners=True, flips=0.3),
+    Setting("scales from the prior, no flips, equal within .005", "prior", 0.0, learners=True, equal=0.005),
+    Setting("scales from the prior, no flips, equal within .02", "prior", 0.0, learners=True, equal=0.02),
+    Setting("scales from the prior, 10% flips, equal within .01", "prior", 0.0, learners=True, flips=0.1, equal=0.01),
+)  # in this order ever since: a setting's place is part of its seed
 
 
-def posterior(k: int, precision: float, growth: float) -> Comparator:
+def posterior(k: int, precision: float, lapse: float, growth: float) -> Comparator:
     return PosteriorComparator(k)
 
 
-def posterior_lapse(k: int, precision: float, growth: float) -> Comparator:
-    return PosteriorComparator(k, lapse=0.1)
+def posterior_told(k: int, precision: float, lapse: float, growth: float) -> Comparator:
+    return PosteriorComparator(k, lapse=lapse)
 
 
-def ensemble(k: int, precision: float, growth: float) -> Comparator:
+def ensemble(k: int, precision: float, lapse: float, growth: float) -> Comparator:
     return BradleyTerryComparator(k, precision=precision, refit_growth=growth)
 
 
-def box(k: int, precision: float, growth: float) -> Comparator:
+def box(k: int, precision: float, lapse: float, growth: float) -> Comparator:
     return BradleyTerryComparator(k, precision=precision, refit_growth=growth, region="box")
 
 
 RULES: dict[str, Rule] = {
     "posterior": posterior,
-    "posterior, lapse .1": posterior_lapse,
+    "posterior, lapse told": posterior_told,
     "ensemble": ensemble,
     "box": box,
 }
@@ -116,7 +128,8 @@ def main(arguments: list[str] | None = None) -> None:
     size = QUICK if options.quick else FULL
     if options.levels:
         size = size._replace(levels=tuple(options.levels))
-    cells = summary(measure(size, options.seed, options.jobs))
+    chosen = [s for s in SETTINGS if any(part in s.name for part in options.settings)]
+    cells = summary(measure(size, options.seed, options.jobs, chosen, options.rules))
     text = "\n".join(report(cells))
     print(text)
     save(text + "\n", options.out)
@@ -128,19 +141,19 @@ def main(arguments: list[str] | None = None) -> None:
             writer.writerows(c.flat() for c in cells)
 
 
-def measure(size: Size, seed: int, jobs: int) -> list[Row]:
+def measure(size: Size, seed: int, jobs: int, settings: Sequence[Setting], rules: Sequence[str]) -> list[Row]:
     """All rows, in an order that does not depend on the number of jobs."""
     _warm_up(size.levels)
     tasks = [
-        delayed(on_fresh_pairs)(s, k, i, seed, size)
+        delayed(on_fresh_pairs)(s, k, i, seed, size, rules)
         for k in size.levels
-        for s in SETTINGS
+        for s in settings
         for i in range(s.times * size.sets)
     ]
     for pairs in ("Q-learning", "value iteration"):
-        chosen = [s for s in SETTINGS if s.learners]
+        chosen = [s for s in settings if s.learners]
         tasks += [
-            delayed(on_a_learner)(pairs, s, k, i, seed, size)
+            delayed(on_a_learner)(pairs, s, k, i, seed, size, rules)
             for k in size.levels
             for s in chosen
             for i in range(size.runs)
@@ -148,7 +161,7 @@ def measure(size: Size, seed: int, jobs: int) -> list[Row]:
     return [row for rows in Parallel(n_jobs=jobs)(tasks) for row in rows]
 
 
-def on_fresh_pairs(setting: Setting, k: int, number: int, seed: int, size: Size) -> list[Row]:
+def on_fresh_pairs(setting: Setting, k: int, number: int, seed: int, size: Size, rules: Sequence[str]) -> list[Row]:
     """Each rule after some of the answers to random questions, on other random pairs."""
     rng = np.random.default_rng([seed, SETTINGS.index(setting), k, number])
     values = scale(setting.law, k, rng)
@@ -157,8 +170,8 @@ def on_fresh_pairs(setting: Setting, k: int, number: int, seed: int, size: Size)
     told, precision = tutor(setting, values, asked, number)
     y, truth = told.signs(asked), TruthfulTutor(values).signs(fresh)
     rows = []
-    for name in rules(setting):
-        comparator, known = RULES[name](k, precision, 0.05), 0
+    for name in rules:
+        comparator, known = RULES[name](k, precision, 2.0 * setting.flips, 0.05), 0
         for n in counts:
             start = perf_counter()
             comparator = comparator.update(Answers(asked[known:n], y[known:n]))
@@ -172,16 +185,18 @@ def on_fresh_pairs(setting: Setting, k: int, number: int, seed: int, size: Size)
     return rows
 
 
-def on_a_learner(pairs: str, setting: Setting, k: int, number: int, seed: int, size: Size) -> list[Row]:
+def on_a_learner(
+    pairs: str, setting: Setting, k: int, number: int, seed: int, size: Size, rules: Sequence[str]
+) -> list[Row]:
     """Each rule in a learner's hands, on what the learner compared and neither equality nor dominance settled."""
     rng = np.random.default_rng([seed, SETTINGS.index(setting), k, number, len(pairs)])
     values = scale(setting.law, k, rng)
     mdp, _ = random_mdp(50, 4, k, rng=rng)
     reference = reference_differences(mdp, values)
     rows = []
-    for name in rules(setting):
+    for name in rules:
         told, precision = tutor(setting, values, reference, number)
-        comparator, key = RULES[name](k, precision, 0.25), int(number)
+        comparator, key = RULES[name](k, precision, 2.0 * setting.flips, 0.25), int(number)
         learner: InteractiveQLearning | InteractiveValueIteration
         if pairs == "Q-learning":
             settings = {"steps": size.steps, "max_queries": size.budget, "rng": key}
@@ -200,11 +215,6 @@ def on_a_learner(pairs: str, setting: Setting, k: int, number: int, seed: int, s
         counted = (result.compared - trivial, judged_before + judged_after, wrong_before + wrong_after)
         rows.append(Row(pairs, setting.name, name, k, size.budget, number, *counted, seconds, result.asked))
     return rows
-
-
-def rules(setting: Setting) -> list[str]:
-    """The rules to try; another lapse is for tutors who flip."""
-    return [name for name in RULES if "lapse" not in name or not setting.spread]
 
 
 def scale(law: str, k: int, rng: Rng) -> Floats:
@@ -235,9 +245,22 @@ def tutor(
     """The tutor, and the precision to tell the Bradley-Terry rules: her own, or their default where she has none."""
     spread = float(np.std(asked @ values)) if len(asked) else 0.0
     if not setting.spread:
-        return FlippingTutor(values, 0.1, seed), 10.0
+        return Blurred(values, setting.flips, seed, setting.equal), 10.0
     precision = setting.spread / spread if spread > 0 else 10.0
     return BradleyTerryTutor(values, precision, seed), precision
+
+
+class Blurred(FlippingTutor):
+    """Calls equal what lies within ``equal``."""
+
+    def __init__(self, values: Floats, error_rate: float, seed: int, equal: float) -> None:
+        super().__init__(values, error_rate, seed)
+        self._equal = equal
+
+    def signs(self, d: ArrayLike) -> Signs:
+        """Answers (n,) to differences d (n, k)."""
+        close = np.abs(tail_sums(as_vectors(d, self.k)) @ np.diff(self.values)) <= self._equal
+        return np.where(close & (self._equal > 0), np.int8(0), super().signs(d))
 
 
 def _warm_up(levels: Iterable[int]) -> None:
@@ -254,6 +277,10 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write one line a cell there")
     parser.add_argument("--jobs", type=int, default=2, help="processes, one thread each")
     parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels k")
+    parser.add_argument("--rules", nargs="+", choices=list(RULES), default=list(RULES), help="which to try")
+    parser.add_argument(
+        "--settings", nargs="+", metavar="PART", default=[""], help="parts of the names of those to run"
+    )
     parser.add_argument("--seed", type=int, default=0)
     return parser.parse_args(arguments)
 

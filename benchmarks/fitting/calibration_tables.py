@@ -177,6 +177,7 @@ NOTES = [
     "",
     "Shares are pooled over data sets: a posterior rule promises that much on average over scales from its prior. The "
     "rows of one k share their data sets. The Bradley-Terry rules are told the tutor's own precision (10 where she "
-    "flips), the posterior ones learn it; both meet a default lapse of .05. With learners the budget is the number "
-    "of answers at most, and the fits are renewed at every fourth more answers only (`refit_growth=0.25`).",
+    "flips), the posterior ones learn it. The first learns the lapse too; the one beside it is told the right one, "
+    "twice the share of flips, and 0 for tutors of eq. (6). With learners the budget is the number of answers at "
+    "most, and the fits are renewed at every fourth more answers only (`refit_growth=0.25`).",
 ]

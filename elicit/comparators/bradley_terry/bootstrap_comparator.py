@@ -5,7 +5,7 @@ A comparison is decided only where all plausible fits agree on its sign, "plausi
 the paper's box (an interval for each level) or the ensemble of the fits themselves.
 
 What is not the paper's: the prior (without one, early fits lie at infinity), gaps >= 0
-(``monotone``), dominance first, ``region="ensemble"``, ``min_answers``, and refits on a schedule.
+(``monotone``), ties (``tie``), dominance first, ``region="ensemble"``, ``min_answers``, and refits on a schedule.
 """
 
 from __future__ import annotations
@@ -65,6 +65,11 @@ class BradleyTerryComparator:
                     answers; in between, the last one stays in use. 0: a fit at every answer
     min_answers     a fit on fewer decides nothing: a bootstrap of one answer has no width, and one of
                     very few shows the prior more than the tutor
+    tie             the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call
+                    EQUAL, in 0 <= tie < 1, where d is a difference of share vectors and enters as it is
+                    given: the width of Rao and Kupper's (1967) model of ties (see ``likelihood.fit``).
+                    Where nothing was called equal the fits do not depend on it. 0: EQUAL means equal,
+                    and counts as half an answer each way
 
     A frozen value, and a function of (answers in told order, seed, settings) alone. Fits are made
     when first needed. Where the model says nothing (too few answers, precision 0, theta_k <= 0, no
@@ -86,6 +91,7 @@ class BradleyTerryComparator:
     rescale: bool = False
     refit_growth: float = 0.05
     min_answers: int = 5
+    tie: float = 0.01
     answers: Answers = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -98,6 +104,7 @@ class BradleyTerryComparator:
             require(is_whole(value, 1), name, "a whole number of at least 1", value)
             object.__setattr__(self, name, int(value))
         require(is_number(self.level) and 0 < self.level < 1, "level", "strictly between 0 and 1", self.level)
+        require(is_number(self.tie, 0) and self.tie < 1, "tie", "a number of at least 0 and below 1", self.tie)
         require(self.region in get_args(Region), "region", '"box" or "ensemble"', self.region)
         positive = is_range(self.prior_shape) and self.prior_shape[0] > 0
         require(positive, "prior_shape", "two numbers, 0 < low <= high", self.prior_shape)
@@ -193,9 +200,8 @@ class BradleyTerryComparator:
         if n < self.min_answers or self.precision == 0:
             return nothing
         t, y, key, m = tail_sums(self.answers.d[:n]), self.answers.y[:n], key_of(self.seed), self.n_boot
-        fitted = partial(
-            fit, t, y, precision=self.precision, strength=self.prior_strength * p**2, monotone=self.monotone
-        )
+        strength = self.prior_strength * p**2
+        fitted = partial(fit, t, y, precision=self.precision, strength=strength, monotone=self.monotone, tie=self.tie)
         point = fitted(centre=equal)
         centres, weights = prior_centres(key, m, p, self.prior_shape), bootstrap_weights(key, m, n)
         boot = fitted(centre=centres, weights=weights, start=point.gamma[0])

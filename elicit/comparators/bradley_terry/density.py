@@ -1,4 +1,11 @@
-"""The density of a particle x (p,), theta = exp(x) = c g: prior times likelihood, in compiled code.
+"""The density of a particle: prior times likelihood, in compiled code.
+
+A particle's first p coordinates x are theta = exp(x) = c g; then come, where they are learned, the logit of the lapse
+(see ``slips``) and that of the width within which the tutor calls two things equal, as a share of its greatest.
+
+With a width w an answer is one of three (Rao and Kupper 1967): P(better) = sigma(c d.e - c w), P(worse) likewise of -d,
+P(equal) the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c d.e); and a lapse gives each of the three equally
+often. Without, it is one of two, and a tie counts as half an answer each way.
 
 Each term of the log-likelihood is at most 0, so that a proposal can be given up as soon as its partial sum is too low.
 """
@@ -13,11 +20,15 @@ from elicit.model.scale import Floats
 
 BLOCK = 64  # rows whose likelihoods are multiplied before a logarithm is taken; log_terms halves it three times
 FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
+LEAST_LAPSE = 1e-4  # that is learned; below, single precision does not do (see ``density_float32``)
+LEAST_WIDTH = 1e-6  # in logits: below, the chance of EQUAL is no number that products of eight could hold
 
 
 class ParticlePrior(NamedTuple):
     """log h(S) = log of the mixture over shapes a of Dirichlet(a), in S = sum log g; and log c ~ N(mean, sd^2).
-    ``fixed`` > 0 is a known precision; then the level of x means nothing."""
+    ``fixed`` > 0 is a known precision; then the level of x means nothing. The lapse is ``lapse``, or where that is
+    negative a coordinate, LEAST_LAPSE or more and a priori Beta(a, b) otherwise. ``tie`` > 0: the width is a
+    coordinate, a priori uniform up to that."""
 
     shapes: Floats  # (nodes,), at most BLOCK
     constants: Floats  # (nodes,) log weight + log of Dirichlet(a)'s constant
@@ -25,14 +36,17 @@ class ParticlePrior(NamedTuple):
     sd: float
     fixed: float
     lapse: float
+    lapse_a: float
+    lapse_b: float
+    tie: float
     above: Floats  # (r, p) rows with row.g >= limits
     limits: Floats  # (r,)
 
 
 @compiled
 def scaled(x: Any, fixed: float, theta: Any) -> float:
-    """log c of x, and theta = c g into theta (p,)."""
-    p = len(x)
+    """log c of x (>= p,), and theta = c g into theta (p,)."""
+    p = len(theta)
     most, total = x[0], 0.0
     for j in range(p):
         most = max(most, x[j])
@@ -51,7 +65,7 @@ def scaled(x: Any, fixed: float, theta: Any) -> float:
 def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
     """Log density of x up to a constant, and theta = c g into theta (p,); -inf where a prior inequality fails.
     ``work`` is (2, BLOCK)."""
-    p, s, c = len(x), 0.0, 0.0
+    p, s, c = len(theta), 0.0, 0.0
     log_c = scaled(x, prior.fixed, theta)
     for j in range(p):
         s += x[j]
@@ -73,16 +87,46 @@ def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
     for i in range(nodes):
         total += terms[i]
     z: float = (log_c - prior.mean) / prior.sd
-    return best + math.log(total) - 0.5 * z * z
+    found: float = best + math.log(total) - 0.5 * z * z
+    if prior.lapse < 0.0:
+        found += log_logistic(x[p], prior.lapse_a, prior.lapse_b)
+    if prior.tie > 0.0:
+        found += log_logistic(x[len(x) - 1], 1.0, 1.0)
+    return found
+
+
+@compiled
+def log_logistic(u: float, a: float, b: float) -> float:
+    """The log density of the logit u of a Beta(a, b) variate, up to a constant."""
+    return a * min(u, 0.0) - b * max(u, 0.0) - (a + b) * math.log(1.0 + small_exp(min(abs(u), FARTHEST)))
+
+
+@compiled
+def logistic(u: float) -> float:
+    """1 / (1 + exp(-u))."""
+    less = small_exp(min(abs(u), FARTHEST))
+    return (1.0 if u >= 0.0 else less) / (1.0 + less)
+
+
+@compiled
+def slips(x: Any, theta: Any, prior: ParticlePrior) -> tuple[float, float]:
+    """The lapse, and the width in logits, c w, of x whose theta (p,) is given; 0 where EQUAL means equal."""
+    lapse, width = prior.lapse, 0.0
+    if lapse < 0.0:
+        lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * logistic(x[len(theta)])
+    if prior.tie > 0.0:
+        for j in range(len(theta)):
+            width += theta[j]
+        width = max(LEAST_WIDTH, width * prior.tie * logistic(x[len(x) - 1]))
+    return lapse, width
 
 
 @compiled
 def log_likelihood(
-    theta: Any, rows: Any, tied: Any, first: int, end: int, lapse: float, least: float, work: Any
+    theta: Any, rows: Any, tied: Any, first: int, end: int, lapse: float, width: float, least: float, work: Any
 ) -> float:
-    """Sum over rows (p, n) from ``first`` up to ``end`` of log(lapse/2 + (1 - lapse) sigma(row.theta)), and where
-    ``tied`` (n,) of the mean of that and of its opposite's; -inf as soon as it is below ``least``. ``work`` is
-    (2, BLOCK)."""
+    """Sum over rows (p, n) from ``first`` up to ``end`` of ``log_term``; -inf as soon as it is below ``least``.
+    ``work`` is (2, BLOCK)."""
     total = 0.0
     for start in range(first, end, BLOCK):
         size = min(BLOCK, end - start)
@@ -90,7 +134,10 @@ def log_likelihood(
             logits(theta, rows, start, BLOCK, work[0])
         else:
             logits(theta, rows, start, size, work[0])
-        total += log_terms(work, tied[start : start + size], lapse)
+        if width > 0.0:
+            total += log_terms_apart(work, tied[start : start + size], lapse, width)
+        else:
+            total += log_terms(work, tied[start : start + size], lapse)
         if total < least:
             return -math.inf
     return total
@@ -126,7 +173,7 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
     if far > 0 and lapse == 0.0:
         total = 0.0
         for i in range(size):
-            total += log_term(above[i], tied[i], lapse)
+            total += log_term(above[i], tied[i], lapse, 0.0)
         return total
     half, sure = 0.5 * lapse, 1.0 - lapse
     for i in range(size):
@@ -138,6 +185,37 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
             if tied[i]:
                 even = half * (1.0 + below[i])
                 above[i] = math.sqrt((even + sure) * (even + sure * below[i]))
+    return log_quotient(above, below, size, 1e-90)
+
+
+@compiled
+def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
+    """The same with a width."""
+    above, below, size, far = work[0], work[1], len(tied), 0
+    third, sure, equal = lapse / 3.0, 1.0 - lapse, -math.expm1(-2.0 * width)
+    for i in range(size):
+        below[i] = width - abs(above[i]) if tied[i] else above[i] - width
+        far += abs(below[i]) > FARTHEST
+    if far > 0 and lapse == 0.0:
+        total = 0.0
+        for i in range(size):
+            total += log_term(above[i], tied[i], lapse, width)
+        return total
+    for i in range(size):
+        above[i] = below[i]
+        below[i] = small_exp(min(abs(above[i]), FARTHEST))
+    for i in range(size):
+        top = 1.0 if above[i] >= 0.0 else below[i]
+        if tied[i]:
+            top *= equal / (1.0 + small_exp(min(2.0 * width - above[i], FARTHEST)))
+        above[i] = third * (1.0 + below[i]) + sure * top
+    return log_quotient(above, below, size, 1e-30)
+
+
+@compiled
+def log_quotient(above: Any, below: Any, size: int, low: float) -> float:
+    """The logarithm of the product of above / (1 + below) over the first ``size`` of either (BLOCK,), which are lost;
+    that of partial products of ``above`` is taken below ``low``."""
     for i in range(size):
         below[i] += 1.0
     for i in range(size, BLOCK):
@@ -149,16 +227,26 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
     few, many, total = 1.0, 1.0, 0.0
     for i in range(BLOCK // 8):
         few *= below[i]  # at most 2^BLOCK
-        many *= above[i]  # each at least exp(-8 FARTHEST)
-        if many < 1e-90:
+        many *= above[i]  # each at least exp(-8 FARTHEST), times LEAST_WIDTH^8 with a width
+        if many < low:
             total += math.log(many)
             many = 1.0
     return total + math.log(many) - math.log(few)
 
 
 @compiled
-def log_term(eta: float, tied: bool, lapse: float) -> float:
-    """log(lapse/2 + (1 - lapse) sigma(eta)); where ``tied`` the mean of that and of its opposite's."""
+def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
+    """log(lapse/2 + (1 - lapse) sigma(eta)); where ``tied`` the mean of that and of its opposite's. With a width > 0,
+    log(lapse/3 + (1 - lapse) sigma(eta - width)); where ``tied`` of what that and its opposite's leave of 1."""
+    if width > 0.0:
+        eta, top = width - abs(eta) if tied else eta - width, 0.0
+        if tied:
+            top = math.log(-math.expm1(-2.0 * width) / (1.0 + small_exp(min(2.0 * width - eta, FARTHEST))))
+        less = small_exp(min(abs(eta), FARTHEST))
+        if lapse == 0.0:
+            return top + min(eta, 0.0) - math.log(1.0 + less)
+        sure = (1.0 - lapse) * math.exp(top) * (1.0 if eta >= 0.0 else less)
+        return math.log(lapse / 3.0 + sure / (1.0 + less))
     less = small_exp(min(abs(eta), FARTHEST))
     if lapse == 0.0:
         return (-0.5 * abs(eta) if tied else min(eta, 0.0)) - math.log(1.0 + less)
@@ -193,8 +281,8 @@ def small_exp(u: float) -> float:
 
 
 @compiled
-def likelihoods(theta: Any, rows: Any, tied: Any, n: int, lapse: float, out: Any) -> None:
-    """Log-likelihood (m,) of row n - 1, for particles of theta (p, m)."""
+def likelihoods(theta: Any, slip: Any, rows: Any, tied: Any, n: int, out: Any) -> None:
+    """Log-likelihood (m,) of row n - 1, for particles of theta (p, m) and of lapse and width ``slip`` (2, m)."""
     p, m = theta.shape
     for i in range(m):
         out[i] = 0.0
@@ -203,13 +291,15 @@ def likelihoods(theta: Any, rows: Any, tied: Any, n: int, lapse: float, out: Any
         for i in range(m):
             out[i] += by * each[i]
     for i in range(m):
-        out[i] = log_term(out[i], tied[n - 1], lapse)
+        out[i] = log_term(out[i], tied[n - 1], slip[0, i], slip[1, i])
 
 
 @compiled
-def powered(theta: Any, rows: Any, tied: Any, n: int, last: float, lapse: float, least: float, work: Any) -> float:
+def powered(
+    theta: Any, rows: Any, tied: Any, n: int, last: float, lapse: float, width: float, least: float, work: Any
+) -> float:
     """``log_likelihood`` of the first n rows, the last one's to the power ``last``."""
     if last == 1.0:
-        return log_likelihood(theta, rows, tied, 0, n, lapse, least, work)
-    found = last * log_likelihood(theta, rows, tied, n - 1, n, lapse, -math.inf, work)
-    return found + log_likelihood(theta, rows, tied, 0, n - 1, lapse, least - found, work)
+        return log_likelihood(theta, rows, tied, 0, n, lapse, width, least, work)
+    found = last * log_likelihood(theta, rows, tied, n - 1, n, lapse, width, -math.inf, work)
+    return found + log_likelihood(theta, rows, tied, 0, n - 1, lapse, width, least - found, work)

@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from elicit._support.jit import compiled, loosely
-from elicit.comparators.bradley_terry.density import BLOCK, logits
+from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, logits
 
 ROUNDING = 2.0**-24  # of a number in single precision
 TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
-LEAST_LAPSE = 1e-4  # below, a likelihood may come out too great, for a term is never less than exp(-``_NEAR``)
 GREATEST = 1e30  # theta: single precision ends not far above
 HALF = BLOCK // 2
 SMALL = 1e-150  # products below are put away as logarithms; from that lapse on half a block's is not below
@@ -33,7 +32,7 @@ class Rough(NamedTuple):
     sums: Any  # (p,) of the sizes in each column
     ties: Any  # (n / BLOCK,) how many there are in each
     theta: Any  # (p,), single precision, to write in
-    even: float  # what the zeros' terms multiply a likelihood by, upside down
+    n: int  # without the zeros
 
 
 @compiled
@@ -49,36 +48,39 @@ def roughened(rows: Any, tied: Any, n: int) -> Rough:
     for i in range(n):
         ties[i] = tied[i]
         counts[i // BLOCK] += tied[i]
-    return Rough(out, ties, sums, counts, np.empty(p, np.float32), 2.0 ** (whole - n))
+    return Rough(out, ties, sums, counts, np.empty(p, np.float32), n)
 
 
 @compiled
-def error(theta: Any, rough: Rough) -> float:
+def error(theta: Any, rough: Rough, width: float) -> float:
     """How far ``rough_likelihood`` of n rows may be from the exact one."""
     sizes = 0.0
     for j in range(len(theta)):
         sizes += rough.sums[j] * theta[j]
         if not theta[j] <= GREATEST:
             return math.inf
-    return TERM * len(rough.tied) + (len(theta) + 6) * ROUNDING * sizes
+    return TERM * len(rough.tied) + ROUNDING * ((len(theta) + 6) * sizes + 8 * len(rough.tied) * width)
 
 
 @compiled
-def rough_likelihood(theta: Any, rough: Rough, lapse: float, least: float, small: Any, work: Any) -> float:
+def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least: float, small: Any) -> float:
     """``log_likelihood`` of theta (p,) to within ``error``, or too great by more where the lapse is below
-    ``LEAST_LAPSE``; -inf as soon as it is below ``least``. Writes in small (2, BLOCK), in single precision, and in
-    work (BLOCK,)."""
+    ``LEAST_LAPSE``, for a term is never less than exp(-``_NEAR``); -inf as soon as it is below ``least``. Writes in
+    small (2, BLOCK), in single precision."""
     whole, gone, share = len(rough.tied), 0.0, 1.0
     for j in range(len(theta)):
         rough.theta[j] = theta[j]
     limit = math.exp(least) if least > -700.0 else 0.0
     for start in range(0, whole, BLOCK):
         logits(rough.theta, rough.rows, start, BLOCK, small[0])
-        rough_terms(small, lapse)
-        if rough.ties[start // BLOCK] > 0:
-            rough_ties(small, rough.tied[start : start + BLOCK], lapse)
-        if start + BLOCK == whole:
-            share *= rough.even
+        if width > 0.0:
+            rough_terms_apart(small, rough.tied[start : start + BLOCK], lapse, width)
+        else:
+            rough_terms(small, lapse)
+            if rough.ties[start // BLOCK] > 0:
+                rough_ties(small, rough.tied[start : start + BLOCK], lapse)
+        for i in range(rough.n - start, BLOCK):
+            small[0, i] = _ONE
         for half in (small[0, :HALF], small[0, HALF:]):
             share *= max(product(half), SMALL)
             if share < SMALL:
@@ -110,6 +112,23 @@ def rough_ties(small: Any, tied: Any, lapse: float) -> None:
         if tied[i]:
             less = sure * below[i] / (_ONE + below[i])
             above[i] = math.sqrt((half + less) * (half + sure - less))
+
+
+@loosely
+def rough_terms_apart(small: Any, tied: Any, lapse: float, width: float) -> None:
+    """The same with a width (see ``density.log_terms_apart``)."""
+    above, below = small[0], small[1]
+    third, sure, equal = np.float32(lapse / 3.0), np.float32(1.0 - lapse), np.float32(-math.expm1(-2.0 * width))
+    far, wide = _NEAR if lapse < LEAST_LAPSE else _FAR, np.float32(width)
+    for i in range(BLOCK):
+        above[i] = wide - abs(above[i]) if tied[i] else above[i] - wide
+    for i in range(BLOCK):
+        below[i] = rough_exp(min(abs(above[i]), far))
+    for i in range(BLOCK):
+        top = (_ONE if above[i] >= _NONE else below[i]) / (_ONE + below[i])
+        if tied[i]:
+            top *= equal / (_ONE + rough_exp(min(wide + wide - above[i], _FAR)))
+        above[i] = third + sure * top
 
 
 @loosely

@@ -5,7 +5,8 @@ left - right and gamma_j = c (e_{j+1} - e_j) >= 0 the scaled gaps. The log-likel
 gamma, so a fit is a convex problem; ``fit`` solves many of them fast.
 
 Shapes: n answers, p = k - 1 gaps, m resamples. An answer y = 0 (a tie) counts as half an answer
-each way. Gammas are in logits per unit of share, so that t.gamma is in logits.
+each way, or has a probability of its own (Rao and Kupper 1967; see ``fit``). Gammas are in logits
+per unit of share, so that t.gamma is in logits.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ _FLAT = 1e-8  # curvature, as a share of the most the answers could have, that m
 _MOST_STEPS = 100
 _BACKTRACKS = 50
 _BLOCK = 2**16  # numbers in a working array: more problems at once would only fall out of the cache
+_SURE = 600.0  # logits: exp of more overflows, and of less is as good as infinite
 _NEAR = 1e-3  # gaps this close to 0 (in gaps that total 1) may be held there for a step
 
 Signs = NDArray[np.integer]
@@ -89,21 +91,30 @@ class _Problems:
     centre: Floats  # (m, p)
     strength: float
     monotone: bool
+    equal: Floats  # (m,) how many ties with a probability of their own
+    width: float  # of these, in logits for gaps that total 1
 
     def loss(self, u: Floats) -> Floats:
         """What is minimised (m,): minus eq. (7), plus the ridge."""
         ridge = self.strength / 2.0 * ((u - self.centre) ** 2).sum(axis=1)
         total: Floats = ridge - log_likelihood(u, self.x, self.y, self.weights)
+        if self.width > 0:
+            total -= np.where(self.equal > 0, self.equal * _log_apart(2.0 * self.width * u.sum(axis=1)), 0.0)
         return total
 
     def slopes(self, u: Floats) -> tuple[Floats, Floats]:
         """Gradient (m, p) and Hessian (m, p, p) of the loss."""
         gradient, hessian = derivatives(u, self.x, self.y, self.weights, self.outer)
-        return self.strength * (u - self.centre) - gradient, self.strength * np.eye(u.shape[1]) - hessian
+        gradient, hessian = self.strength * (u - self.centre) - gradient, self.strength * np.eye(u.shape[1]) - hessian
+        if self.width > 0:
+            a = np.clip(2.0 * self.width * u.sum(axis=1), np.finfo(np.float64).tiny, _SURE)
+            gradient -= (self.equal * 2.0 * self.width / np.expm1(a))[:, None]
+            hessian += (self.equal * (self.width / np.sinh(a / 2.0)) ** 2)[:, None, None]
+        return gradient, hessian
 
     def only(self, rows: NDArray[np.bool_] | slice) -> _Problems:
         """Some of the problems."""
-        return replace(self, weights=self.weights[rows], centre=self.centre[rows])
+        return replace(self, weights=self.weights[rows], centre=self.centre[rows], equal=self.equal[rows])
 
     def project(self, u: Floats) -> Floats:
         """The nearest admissible point: gaps may not be negative unless the fit is the literal one."""
@@ -121,12 +132,18 @@ def fit(
     weights: Floats | None = None,
     start: Floats | None = None,
     monotone: bool = True,
+    tie: float = 0.0,
 ) -> Fit:
     """Maximise eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2, m times at once.
 
     t (n, p) tail sums, y (n,) in {-1, 0, +1}, ``centre`` (m, p) in gaps that total 1, ``weights``
     (m, n) how often each resample holds each answer (default: once), ``start`` (p,) or (m, p) in
-    the unit of gamma (default: the centre). ``monotone`` keeps gamma >= 0. ``precision`` > 0.
+    the unit of gamma (default: the centre; its total > 0). ``monotone`` keeps gamma >= 0. ``precision`` > 0.
+
+    ``tie`` > 0, where any y is 0: with s = tie * sum_j gamma_j, answers have the probabilities sigma(t.gamma - s),
+    sigma(-t.gamma - s) and, equal, the rest, (1 - exp(-2 s)) sigma(s - t.gamma) sigma(s + t.gamma). So s is a shift of
+    all tail sums by ``tie``, a tie counts as two answers to shifted rows, and log(1 - exp(-2 s)) is concave: the whole
+    stays so.
 
     Projected Newton steps (Bertsekas, SIAM J. Control Optim. 1982) with Armijo damping: undamped,
     warm starts diverge where answers are few. With strength 0 the maximum may lie at infinity
@@ -134,15 +151,27 @@ def fit(
     both leave a direction without curvature, and are reported as not converged.
     """
     m, p = centre.shape
+    counts, equal, width = np.ones((m, len(t))) if weights is None else weights, np.zeros(m), 0.0
+    tied = y == 0
+    if tie > 0 and tied.any():
+        width, equal = tie * precision, counts[:, tied].sum(axis=1)
+        t = np.concatenate([y[~tied, None] * t[~tied] - tie, tie - t[tied], tie + t[tied]])
+        counts = np.concatenate([counts[:, ~tied], counts[:, tied], counts[:, tied]], axis=1)
+        y = np.ones(len(t), dtype=np.int8)
     x = precision * t
-    counts = np.ones((m, len(t))) if weights is None else weights
-    every = _Problems(x, y, outer_rows(x), counts, centre, strength, monotone)
+    every = _Problems(x, y, outer_rows(x), counts, centre, strength, monotone, equal, width)
     first = np.array(np.broadcast_to(centre if start is None else start / precision, (m, p)))
     block = max(1, _BLOCK // max(1, len(t)))
     parts = [slice(i, i + block) for i in range(0, m, block)]
     fits = [_fit_block(every.only(part), every.project(first[part])) for part in parts]
     u, converged = (np.concatenate(column) for column in zip(*fits, strict=True))
     return Fit(precision * u, converged)
+
+
+def _log_apart(a: Floats) -> Floats:
+    """log(1 - exp(-a)), elementwise; -inf where a is not above 0."""
+    least = np.finfo(np.float64).tiny
+    return np.where(a > 0, np.log(-np.expm1(-np.maximum(a, least))), -np.inf)
 
 
 def _fit_block(problems: _Problems, u: Floats) -> Fit:

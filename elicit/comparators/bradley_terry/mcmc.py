@@ -14,11 +14,11 @@ import numpy as np
 
 from elicit._support.hashing import mix
 from elicit._support.jit import compiled
-from elicit.comparators.bradley_terry.density import BLOCK, ParticlePrior, log_prior, powered
-from elicit.comparators.bradley_terry.density_float32 import LEAST_LAPSE, error, rough_likelihood, roughened
+from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, log_prior, powered, slips
+from elicit.comparators.bradley_terry.density_float32 import error, rough_likelihood, roughened
 
 SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares: of proposals that exchange two gaps; of the others, those that
-# change the precision alone, and with them those in all coordinates; the rest step in at most so many
+# change what is known of the tutor alone, and with them those in all coordinates; the rest step in at most so many
 NUDGE = 1e-9  # of the step: lets particles leave a subspace that all of them lie in
 
 _S11 = np.uint64(11)
@@ -32,48 +32,52 @@ def unit(h: Any) -> float:
 
 @compiled
 def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
-    """Propose a move for each particle x (m, p) in turn, so many times over, that keeps the density of ``log_prior``
+    """Propose a move for each particle x (m, >= p) in turn, so many times over, that keeps the density of ``log_prior``
     and ``powered``: single precision decides unless its errors could. Returns how many were accepted, those not
     counted that led nowhere."""
-    m, p = x.shape
-    proposal, theta, work, small = np.empty(p), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
+    p, (m, size) = len(rows), x.shape
+    proposal, theta, work, small = np.empty(size), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
     # where the last answer is tempered, nothing is decided roughly
     rough, logs, errors = roughened(rows, tied, n if last == 1.0 else 0), np.empty(m), np.zeros(m)
-    precise, accepted = last < 1.0 or prior.lapse < LEAST_LAPSE, 0
+    precise, accepted = last < 1.0 or 0.0 <= prior.lapse < LEAST_LAPSE, 0
     for i in range(m):
         if i > 0 and (x[i] == x[i - 1]).all():
             logs[i], errors[i] = logs[i - 1], errors[i - 1]
             continue
         logs[i] = log_prior(x[i], prior, theta, work)
+        lapse, width = slips(x[i], theta, prior)
         if precise:
-            logs[i] += powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)
+            logs[i] += powered(theta, rows, tied, n, last, lapse, width, -math.inf, work)
         else:
-            logs[i] += rough_likelihood(theta, rough, prior.lapse, -math.inf, small, work[0])
-            errors[i] = error(theta, rough)
+            logs[i] += rough_likelihood(theta, rough, lapse, width, -math.inf, small)
+            errors[i] = error(theta, rough, width)
     for draw in range(turns * m):
         i = draw % m
         h = mix(mix(key, 1 + draw // m), i)
-        away = swap(x, i, proposal, h) if p > 1 and unit(mix(h, 0)) < SWAPS else step(x, i, proposal, h)
+        away = swap(x, i, p, proposal, h) if p > 1 and unit(mix(h, 0)) < SWAPS else step(x, i, p, proposal, h)
         density, ease = log_prior(proposal, prior, theta, work), math.log(unit(mix(h, 1)))
         least = logs[i] + ease - density
         if density == -math.inf or least > errors[i]:
             continue
+        lapse, width = slips(proposal, theta, prior)
         slack, found = 0.0, -math.inf
         if last == 1.0:
-            slack = error(theta, rough)
-            found = rough_likelihood(theta, rough, prior.lapse, least - errors[i] - slack, small, work[0])
+            slack = error(theta, rough, width)
+            found = rough_likelihood(theta, rough, lapse, width, least - errors[i] - slack, small)
             if found == -math.inf:
                 continue
         if precise or not found > least + errors[i] + slack:
             if errors[i] > 0.0:
                 logs[i], errors[i] = log_prior(x[i], prior, theta, work), 0.0
-                logs[i] += powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)
+                lapse, width = slips(x[i], theta, prior)
+                logs[i] += powered(theta, rows, tied, n, last, lapse, width, -math.inf, work)
                 density = log_prior(proposal, prior, theta, work)
+                lapse, width = slips(proposal, theta, prior)
                 least = logs[i] + ease - density
-            slack, found = 0.0, powered(theta, rows, tied, n, last, prior.lapse, least, work)
+            slack, found = 0.0, powered(theta, rows, tied, n, last, lapse, width, least, work)
             if least > 0.0 or not found >= least:
                 continue
-        for j in range(p):
+        for j in range(size):
             x[i, j] = proposal[j]
         logs[i], errors[i] = density + found, slack
         accepted += away
@@ -81,30 +85,34 @@ def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior
 
 
 @compiled
-def step(x: Any, i: int, proposal: Any, h: Any) -> bool:
+def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     """Particle i moved by a multiple of the difference of two others, in all coordinates or in a few neighbouring ones,
-    or in precision alone, by one of their greatest coordinates'. False where those two do not differ there."""
-    m, p = x.shape
+    or in what is known of the tutor alone: in precision by one of the greatest of their first p coordinates', and in
+    the coordinates beyond. False where those two do not differ there."""
+    m, size = x.shape
     a = int(unit(mix(h, 2)) * (m - 1))
     a += a >= i
     b = int(unit(mix(h, 3)) * (m - 2))
     b += b >= min(a, i)
     b += b >= max(a, i)
     kind = unit(mix(h, 4))
-    count = p if kind < WHOLE else min(p, 1 + int(unit(mix(h, 5)) * FEW))
-    first = int(unit(mix(h, 6)) * p)
+    count = size if kind < WHOLE else min(size, 1 + int(unit(mix(h, 5)) * FEW))
+    first = int(unit(mix(h, 6)) * size)
     # now and then a whole difference, which leaps between modes
     length = 1.0 if unit(mix(h, 7)) < 0.1 else 2.38 / math.sqrt(2.0 * count) * (0.5 + unit(mix(h, 8)))
     apart = 0.0
-    for j in range(p):
+    for j in range(size):
         proposal[j] = x[i, j]
     if kind < SHIFTS:
-        apart += x[a].max() - x[b].max()
+        apart += x[a, :p].max() - x[b, :p].max()
         for j in range(p):
             proposal[j] += 2.0 * unit(mix(h, 8)) * apart
+        for j in range(p, size):
+            proposal[j] += 2.0 * unit(mix(h, 8)) * (x[a, j] - x[b, j])
+            apart = max(abs(apart), abs(x[a, j] - x[b, j]))
         return bool(apart != 0.0)
     for q in range(count):
-        j = (first + q) % p
+        j = (first + q) % size
         proposal[j] += length * (x[a, j] - x[b, j])
         apart = max(apart, abs(x[a, j] - x[b, j]))
     proposal[first] += NUDGE * apart * (unit(mix(h, 9)) - 0.5)
@@ -112,13 +120,12 @@ def step(x: Any, i: int, proposal: Any, h: Any) -> bool:
 
 
 @compiled
-def swap(x: Any, i: int, proposal: Any, h: Any) -> bool:
-    """Particle i with the greatest of some neighbouring gaps exchanged for another of them: the prior is the same in
-    every order, so that only answers can tell them apart. False where both are equal."""
-    p = x.shape[1]
+def swap(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
+    """Particle i with the greatest of some neighbouring gaps, of p, exchanged for another of them: the prior is the
+    same in every order, so that only answers can tell them apart. False where both are equal."""
     first, count = int(unit(mix(h, 2)) * p), 2 + int(unit(mix(h, 3)) * (p - 1))
     best = first
-    for j in range(p):
+    for j in range(x.shape[1]):
         proposal[j] = x[i, j]
     for q in range(count):
         j = (first + q) % p

@@ -1,9 +1,11 @@
 """The noisy-tutor comparator in Bayes' way: the posterior over scales and over the tutor's precision, as particles.
 
 The likelihood is eq. (6) with a lapse: P(left is said to be better) = lapse/2 + (1 - lapse) sigma(c d.e). The prior
-knows the order of the levels, is wide enough for scales with a few large gaps, and learns the precision c unless it is
-given. A comparison is decided where one sign has posterior probability ``level``: of what is decided so, at most
-1 - level is wrong, on average over the prior, whichever questions were asked.
+knows the order of the levels, is wide enough for scales with a few large gaps, and learns the precision c and the lapse
+unless they are given. From the first EQUAL on the tutor is taken to call equal what is close, as Rao and Kupper (1967)
+have it (see ``density``), and how close is learned too. A comparison is decided where one sign has posterior
+probability ``level``: of what is decided so, at most 1 - level is wrong, on average over the prior, whichever questions
+were asked.
 """
 
 from __future__ import annotations
@@ -11,11 +13,12 @@ from __future__ import annotations
 import copy
 import math
 import warnings
+from collections.abc import Iterable
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gammaln, ndtri
+from scipy.special import betaincinv, gammaln, logit, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of
 from elicit._support.validation import is_number, is_range, is_whole, require
@@ -48,6 +51,11 @@ each decides more before any answer the more levels there are, and is then wrong
 fixed sum, levels set in between leave the law of the others as it was (Ferguson 1973)."""
 
 
+LAPSE = (1.0, 4.0)
+"""The lapse a priori is Beta of these two: none is the likeliest, a fifth the mean, and .6 (a tutor who flips three
+answers in ten) still within what is foreseen. ``tutor_report`` has the same prior."""
+
+
 class Degenerate(RuntimeWarning):
     """Too few particles carry the weight for probabilities to be trusted."""
 
@@ -57,7 +65,13 @@ class PosteriorComparator:
 
     k          number of levels
     precision  c of eq. (6), logits per unit of d.e; None: learned, log c ~ N(log 30, 2.5^2) a priori
-    lapse      share of answers given at random; a tutor who flips a tenth of all answers lapses in a fifth
+    lapse      share of answers given at random; a tutor who flips a tenth of all answers lapses in a fifth. None:
+               learned, Beta(1, 4) a priori
+    tie        the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call EQUAL, in 0 <= tie <
+               1, where d is a difference of share vectors and enters as it is given. The width within which she does
+               is learned, uniform up to ``tie`` a priori. One who has called nothing equal is taken as sharp: until
+               the first EQUAL nothing depends on ``tie``, and then all answers are taken in afresh. 0: EQUAL means
+               equal, and counts as half an answer each way
     level      posterior probability that a verdict needs, in (1/2, 1)
     particles  how many stand for the posterior
     shape      a priori the gaps are Dirichlet(a), log a uniform between these two; None: between ``CONCENTRATION``
@@ -74,17 +88,20 @@ class PosteriorComparator:
         self,
         k: int,
         precision: float | None = None,
-        lapse: float = 0.05,
+        lapse: float | None = None,
         level: float = 0.95,
         particles: int = 1000,
         shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
         seed: Seed = 0,
+        tie: float = 0.01,
     ) -> None:
         self.k = check_levels(k)
         known = precision is None or is_number(precision, 0)
         require(known, "precision", "None or a finite number of at least 0", precision)
-        require(is_number(lapse, 0) and lapse < 1, "lapse", "a number of at least 0 and below 1", lapse)
+        known = lapse is None or (is_number(lapse, 0) and lapse < 1)
+        require(known, "lapse", "None or a number of at least 0 and below 1", lapse)
+        require(is_number(tie, 0) and tie < 1, "tie", "a number of at least 0 and below 1", tie)
         require(is_number(level) and 0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
         require(is_whole(particles, 20), "particles", "a whole number of at least 20", particles)
         if shape is None:
@@ -93,8 +110,9 @@ class PosteriorComparator:
         require(is_range(shape, *_SHAPES), "shape", wanted, shape)
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
-        self.lapse, self.level, self.particles, self.shape = float(lapse), float(level), int(particles), tuple(shape)
+        self.level, self.particles, self.shape, self.tie = float(level), int(particles), tuple(shape), float(tie)
         self.given_precision = None if precision is None else float(precision)
+        self.given_lapse = None if lapse is None else float(lapse)
         self.prior = as_prior(prior, self.k)
         self._key = np.uint64(key)
         self._prior = self._log_prior()
@@ -106,12 +124,17 @@ class PosteriorComparator:
     def _forget(self) -> None:
         """Back to the prior."""
         self.answers = Answers.none(self.k)
-        self.proposed = self.accepted = 0
         self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
+        self._start(0.0)
+
+    def _start(self, tie: float) -> None:
+        """Particles from the prior, of a tutor who may call equal what lies within ``tie``."""
+        self.proposed = self.accepted = 0
+        self._prior = self._prior._replace(tie=tie)
         self._x, self._logs = self._first_particles(), np.zeros(self.particles)
         self._noise = np.full(1, 1.0 / self.particles)
-        self._theta = np.empty((self.k - 1, self.particles))
-        thetas(self._x, self._prior.fixed, self._theta)
+        self._theta, self._slips = np.empty((self.k - 1, self.particles)), np.empty((2, self.particles))
+        thetas(self._x, self._prior, self._theta, self._slips)
 
     def update(self, answers: Answers) -> PosteriorComparator:
         """A comparator that also knows these answers, taken in one by one in the order told."""
@@ -128,22 +151,30 @@ class PosteriorComparator:
         n = self._rows.shape[1]
         new._rows = np.ascontiguousarray(np.concatenate([self._rows, t.T], axis=1))
         new._tied = np.concatenate([self._tied, answers.y == 0])
-        new._x, new._theta = self._x.copy(), self._theta.copy()
+        new._x, new._theta, new._slips = self._x.copy(), self._theta.copy(), self._slips.copy()
         new._logs, new._noise = self._logs.copy(), self._noise.copy()
         for i in range(n, n + len(answers)):
-            key = fold(self._key, i)[()]
-            with np.errstate(all="ignore"):  # the hash wraps around
-                counts = learn(new._x, new._theta, new._logs, new._noise, new._rows, new._tied, i + 1, self._prior, key)
-            new.proposed, new.accepted = new.proposed + counts[0], new.accepted + counts[1]
+            if new._tied[i] and new._prior.tie < self.tie:  # the first EQUAL
+                new._start(self.tie)
+                new._learn(range(i))
+            new._learn(range(i, i + 1))
         if new.effective_size < WORN * self.particles:
             warnings.warn(
                 f"after {len(new.answers)} answers the {self.particles} particles are worth only "
-                f"{new.effective_size:.0f} draws: take more particles, or a higher lapse if the answers contradict "
-                "each other",
+                f"{new.effective_size:.0f} draws: take more particles, or leave the lapse to be learned if the answers "
+                "contradict each other",
                 Degenerate,
                 stacklevel=2,
             )
         return new
+
+    def _learn(self, rows: Iterable[int]) -> None:
+        """Take in these rows, one by one."""
+        state = self._x, self._theta, self._slips, self._logs, self._noise, self._rows, self._tied
+        for i in rows:
+            with np.errstate(all="ignore"):  # the hash wraps around
+                proposed, accepted = learn(*state, i + 1, self._prior, fold(self._key, i)[()])
+            self.proposed, self.accepted = self.proposed + proposed, self.accepted + accepted
 
     def retract(self, *ids: str) -> PosteriorComparator:
         """What is known without the answers of these ids, taken in afresh: as if they had never been given. Raises
@@ -208,11 +239,17 @@ class PosteriorComparator:
         return float(np.exp(np.log(self.draws.precision) @ self.draws.weights))
 
     @property
+    def lapse(self) -> float:
+        """The share of answers given at random: as given, or its posterior mean."""
+        return float(self._slips[0] @ self._gaps_and_weights[1]) if self.given_lapse is None else self.given_lapse
+
+    @property
     def draws(self) -> Draws:
         """The particles: weighted draws from the posterior."""
         gaps, weights = self._gaps_and_weights
-        most = self._x.max(axis=1)
-        log_c = most + np.log(np.exp(self._x - most[:, None]).sum(axis=1))
+        x = self._x[:, : self.k - 1]
+        most = x.max(axis=1)
+        log_c = most + np.log(np.exp(x - most[:, None]).sum(axis=1))
         known = self.given_precision
         return Draws(gaps, weights, np.exp(np.minimum(log_c, 300.0)) if known is None else np.full(len(weights), known))
 
@@ -246,11 +283,11 @@ class PosteriorComparator:
         above, limits = np.empty((0, p)), np.empty(0)
         if self.prior is not None:
             above, limits = np.ascontiguousarray(tail_sums(self.prior.a)), self.prior.b
-        fixed = self.given_precision or 0.0
-        return ParticlePrior(shapes, constants, *PRECISION, fixed, self.lapse, above, limits)
+        fixed, lapse = self.given_precision or 0.0, -1.0 if self.given_lapse is None else self.given_lapse
+        return ParticlePrior(shapes, constants, *PRECISION, fixed, lapse, *LAPSE, 0.0, above, limits)
 
     def _first_particles(self) -> Floats:
-        """x (m, p) from the prior."""
+        """x (m, p) from the prior, and columns for the lapse and the width where they are learned."""
         rng, m, p = np.random.Generator(np.random.Philox(int(self._key))), self.particles, self.k - 1
         spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
         a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
@@ -259,7 +296,11 @@ class PosteriorComparator:
         x -= x.max(axis=1, keepdims=True)
         x -= np.log(np.exp(x).sum(axis=1, keepdims=True))
         log_c = PRECISION[0] + PRECISION[1] * ndtri((rng.permutation(m) + rng.random(m)) / m)
-        return self._within(np.ascontiguousarray(x + log_c[:, None]))
+        columns = [self._within(np.ascontiguousarray(x + log_c[:, None]))]
+        for learned, law in ((self._prior.lapse < 0, LAPSE), (self._prior.tie > 0, (1.0, 1.0))):
+            if learned:
+                columns.append(logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m))[:, None])
+        return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
     def _within(self, x: Floats) -> Floats:
         """Particles of the prior moved to where its inequalities hold, by nested sets that each hold half of the
@@ -269,6 +310,7 @@ class PosteriorComparator:
         if is_empty(Region(0.0, *prior_rows(self.prior, self.k))) is not None:
             raise ValueError(f"no scale satisfies the prior's inequalities together, {'; '.join(self.prior.names)}")
         above, limits = self._prior.above, self._prior.limits
+        gaps_alone = self._prior._replace(lapse=max(0.0, self._prior.lapse), tie=0.0)
         nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles
         for stage in range(200):
             theta = np.exp(x - x.max(axis=1, keepdims=True))
@@ -279,7 +321,7 @@ class PosteriorComparator:
             if 0.0 < gap < _THIN:
                 break
             x = x[np.resize(np.flatnonzero(short <= gap), m)].copy()
-            eased = self._prior._replace(limits=limits - gap)
+            eased = gaps_alone._replace(limits=limits - gap)
             with np.errstate(all="ignore"):
                 move(x, nothing, untied, 1, 1.0, eased, fold(self._key, m, stage)[()], SWEEPS)
         raise ValueError(

@@ -1,7 +1,8 @@
-"""Particles over scales and precisions, reweighted by each answer and moved when few of them carry the weight.
+"""Particles over scales and tutors, reweighted by each answer and moved when few of them carry the weight.
 
-A particle is x (p,) with theta = exp(x) = c g: the logs of the gaps times the precision. In these coordinates the
-plausible set has no border to reject moves at. Iterated batch importance sampling (Chopin 2002), tempered where one
+A particle is x with theta = exp(x) = c g: the logs of the p gaps times the precision; beyond them, where they are
+learned, the tutor's lapse and her width of EQUAL, as logits. In these coordinates the plausible set has no border to
+reject moves at. Iterated batch importance sampling (Chopin 2002), tempered where one
 answer is a surprise (Del Moral, Doucet and Jasra 2006).
 Random numbers are a hash of (key, counters).
 """
@@ -15,7 +16,7 @@ import numpy as np
 
 from elicit._support.hashing import mix
 from elicit._support.jit import compiled
-from elicit.comparators.bradley_terry.density import ParticlePrior, likelihoods, scaled
+from elicit.comparators.bradley_terry.density import ParticlePrior, likelihoods, scaled, slips
 from elicit.comparators.bradley_terry.mcmc import move, unit
 
 ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
@@ -25,14 +26,15 @@ ROUNDING = 1e-14  # levels' values that vary by less do not vary
 
 
 @compiled
-def thetas(x: Any, fixed: float, out: Any) -> None:
-    """theta = c g (p, m) of particles x (m, p)."""
-    m, p = x.shape
+def thetas(x: Any, prior: ParticlePrior, out: Any, slip: Any) -> None:
+    """theta = c g (p, m) of particles x (m, >= p) into ``out``, and their lapses and widths into slip (2, m)."""
+    p, m = out.shape
     theta = np.empty(p)
     for i in range(m):
-        scaled(x[i], fixed, theta)
+        scaled(x[i], prior.fixed, theta)
         for j in range(p):
             out[j, i] = theta[j]
+        slip[0, i], slip[1, i] = slips(x[i], theta, prior)
 
 
 @compiled
@@ -64,17 +66,17 @@ def resample(weights: Any, u: float, out: Any) -> None:
 
 @compiled
 def learn(
-    x: Any, theta: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior, key: Any
+    x: Any, theta: Any, slip: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior, key: Any
 ) -> tuple[int, int]:
-    """Reweight particles x (m, p), whose ``thetas`` are theta (p, m), with log weights ``logs`` (m,) by row n - 1 of
-    rows (p, >= n), and move them where that leaves few with weight. ``noise`` (1,) is the variance of a mean over
-    equally weighted particles, in units of the posterior's: resampling adds to it, and moves take away as much as they
-    make a particle forget. Returns how many moves were proposed and accepted."""
+    """Reweight particles x (m, >= p), whose ``thetas`` are theta (p, m) and slip (2, m), with log weights ``logs`` (m,)
+    by row n - 1 of rows (p, >= n), and move them where that leaves few with weight. ``noise`` (1,) is the variance of a
+    mean over equally weighted particles, in units of the posterior's: resampling adds to it, and moves take away as
+    much as they make a particle forget. Returns how many moves were proposed and accepted."""
     m = len(x)
     found, target, copied = np.empty(m), np.empty(m), np.empty(m, dtype=np.int64)
     proposed, accepted, done, stage = 0, 0, 0.0, 0
     while done < 1.0:
-        likelihoods(theta, rows, tied, n, prior.lapse, found)
+        likelihoods(theta, slip, rows, tied, n, found)
         part = tempered(logs, found, 1.0 - done)
         done = 1.0 if part >= 1.0 - done else done + part
         for i in range(m):
@@ -91,22 +93,22 @@ def learn(
                 logs[i] = 0.0
                 run = run + 1.0 if i > 0 and copied[i] == copied[i - 1] else 1.0
                 noise[0] += (2.0 * run - 2.0) / m / m  # sums to squared numbers of copies, less one for each particle
-            before = features(x, prior.fixed)
+            before = features(x, len(theta), prior.fixed)
             accepted += move(x, rows, tied, n, done, prior, mix(key, stage), SWEEPS)
             proposed += SWEEPS * m
-            thetas(x, prior.fixed, theta)
-            noise[0] = 1.0 / m + remembered(before, features(x, prior.fixed)) * (noise[0] - 1.0 / m)
+            thetas(x, prior, theta, slip)
+            noise[0] = 1.0 / m + remembered(before, features(x, len(theta), prior.fixed)) * (noise[0] - 1.0 / m)
             stage += 1
     return proposed, accepted
 
 
 @compiled
-def features(x: Any, fixed: float) -> Any:
+def features(x: Any, p: int, fixed: float) -> Any:
     """What verdicts hang on (p, m): the values of levels 2 to k - 1, and log c unless the precision is ``fixed``."""
-    m, p = x.shape
+    m = len(x)
     out = np.empty((p, m))
     for i in range(m):
-        most, total = x[i].max(), 0.0
+        most, total = x[i, :p].max(), 0.0
         for j in range(p):
             total += math.exp(x[i, j] - most)
         at = 0.0

@@ -138,10 +138,33 @@ def test_a_pair_answered_both_ways_a_thousand_times_stays_open(region: str) -> N
     assert a.probability(d)[2][0] == pytest.approx(0.5, abs=0.05)
 
 
+def test_a_tie_means_what_the_tutor_may_call_equal_and_nothing_where_she_does_not() -> None:
+    answers, fresh, precision, e = told(6, 5, 200)
+    sharp, wide = (BradleyTerryComparator(5, precision=precision, tie=tie) for tie in (0.0, 0.02))
+    assert BradleyTerryComparator(5).tie == 0.01
+    assert same(sharp.update(answers), wide.update(answers), fresh)
+    y = np.where(np.abs(answers.d @ e) < 0.02, 0, answers.y)
+    assert 5 < (y == 0).sum() < 50
+    told_equal = Answers(answers.d, y)
+    a, b = sharp.update(told_equal), wide.update(told_equal)
+    assert not same(a, b, fresh)
+    fitted = fit(
+        tail_sums(answers.d), y, precision=precision, centre=np.full((1, 4), 0.25), strength=0.3 * 16, tie=0.02
+    ).gamma[0]  # fmt: skip
+    late = BradleyTerryComparator(5, precision=precision, tie=0.02, refit_growth=0).update(told_equal)
+    assert late.values[1:] == pytest.approx(np.cumsum(fitted) / fitted.sum(), abs=1e-9)
+    # she who calls equal what is close is thought to see more than under the sharp model
+    assert b.draws is not None
+    assert a.draws is not None
+    assert np.median(b.draws.precision) > 1.1 * np.median(a.draws.precision)
+
+
 @pytest.mark.parametrize("region", REGIONS)
-def test_ties_everywhere(region: str) -> None:
+@pytest.mark.parametrize("tie", [0.0, 0.01])
+def test_ties_everywhere(region: str, tie: float) -> None:
     answers, fresh, precision, _ = told(6, 5, 300)
-    a = BradleyTerryComparator(5, precision=precision, region=region).update(Answers(answers.d, np.zeros(300, int)))
+    nothing = Answers(answers.d, np.zeros(300, int))
+    a = BradleyTerryComparator(5, precision=precision, region=region, tie=tie).update(nothing)
     assert a.converged
     assert np.isfinite(a.values).all()
     assert a.values[0] == 0
@@ -360,6 +383,7 @@ def test_the_same_seed_gives_the_same_result() -> None:
         ("prior_strength", [-0.1]),
         ("prior_shape", [(0.0, 1.0), (2.0, 1.0), "ab", 1.0]),
         ("refit_growth", [-1]),
+        ("tie", [1.0, -0.01, math.nan, "a", None, True]),
     ],
 )
 def test_bad_settings_are_named(name: str, values: list[Any]) -> None:

@@ -1,7 +1,9 @@
 """The likelihood of eq. (6) and (7), its derivatives, and the batched fit against independent ones."""
 
+import warnings
 from typing import Any
 
+import cvxpy as cp
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -210,3 +212,101 @@ def test_resamples_and_centres_are_functions_of_the_key() -> None:
         assert (centres == prior_centres(7, 30, 5, shape)).all()
         assert (centres >= 0).all()
         assert np.allclose(centres.sum(axis=1), 1.0)
+
+
+# ---- about equal ------------------------------------------------------------------------------------------------
+
+
+def rao_kupper(gamma: Floats, t: Floats, y: np.ndarray, tie: float) -> Floats:
+    """Log-likelihoods (n,) at gamma (p,) of answers y to rows t, each a difference of two logistic functions."""
+    z, s = t @ gamma, tie * gamma.sum()
+    equal = sigmoid(s - np.abs(z)) - sigmoid(-s - np.abs(z))  # 1 - better - worse, where neither rounds to 1
+    return np.asarray(np.log(np.where(y == 0, equal, sigmoid(y * z - s))))
+
+
+def conic_fit(
+    t: Floats,
+    y: np.ndarray,
+    weights: Floats,
+    tie: float,
+    precision: float,
+    strength: float,
+    centre: Floats,
+    least: float,
+) -> Floats:
+    """Gaps u >= least by a cone program, with log(1 - exp(-2 s)) as a variable held below it."""
+    u, apart = cp.Variable(len(centre)), cp.Variable()
+    z, s, tied = precision * t @ u, precision * tie * cp.sum(u), y == 0
+    lost = cp.multiply(weights, cp.logistic(s - cp.multiply(np.where(tied, 0, y), z)))[~tied]
+    both = cp.multiply(weights, cp.logistic(z - s) + cp.logistic(-z - s))[tied]
+    told = weights[tied].sum() * apart - cp.sum(lost) - cp.sum(both)
+    below = [cp.log_sum_exp(cp.hstack([apart, -2 * s])) <= 0, u >= least]
+    problem = cp.Problem(cp.Maximize(told - strength / 2 * cp.sum_squares(u - centre)), below)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Solution may be inaccurate")
+        problem.solve(solver=cp.CLARABEL)
+    return np.asarray(u.value)
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("monotone", [True, False])
+def test_the_fit_with_ties_is_the_maximum_of_rao_and_kupper(seed: int, monotone: bool) -> None:
+    """Held to a cone program, in every second case on a resample, and to the model as written."""
+    rng = np.random.default_rng([seed, 3])
+    k, n, tie = int(rng.integers(2, 8)), int(rng.integers(2, 120)), float(rng.choice([0.01, 0.1]))
+    precision, strength = 10.0 ** rng.uniform(0.5, 2), 10.0 ** rng.uniform(-1, 2)
+    t, y = some_answers(rng, k, n, precision, ties=float(rng.choice([0.1, 0.5])))
+    y[0] = 0
+    weights = np.ones(n) if seed % 2 else rng.integers(0, 4, n).astype(float)
+    centre = rng.dirichlet(np.ones(k - 1))
+
+    def loss(u: Floats) -> float:
+        if u.sum() <= 0:
+            return np.inf
+        return float(strength / 2 * ((u - centre) ** 2).sum() - weights @ rao_kupper(precision * u, t, y, tie))
+
+    ours = fit(
+        t, y, precision=precision, centre=centre[None], strength=strength, weights=weights[None], monotone=monotone,
+        tie=tie,
+    )  # fmt: skip
+    assert ours.converged.all()
+    u = ours.gamma[0] / precision
+    theirs = conic_fit(t, y, weights, tie, precision, strength, centre, 0.0 if monotone else -1e3)
+    assert np.abs(u - theirs).max() < 1e-5 or loss(u) < loss(np.maximum(theirs, 0.0) if monotone else theirs)
+    assert np.abs(u - theirs).max() < 1e-3
+    # no way leads down from it
+    for j in range(k - 1):
+        for h in (1e-4, -1e-4):
+            near = u.copy()
+            near[j] = max(near[j] + h, 0.0) if monotone else near[j] + h
+            assert loss(near) >= loss(u) - 1e-10
+    other = centre + 0.1
+    for share in (0.25, 0.5, 0.75):  # the loss is convex along every line
+        assert loss(share * u + (1 - share) * other) <= share * loss(u) + (1 - share) * loss(other) + 1e-9
+
+
+def test_without_ties_among_the_answers_the_width_means_nothing() -> None:
+    rng = np.random.default_rng(0)
+    t, y = some_answers(rng, 6, 50, 10.0)
+    settings = {"precision": 10.0, "centre": np.full((3, 5), 0.2), "strength": 5.0}
+    assert (fit(t, y, tie=0.01, **settings).gamma == fit(t, y, **settings).gamma).all()
+    y[7] = 0
+    one, other = fit(t, y, tie=0.01, **settings).gamma, fit(t, y, **settings).gamma
+    assert np.abs(one - other).max() > 1e-3
+    # one answer in a resample where the tie was not drawn still knows that others may be equal
+    weights = np.ones((3, 50))
+    weights[1, 7] = 0.0
+    found = fit(t, y, tie=0.01, weights=weights, **settings)
+    assert found.converged.all()
+    assert np.abs(found.gamma[0] - found.gamma[2]).max() < 1e-9
+    assert np.abs(found.gamma[0] - found.gamma[1]).max() > 1e-3
+
+
+@pytest.mark.parametrize("monotone", [True, False])
+def test_all_answers_equal_have_a_fit(monotone: bool) -> None:
+    t, _ = some_answers(np.random.default_rng(1), 5, 80, 10.0)
+    found = fit(
+        t, np.zeros(80), precision=10.0, centre=np.full((1, 4), 0.25), strength=1.0, monotone=monotone, tie=0.01
+    )
+    assert found.converged.all()
+    assert found.gamma.sum() > 0

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.special import expit, gammaln, logsumexp
-from scipy.stats import chisquare
+from scipy.stats import beta, chisquare
 
 from elicit import Answers, BradleyTerryComparator, PolytopeComparator, PosteriorComparator, Verdict
+from elicit.comparators.bradley_terry.particle_comparator import LAPSE
+from elicit.model.comparator import lapse_of
 from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
 from elicit.testing import check_comparator, sample_differences
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -90,7 +92,8 @@ def test_it_keeps_the_contract(k: int, n: int, settings: dict[str, Any]) -> None
     [
         ("k", [1]),
         ("precision", [-1.0, math.inf, math.nan, "a", True, 10**400]),
-        ("lapse", [1.0, -0.1, math.nan, "a", None]),
+        ("lapse", [1.0, -0.1, math.nan, "a", True]),
+        ("tie", [1.0, -0.01, math.nan, "a", None, True]),
         ("level", [0.5, 1.0, None]),
         ("particles", [5, 100.5, math.nan, math.inf, "x", [100]]),
         ("shape", [(0.0, 1.0), (2.0, 1.0), (1.0, math.inf), (1.0,), "ab", 1.0, (1.0, None)]),
@@ -239,14 +242,14 @@ def weighted(rng: Rng, k: int, answers: Answers, lapse: float, m: int) -> tuple[
     return g, log_c, normalised(log_likelihood(g, log_c, answers, lapse))
 
 
-def log_likelihood(g: Floats, log_c: Floats, answers: Answers, lapse: float) -> Floats:
-    """Of scales g (m, p) and precisions (m,), by the formula."""
+def log_likelihood(g: Floats, log_c: Floats, answers: Answers, lapse: Any, share: Any = 0.0) -> Floats:
+    """Of scales g (m, p), precisions (m,), and lapses and widths, each (m,) or a number, by the formula."""
     total, theta = np.zeros(len(g)), np.exp(np.minimum(log_c, 300.0))[:, None] * g
     block = max(1, 1_000_000 // len(g))  # answers at a time
     for i in range(0, len(answers), block):
         y = answers.y[i : i + block]
         t = tail_sums(answers.d[i : i + block]) * np.where(y == 0, 1, y)[:, None]
-        total += log_terms(theta, t, y == 0, lapse).sum(axis=1)
+        total += log_terms(theta, t, y == 0, lapse, share * theta.sum(axis=1)).sum(axis=1)
     return total
 
 
@@ -358,7 +361,7 @@ def test_answers_about_vectors_near_the_greatest_float_end() -> None:
 @pytest.mark.parametrize("lapse", [0.0, 0.05])
 def test_all_answers_equal(precision: float | None, lapse: float) -> None:
     answers = told(n=150)
-    c = PosteriorComparator(5, precision=precision, lapse=lapse).update(Answers(answers.d, np.zeros(150)))
+    c = PosteriorComparator(5, precision=precision, lapse=lapse, tie=0.0).update(Answers(answers.d, np.zeros(150, int)))
     assert_sane(c)
     if precision is None:
         assert c.precision < 5.0  # who finds everything equal sees no differences
@@ -367,8 +370,8 @@ def test_all_answers_equal(precision: float | None, lapse: float) -> None:
 
 def test_equal_answers_draw_the_pair_to_a_tie() -> None:
     d = np.array([[0.3, -1.0, 0.7]])
-    before = PosteriorComparator(3, precision=50.0)
-    after = before.update(Answers(np.tile(d, (40, 1)), np.zeros(40)))
+    before = PosteriorComparator(3, precision=50.0, lapse=0.05, tie=0.0)
+    after = before.update(Answers(np.tile(d, (40, 1)), np.zeros(40, int)))
     (low,), (high,) = before.bounds(d)
     (lower,), (higher,) = after.bounds(d)
     assert -0.05 < lower < 0 < higher < 0.05
@@ -408,6 +411,176 @@ def test_without_noise_it_agrees_with_the_polytope(k: int) -> None:
     assert (c.compare(fresh)[known] == certain[known]).all()
     gaps, weights, _ = c.draws
     assert (tail_sums(asked) @ gaps[:, weights > 1e-12] * answers.y[:, None] > -1e-9).all()
+
+
+# ---- the lapse --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "counts", "values"),
+    [
+        ({"lapse": 0.05}, (8000, 2062), [0.0, 0.20764267997891764, 0.47878911266596585, 1.0]),
+        ({"lapse": 0.0, "precision": 30.0}, (6400, 1988), [0.0, 0.23143434092556248, 0.5282156268326047, 1.0]),
+        ({"lapse": 0.2, "prior": "e3 >= 0.4"}, (6400, 1618), [0.0, 0.18097473770388217, 0.47917691202138657, 1.0]),
+    ],
+)
+def test_a_given_lapse_gives_the_numbers_it_gave_before_it_could_be_learned(
+    settings: dict[str, Any], counts: tuple[int, int], values: list[float]
+) -> None:
+    rng = np.random.default_rng(11)
+    d = rng.dirichlet(np.ones(4), 60) - rng.dirichlet(np.ones(4), 60)
+    y = np.sign(d @ [0.0, 0.2, 0.5, 1.0]).astype(int) * np.where(rng.random(60) < 0.1, -1, 1)
+    c = PosteriorComparator(4, particles=100, seed=3, **settings).update(Answers(d, y))
+    assert (c.proposed, c.accepted) == counts
+    assert c.values.tolist() == pytest.approx(values, rel=1e-12)
+    assert c.lapse == c.given_lapse == settings["lapse"]
+
+
+@pytest.mark.parametrize(("flips", "least", "most"), [(0.0, 0.0, 0.02), (0.1, 0.12, 0.28), (0.3, 0.5, 0.7)])
+def test_the_lapse_is_learned(flips: float, least: float, most: float) -> None:
+    rng, e = np.random.default_rng(4), np.array([0.0, 0.1, 0.35, 0.4, 1.0])
+    d = pairs(rng, 5, 400)
+    c = PosteriorComparator(5).update(Answers(d, FlippingTutor(e, flips, 2).signs(d)))
+    assert_sane(c)
+    assert c.given_lapse is None
+    assert isinstance(c.lapse, float)
+    assert least <= c.lapse <= most
+    fresh = pairs(rng, 5, 300)
+    v, truth = c.compare(fresh), TruthfulTutor(e).signs(fresh)
+    assert (v != 2).mean() > (0.75 if flips == 0.3 else 0.9)
+    assert (v[v != 2] == truth[v != 2]).mean() > 0.99
+
+
+def test_before_any_answer_the_lapse_is_the_priors() -> None:
+    assert PosteriorComparator(5).lapse == pytest.approx(LAPSE[0] / sum(LAPSE), abs=1e-3)
+    assert lapse_of(PosteriorComparator(5, lapse=0.3)) == 0.3
+    assert PosteriorComparator(5, lapse=0).lapse == 0.0
+
+
+# ---- about equal ------------------------------------------------------------------------------------------------
+
+
+def told_equal(k: int, n: int, tie: float, seed: int = 0, c: float = 60.0, lapse: float = 0.1) -> Answers:
+    """Answers of Rao and Kupper's model with half that width and a lapse."""
+    rng = np.random.default_rng([seed, k, n])
+    d = pairs(rng, k, n)
+    z, s = c * (tail_sums(d) @ rng.dirichlet(np.ones(k - 1))), c * tie / 2
+    at, slips = rng.random(n), rng.random(n) < lapse
+    y = np.where(at < expit(z - s), 1, np.where(at < expit(z + s), 0, -1))
+    return Answers(d, np.where(slips, rng.integers(-1, 2, n), y))
+
+
+def test_who_calls_nothing_equal_is_taken_as_sharp_whatever_she_might_call_so() -> None:
+    answers = told(n=60)
+    for settings in ({}, {"lapse": 0.05}, {"precision": 30.0}):
+        sharp, wide = (PosteriorComparator(5, tie=tie, **settings) for tie in (0.0, 0.2))
+        assert (sharp.tie, wide.tie, PosteriorComparator(5).tie) == (0.0, 0.2, 0.01)
+        assert identical(sharp.update(answers), wide.update(answers))
+        assert not identical(sharp, sharp.update(answers))
+
+
+@pytest.mark.parametrize("settings", [{}, {"lapse": 0.05}, {"lapse": 0.0, "precision": 30.0}, {"prior": "e3 >= 0.4"}])
+def test_the_first_equal_has_all_answers_taken_in_afresh(settings: dict[str, Any]) -> None:
+    answers = told(n=40)
+    y = answers.y.copy()
+    y[[25, 26, 33]] = 0
+    answers = Answers(answers.d, y)
+    start = PosteriorComparator(5, tie=0.05, **settings)
+    sharp, after = start.update(answers[:25]), start.update(answers)
+    assert_sane(after)
+    step = start
+    for i in range(40):
+        step = step.update(answers[i : i + 1])
+        if i == 24:
+            assert identical(step, sharp)
+    assert identical(step, after)
+    assert identical(sharp.update(answers[25:]), after)
+    assert identical(sharp, start.update(answers[:25])), "the old one is as it was"
+    assert not identical(after, PosteriorComparator(5, tie=0.0, **settings).update(answers))
+    ids = answers.ids
+    assert identical(
+        after.retract(ids[25], ids[26], ids[33]), start.update(answers.without([ids[25], ids[26], ids[33]]))
+    )
+    assert identical(after.retract(ids[3]), start.update(answers.without([ids[3]])))
+    assert identical(start.update(answers[25:26]).update(answers[:25]), start.update(answers[25:26] + answers[:25]))
+
+
+def test_a_pair_called_equal_lies_within_what_the_tutor_may_call_so() -> None:
+    """Whose precision is unknown: five times EQUAL about one pair; and with more answers, where within."""
+    d, rng = np.array([[0.3, -1.0, 0.7]]), np.random.default_rng(0)
+    others, e = pairs(rng, 3, 40), np.array([0.0, 0.69, 1.0])
+    y = np.where(np.abs(others @ e) <= 0.02, 0, np.sign(others @ e))
+    truth = float(d[0] @ e)
+    assert truth == pytest.approx(0.01)
+    for n, tie in ((0, 0.03), (10, 0.03), (10, 0.01), (40, 0.03)):
+        answers = Answers(np.concatenate([others[:n], np.tile(d, (5, 1))]), np.append(y[:n], np.zeros(5)).astype(int))
+        (low,), (high,) = PosteriorComparator(3, tie=tie).update(answers).bounds(d)
+        assert -tie < low < high < tie
+        assert high - low > tie / 3
+        assert tie == 0.01 or low < truth < high
+    assert low > 0.0  # the others say so, not EQUAL
+    (low,), (high,) = PosteriorComparator(3, tie=0.0).update(answers[-5:]).bounds(d)
+    assert high - low > 0.5  # a sharp tutor who cannot tell may be one who knows nothing
+
+
+def test_a_tutor_who_finds_all_equal_that_is_not_teaches_nothing_but_her_lapse() -> None:
+    answers = told(n=150)
+    c = PosteriorComparator(5).update(Answers(answers.d, np.zeros(150, int)))
+    assert_sane(c)
+    assert (c.compare(pairs(np.random.default_rng(0), 5, 200)) == Verdict.UNKNOWN).mean() > 0.9
+    assert c.lapse > 0.9
+    for settings in ({"lapse": 0.05}, {"lapse": 0.0}, {"tie": 0.2}, {"precision": 1e9}, {"precision": 1e-9}):
+        assert_sane(PosteriorComparator(5, **settings).update(Answers(answers.d, np.zeros(150, int))))
+
+
+def test_it_agrees_with_weighted_draws_where_all_is_learned_on_15_data_sets() -> None:
+    """Scale, precision, lapse and width drawn from the prior and weighted by the formula."""
+    squares = []
+    for i in range(15):
+        k, tie, rng = (3, 4, 5)[i % 3], (0.0, 0.1, 0.3)[i // 5], np.random.default_rng([i, 78])
+        answers, m, d = told_equal(k, 10, tie, i, c=30.0), 150_000, pairs(rng, k, 20)
+        tie = tie if (answers.y == 0).any() else 0.0
+        g, log_c = drawn_gaps(rng, k, m), rng.normal(MEAN, SD, m)
+        lapse, share = rng.beta(*LAPSE, m), tie * rng.random(m)
+        if not tie:
+            answers = Answers(answers.d, np.where(answers.y == 0, 1, answers.y))
+        w = normalised(log_likelihood(g, log_c, answers, lapse, share))
+        assert 1.0 / float((w**2).sum()) > 300
+
+        def error(f: Floats, w: Floats = w) -> Floats:
+            centred = f - (f @ w)[:, None]
+            return np.asarray(np.sqrt(centred**2 @ w**2))
+
+        squares.append(compare_with(answers, g, w, d, error, 3, None, tie))
+        found = np.mean([PosteriorComparator(k, tie=tie, seed=s).update(answers).lapse for s in range(3)])
+        assert found == pytest.approx(lapse @ w, abs=4 * float(lapse.std()) / math.sqrt(3 * WORTH))
+    assert math.sqrt(np.mean(squares)) < 1.1
+
+
+def test_it_agrees_with_a_grid_where_all_is_learned_of_three_levels() -> None:
+    """Quadrature over the logit of the first gap, log c, the lapse and the width: 40 answers, some equal."""
+    tie, rng = 0.1, np.random.default_rng(2)
+    answers, d = told_equal(3, 40, tie, 1), pairs(rng, 3, 20)
+    assert 3 <= (answers.y == 0).sum() <= 15
+    r = np.concatenate([np.arange(-60.0, -6.0, 0.4), np.arange(-6.0, 6.0, 0.02), np.arange(6.0, 60.0, 0.4)])
+    log_c = np.arange(MEAN - 4.0 * SD, MEAN + 4.0 * SD, 0.4)
+    a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 401)) / 2
+    log_g = np.stack([-np.logaddexp(0, -r), -np.logaddexp(0, r)])
+    constants = gammaln(2 * a) - 2 * gammaln(a)
+    density = logsumexp(constants[:, None] + a[:, None] * log_g.sum(axis=0), axis=0)
+    nodes, mass = np.polynomial.legendre.leggauss(8)
+    lapses, shares = (nodes + 1) / 2, tie * (nodes + 1) / 2
+    at = np.stack(np.meshgrid(np.arange(len(r)), log_c, lapses, shares, indexing="ij")).reshape(4, -1)
+    g, i = np.exp(log_g).T, at[0].astype(int)
+    logs = density[i] + np.log(np.gradient(r))[i] - 0.5 * ((at[1] - MEAN) / SD) ** 2 + np.log(beta.pdf(at[2], *LAPSE))
+    logs += np.add.outer(np.log(mass), np.log(mass)).ravel()[np.arange(len(i)) % 64]
+    for part in np.array_split(np.arange(len(i)), 20):
+        logs[part] += log_likelihood(g[i[part]], at[1, part], answers, at[2, part], at[3, part])
+    w = np.bincount(i, normalised(logs), len(r))
+    assert compare_with(answers, g, w, d, lambda f: np.zeros(len(f)), 12, None, tie) < 1.2
+
+
+# ---- prior inequalities -----------------------------------------------------------------------------------------
 
 
 def test_named_inequalities_hold_for_certain() -> None:
@@ -464,12 +637,19 @@ def assert_near(found: Floats, true: Floats, copies: int, spread: Floats, error:
 
 
 def compare_with(
-    answers: Answers, g: Floats, w: Floats, d: Floats, error: Callable[[Floats], Floats], lapse: float, copies: int
+    answers: Answers,
+    g: Floats,
+    w: Floats,
+    d: Floats,
+    error: Callable[[Floats], Floats],
+    copies: int,
+    lapse: float | None,
+    tie: float = 0.0,
 ) -> float:
     """Hold comparators of several seeds to a weighted sample of the posterior; ``error`` gives the standard error of
     that sample's mean of a function (functions, m)."""
     k = answers.k
-    made = [PosteriorComparator(k, lapse=lapse, seed=seed).update(answers) for seed in range(copies)]
+    made = [PosteriorComparator(k, lapse=lapse, tie=tie, seed=seed).update(answers) for seed in range(copies)]
     above, levels = (tail_sums(d) @ g.T > 0).astype(np.float64), np.cumsum(g, axis=1).T[:-1]
     p, e = above @ w, levels @ w
     found = np.mean([c.probability(d) for c in made], axis=0)
@@ -502,7 +682,7 @@ def test_it_agrees_with_weighted_draws_of_the_prior_on_25_data_sets() -> None:
             centred = f - (f @ w)[:, None]
             return np.asarray(np.sqrt(centred**2 @ w**2))
 
-        squares.append(compare_with(answers, g, w, d, error, lapse, copies=3))
+        squares.append(compare_with(answers, g, w, d, error, 3, lapse))
     assert math.sqrt(np.mean(squares)) < 1.1
 
 
@@ -520,7 +700,42 @@ def test_it_agrees_with_a_grid_where_there_are_three_levels(n: int) -> None:
     g = np.exp(log_g).T
     logs += log_likelihood(np.repeat(g, len(log_c), axis=0), np.tile(log_c, len(r)), answers, 0.05).reshape(logs.shape)
     w = normalised(logs).sum(axis=1)
-    assert compare_with(answers, g, w, d, lambda f: np.zeros(len(f)), 0.05, copies=12) < 1.2
+    assert compare_with(answers, g, w, d, lambda f: np.zeros(len(f)), 12, 0.05) < 1.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("i", range(100, 150))
+def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) -> None:
+    emcee = pytest.importorskip("emcee")
+    k, answers, d, lapse, rng = a_data_set(i, 80)
+    a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 101)) / (k - 1)
+    constants = gammaln((k - 1) * a) - (k - 1) * gammaln(a)
+
+    def log_density(x: Floats) -> Floats:
+        top = x.max(axis=1)
+        log_c = top + np.log(np.exp(x - top[:, None]).sum(axis=1))
+        log_g = x - log_c[:, None]
+        by_shape = constants + a * log_g.sum(axis=1)[:, None]
+        most = by_shape.max(axis=1)
+        prior = most + np.log(np.exp(by_shape - most[:, None]).sum(axis=1)) - 0.5 * ((log_c - MEAN) / SD) ** 2
+        return np.asarray(prior + log_likelihood(np.exp(log_g), log_c, answers, lapse))
+
+    def error(f: Floats) -> Floats:
+        means = np.array([part.mean(axis=1) for part in np.array_split(f, 20, axis=1)])
+        return np.asarray(means.std(axis=0, ddof=1) / math.sqrt(20))
+
+    walkers = 40
+    g, log_c, w = weighted(rng, k, answers, lapse, 60_000)
+    chosen = rng.choice(len(w), walkers, p=w)
+    start = np.log(g[chosen] + 1e-300) + log_c[chosen, None] + 0.1 * rng.normal(size=(walkers, k - 1))
+    sampler = emcee.EnsembleSampler(walkers, k - 1, log_density, vectorize=True)
+    sampler.random_state = np.random.RandomState(i).get_state()
+    state = sampler.run_mcmc(start, 1000)
+    sampler.reset()
+    sampler.run_mcmc(state, 3000)
+    x = sampler.get_chain(thin=3).reshape(-1, k - 1)  # in order of time
+    g = np.exp(x - logsumexp(x, axis=1, keepdims=True))
+    assert compare_with(answers, g, np.full(len(g), 1.0 / len(g)), d, error, 4, lapse) < 2.5
 
 
 @pytest.mark.slow
@@ -550,8 +765,8 @@ def ranks(k: int, n: int, replications: int, seed: int) -> tuple[list[str], Floa
     t, out = tail_sums(fixed)[0], []
     for i in range(replications):
         rng = np.random.default_rng([seed, i, k, n])
-        g, log_c = drawn_gaps(rng, k)[0], rng.normal(MEAN, SD)
-        c = PosteriorComparator(k, seed=i).update(answered(rng, differences(rng, k, n), g, math.exp(log_c)))
+        g, log_c, lapse = drawn_gaps(rng, k)[0], rng.normal(MEAN, SD), rng.beta(*LAPSE)
+        c = PosteriorComparator(k, seed=i).update(answered(rng, differences(rng, k, n), g, math.exp(log_c), lapse))
         gaps, weights, precision = c.draws
         pick = rng.choice(len(weights), 99, p=weights)
         # gaps that no vector can tell from none are kept to within e^-60 of the greatest only: they tie

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
-from scipy.special import expit, gammaln, logsumexp
+from scipy.special import expit, gammaln, logit, logsumexp
 from scipy.stats import ks_2samp, kstest
 
 from elicit import Answers, PosteriorComparator
@@ -18,14 +18,32 @@ from elicit.comparators.bradley_terry import density as D
 from elicit.comparators.bradley_terry import density_float32 as R
 from elicit.comparators.bradley_terry import mcmc as M
 from elicit.comparators.bradley_terry import smc as P
+from elicit.comparators.bradley_terry.particle_comparator import LAPSE
 from elicit.model.scale import tail_sums
 from tests.interpreter import report_of
 from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of
 
 
-def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] | None = None) -> Floats:
-    """x (m, p) straight from the stated prior."""
-    return np.ascontiguousarray(log_gaps(rng, p + 1, m, shape) + rng.normal(MEAN, SD, (m, 1)))
+def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] | None = None, laws: Any = ()) -> Floats:
+    """x (m, p) straight from the stated prior, and a column for each of ``laws``, of logits of Beta variates."""
+    x = log_gaps(rng, p + 1, m, shape) + rng.normal(MEAN, SD, (m, 1))
+    return np.ascontiguousarray(np.column_stack([x, *(logit(rng.beta(*law, m)) for law in laws)]))
+
+
+def learning(prior: D.ParticlePrior, lapse: bool, tie: float) -> tuple[D.ParticlePrior, list[tuple[float, float]]]:
+    """The prior of one who learns the lapse, the width, or both; and the laws of the columns beyond the gaps."""
+    laws = [LAPSE] * lapse + [(1.0, 1.0)] * (tie > 0)
+    return prior._replace(lapse=-1.0 if lapse else prior.lapse, tie=tie), laws
+
+
+def lapses_and_widths(x: Floats, p: int, prior: D.ParticlePrior) -> tuple[Floats, Floats]:
+    """Of particles x (m, >= p), by the formula; widths in logits."""
+    lapse, width = np.full(len(x), prior.lapse), np.zeros(len(x))
+    if prior.lapse < 0:
+        lapse = D.LEAST_LAPSE + (1 - D.LEAST_LAPSE) * expit(x[:, p])
+    if prior.tie:
+        width = np.maximum(np.exp(logsumexp(x[:, :p], axis=1)) * prior.tie * expit(x[:, -1]), D.LEAST_WIDTH)
+    return lapse, width
 
 
 def direct_log_prior(x: Floats, shape: tuple[float, float]) -> float:
@@ -88,27 +106,35 @@ def test_the_hash_is_that_of_the_seeds() -> None:
     n=st.integers(1, 150),
     lapse=st.sampled_from([0.0, 1e-30, 0.05, 0.5, 0.99]),
     size=st.floats(-6, 8),
+    wide=st.sampled_from([0.0, 0.0, 1e-6, 0.01, 0.5]),
 )
 def test_the_likelihood_is_the_formula_and_gives_up_only_below_the_least(
-    seed: int, k: int, n: int, lapse: float, size: float
+    seed: int, k: int, n: int, lapse: float, size: float, wide: float
 ) -> None:
     rng = np.random.default_rng(seed)
     rows, tied = rows_of(rng, k, n)
     theta, work = 10.0**size * rng.dirichlet(np.ones(k - 1)), np.empty((2, D.BLOCK))
+    width = max(D.LEAST_WIDTH, wide * theta.sum()) if wide else 0.0
     first, end = sorted(int(i) for i in rng.integers(0, n + 1, 2))
-    wanted = float(log_terms(theta[None], rows[:, first:end].T, tied[first:end], lapse).sum())
-    found = D.log_likelihood(theta, rows, tied, first, end, lapse, -math.inf, work)
+    with np.errstate(divide="ignore"):  # where an answer cannot be
+        wanted = float(log_terms(theta[None], rows[:, first:end].T, tied[first:end], lapse, width).sum())
+    found = D.log_likelihood(theta, rows, tied, first, end, lapse, width, -math.inf, work)
+    one_by_one = [D.log_term(float(theta @ rows[:, i]), bool(tied[i]), lapse, width) for i in range(first, end)]
+    assert found == pytest.approx(sum(one_by_one), rel=1e-9, abs=1e-9)
+    if wanted < -1e4 and wide and not lapse:  # the formula's own numbers vanish
+        return
     # beyond 60 logits the logistic function counts as 1e-26, which only a tiny lapse can tell from 0
-    clipped = 0.0 < lapse < 1e-20 and np.abs(rows.T @ theta).max() > D.FARTHEST
+    clipped = 0.0 < lapse < 1e-20 and np.abs(rows.T @ theta).max() + width > D.FARTHEST
     if clipped:
         assert wanted - 1e-9 * abs(wanted) <= found <= 0.0
     else:
         assert found == pytest.approx(wanted, rel=1e-11, abs=1e-11 * (end - first + 1))
     assert found <= 1e-12
     for least in (found * (1 + 1e-9) - 1e-9, found * 2 - 1.0):
-        assert D.log_likelihood(theta, rows, tied, first, end, lapse, least, work) == found
+        assert D.log_likelihood(theta, rows, tied, first, end, lapse, width, least, work) == found
     if end > first and found < -1e-6:
-        assert D.log_likelihood(theta, rows, tied, first, end, lapse, found * (1 - 1e-9), work) == -math.inf
+        more = found * (1 - 1e-9)
+        assert D.log_likelihood(theta, rows, tied, first, end, lapse, width, more, work) == -math.inf
 
 
 @pytest.mark.parametrize("k", [2, 3, 5, 10, 20])
@@ -188,32 +214,39 @@ def moved(
 
 def in_double(x: Floats, rows: Floats, tied: Floats, last: float, prior: D.ParticlePrior, key: Any, turns: int) -> int:
     """``move`` as it would be without single precision."""
-    theta, work, proposal = np.empty(x.shape[1]), np.empty((2, D.BLOCK)), np.empty(x.shape[1])
-    accepted, n = 0, rows.shape[1]
-    logs = [D.log_prior(at, prior, theta, work) + D.powered(theta, rows, tied, n, last, prior.lapse, -math.inf, work)
-            for at in x]  # fmt: skip
+    (p, n), accepted = rows.shape, 0
+    theta, work, proposal = np.empty(p), np.empty((2, D.BLOCK)), np.empty(x.shape[1])
+
+    def likelihood(at: Floats, least: float) -> float:
+        lapse, width = D.slips(at, theta, prior)
+        return float(D.powered(theta, rows, tied, n, last, lapse, width, least, work))
+
+    logs = [D.log_prior(at, prior, theta, work) + likelihood(at, -math.inf) for at in x]
     for turn in range(turns):
         for i in range(len(x)):
             h = fold(key, 1 + turn, i)[()]
-            swaps = x.shape[1] > 1 and M.unit(fold(h, 0)[()]) < M.SWAPS
-            away = (M.swap if swaps else M.step)(x, i, proposal, h)
+            swaps = p > 1 and M.unit(fold(h, 0)[()]) < M.SWAPS
+            away = (M.swap if swaps else M.step)(x, i, p, proposal, h)
             density = D.log_prior(proposal, prior, theta, work)
             least = logs[i] + math.log(M.unit(fold(h, 1)[()])) - density
             if density == -math.inf or least > 0.0:
                 continue
-            found = D.powered(theta, rows, tied, n, last, prior.lapse, least, work)
+            found = likelihood(proposal, least)
             if found >= least:
                 x[i], logs[i], accepted = proposal, density + found, accepted + away
     return accepted
 
 
-@pytest.mark.parametrize("lapse", [0.0, 1e-9, 1e-4, 0.1])
+@pytest.mark.parametrize("lapse", [0.0, 1e-9, 1e-4, 0.1, None])
+@pytest.mark.parametrize("tie", [0.0, 0.05])
 @pytest.mark.parametrize(("n", "last", "size"), [(1, 1.0, 1.0), (70, 1.0, 0.2), (200, 0.3, 0.2), (400, 1.0, 30.0)])
-def test_single_precision_changes_no_decision(lapse: float, n: int, last: float, size: float) -> None:
+def test_single_precision_changes_no_decision(
+    lapse: float | None, tie: float, n: int, last: float, size: float
+) -> None:
     p, rng = 6, np.random.default_rng(n)
-    prior = prior_of(p + 1, lapse=lapse)
+    prior, laws = learning(prior_of(p + 1, lapse=lapse), lapse is None, tie)
     rows, tied = size * rng.normal(size=(p, n)), rng.random(n) < 0.1
-    start = prior_draws(rng, p, 40)
+    start = prior_draws(rng, p, 40, laws=laws)
     start[10:20] = start[9]  # copies
     one, other = start.copy(), start.copy()
     with np.errstate(all="ignore"):
@@ -246,16 +279,17 @@ def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
     rows = rng.normal(size=(p, n)) * 10.0 ** rng.uniform(-4, 2)
     tied, lapse = rng.random(n) < rng.choice([0.0, 0.1]), float(rng.choice([0.0, 1e-6, 1e-4, 0.05, 0.9]))
     theta = np.exp(rng.normal(size=p) * 2.0)
+    width = float(rng.choice([0.0, 1e-6, 10.0 ** rng.uniform(-3, 3)]))
     small, work = np.empty((2, D.BLOCK), np.float32), np.empty((2, D.BLOCK))
     rough = R.roughened(rows, tied, n)
-    exact = D.log_likelihood(theta, rows, tied, 0, n, lapse, -math.inf, work)
-    found = R.rough_likelihood(theta, rough, lapse, -math.inf, small, work[0])
-    slack = R.error(theta, rough)
+    exact = D.log_likelihood(theta, rows, tied, 0, n, lapse, width, -math.inf, work)
+    found = R.rough_likelihood(theta, rough, lapse, width, -math.inf, small)
+    slack = R.error(theta, rough, width)
     assert found >= exact - slack
-    assert lapse < R.LEAST_LAPSE or found <= exact + slack
-    assert R.rough_likelihood(theta, rough, lapse, found - 1e-9, small, work[0]) == pytest.approx(found, abs=1e-9)
-    assert R.rough_likelihood(theta, rough, lapse, found + 1e-6, small, work[0]) == -math.inf
-    assert slack < 1e-3 * n + 1e-5 * (np.abs(rows).T @ theta).sum()
+    assert lapse < D.LEAST_LAPSE or found <= exact + slack
+    assert R.rough_likelihood(theta, rough, lapse, width, found - 1e-9, small) == pytest.approx(found, abs=1e-9)
+    assert R.rough_likelihood(theta, rough, lapse, width, found + 1e-6, small) == -math.inf
+    assert slack < 1e-3 * n + 1e-5 * ((np.abs(rows).T @ theta).sum() + (n + D.BLOCK) * width)
 
 
 def statistics(x: Floats) -> dict[str, Floats]:
@@ -297,18 +331,45 @@ def test_moves_reach_the_prior_from_elsewhere() -> None:
     assert_same_law(moved(start, nothing, untied, prior, 250, 5), prior_draws(rng, 3, 20_000))
 
 
-@pytest.mark.parametrize(("lapse", "last"), [(0.05, 1.0), (0.0, 1.0), (0.2, 0.3)])
-def test_moves_leave_a_posterior_as_it_is(lapse: float, last: float) -> None:
+@pytest.mark.parametrize(
+    ("lapse", "tie", "last"),
+    [(0.05, 0.0, 1.0), (0.0, 0.0, 1.0), (0.2, 0.0, 0.3), (None, 0.0, 1.0), (0.05, 0.3, 1.0), (None, 0.3, 0.3)],
+)
+def test_moves_leave_a_posterior_as_it_is(lapse: float | None, tie: float, last: float) -> None:
     """Started from draws of the prior that are weighted by the formula, the last answer's to a power."""
-    rng, prior = np.random.default_rng(7), prior_of(4, lapse=lapse)
+    rng = np.random.default_rng(7)
+    prior, laws = learning(prior_of(4, lapse=lapse), lapse is None, tie)
     rows, tied = rows_of(rng, 4, 12)
-    x = prior_draws(rng, 3, 150_000)
+    x = prior_draws(rng, 3, 600_000 if tie else 150_000, laws=laws)
     powers = np.r_[np.ones(11), last]
-    logs = log_terms(np.exp(x), rows.T, tied, lapse) @ powers
+    logs = log_terms(np.exp(x[:, :3]), rows.T, tied, *lapses_and_widths(x, 3, prior)) @ powers
     w = np.exp(logs - logs.max())
     assert w.sum() ** 2 / (w**2).sum() > 3000
     wanted = x[rng.choice(len(x), 6000, p=w / w.sum())]
-    assert_same_law(moved(wanted[:1500], rows, tied, prior, 40, 11, last), wanted[1500:])
+    found = moved(wanted[:1500], rows, tied, prior, 40, 11, last)
+    assert_same_law(found[:, :3], wanted[1500:, :3])
+    for j in range(3, x.shape[1]):
+        assert ks_2samp(found[:, j], wanted[1500:, j]).pvalue > 1e-4
+
+
+@pytest.mark.parametrize(("lapse", "tie"), [(True, 0.0), (False, 0.02), (True, 0.02)])
+def test_moves_keep_the_priors_of_the_lapse_and_the_width(lapse: bool, tie: float) -> None:
+    """And reach them from a half of either."""
+    rng = np.random.default_rng(3)
+    prior, laws = learning(prior_of(4), lapse, tie)
+    nothing, untied = np.zeros((3, 1)), np.zeros(1, dtype=np.bool_)
+    if tie:  # its chance would depend on the width
+        nothing[:] = 1e9
+    start = prior_draws(rng, 3, 1200, laws=laws)
+    assert ks_2samp(start[:, 3], start[start[:, 3] > np.median(start[:, 3]), 3]).pvalue < 1e-9
+    start = start[start[:, 3] > np.median(start[:, 3])]
+    after = moved(start, nothing, untied, prior, 300, 5)
+    for j, law in enumerate(laws):
+        assert kstest(expit(after[:, 3 + j]), "beta", args=law).pvalue > 1e-4
+    found, width = lapses_and_widths(after, 3, prior)
+    for i in range(20):
+        theta = np.exp(after[i, :3])
+        assert D.slips(after[i], theta, prior) == pytest.approx((found[i], width[i]), rel=1e-9)
 
 
 def test_particles_leave_a_subspace_that_all_of_them_lie_in() -> None:
@@ -326,8 +387,8 @@ def test_answers_reweight_and_moves_follow_where_few_carry_the_weight() -> None:
     moves = 0
     for n in range(1, 61):
         before, noise_before = x.copy(), noise[0]
-        P.thetas(x, prior.fixed, theta := np.empty(x.T.shape))
-        proposed, accepted = P.learn(x, theta, logs, noise, rows, tied, n, prior, np.uint64(n))
+        P.thetas(x, prior, theta := np.empty(x.T.shape), slip := np.empty((2, 400)))
+        proposed, accepted = P.learn(x, theta, slip, logs, noise, rows, tied, n, prior, np.uint64(n))
         assert P.effective_size(logs) >= P.FAIR * 400
         if not proposed:
             assert (x == before).all()
@@ -350,7 +411,7 @@ def test_swaps_are_as_likely_there_as_back() -> None:
         for i, order in enumerate(orders):
             x[0] = order
             for q in range(1500):
-                M.swap(x, 0, proposal, fold(np.uint64(i), q)[()])
+                M.swap(x, 0, 4, proposal, fold(np.uint64(i), q)[()])
                 shares[i, orders.index(proposal.tolist())] += 1
     assert (np.diag(shares) == 0).all()
     both = shares + shares.T
@@ -371,8 +432,8 @@ def test_what_moves_leave_is_the_greatest_squared_correlation() -> None:
     x = prior_draws(rng, 4, 50)
     log_c = logsumexp(x, axis=1)
     levels = np.cumsum(np.exp(x - log_c[:, None]), axis=1).T[:-1]
-    assert P.features(x, 0.0) == pytest.approx(np.vstack([levels, log_c]))
-    assert P.features(x, 5.0) == pytest.approx(np.vstack([levels, levels[0]]))
+    assert P.features(x, 4, 0.0) == pytest.approx(np.vstack([levels, log_c]))
+    assert P.features(x, 4, 5.0) == pytest.approx(np.vstack([levels, levels[0]]))
 
 
 def report() -> list[str]:
@@ -383,7 +444,7 @@ def report() -> list[str]:
     settings: tuple[dict[str, Any], ...] = (
         {},
         {"precision": 30.0, "lapse": 0.0},
-        {"prior": "e3 >= 0.4", "shape": (1.0, 1.0)},
+        {"lapse": 0.05, "prior": "e3 >= 0.4", "shape": (1.0, 1.0), "tie": 0.0},
     )
     for more in settings:
         c = PosteriorComparator(4, particles=30, seed=3, **more).update(Answers(d, y))
