@@ -27,7 +27,7 @@ from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, 
 from elicit.decision.comparator_rule import Rule, box, ensemble, silent
 from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Verdicts, check_answers, check_levels
+from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
 
@@ -91,7 +91,7 @@ class BradleyTerryComparator:
     rescale: bool = False
     refit_growth: float = 0.05
     min_answers: int = 5
-    tie: float = 0.01
+    tie: float = TIE
     answers: Answers = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -104,7 +104,7 @@ class BradleyTerryComparator:
             require(is_whole(value, 1), name, "a whole number of at least 1", value)
             object.__setattr__(self, name, int(value))
         require(is_number(self.level) and 0 < self.level < 1, "level", "strictly between 0 and 1", self.level)
-        require(is_number(self.tie, 0) and self.tie < 1, "tie", "a number of at least 0 and below 1", self.tie)
+        check_tie(self.tie)
         require(self.region in get_args(Region), "region", '"box" or "ensemble"', self.region)
         positive = is_range(self.prior_shape) and self.prior_shape[0] > 0
         require(positive, "prior_shape", "two numbers, 0 < low <= high", self.prior_shape)

@@ -32,7 +32,7 @@ from elicit.lp.hit_and_run import Draws
 from elicit.lp.infeasibility import is_empty
 from elicit.lp.prior_inequalities import PriorLike, as_prior
 from elicit.lp.region import Region, prior_rows
-from elicit.model.comparator import Verdicts, check_answers, check_levels
+from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
 
@@ -94,14 +94,13 @@ class PosteriorComparator:
         shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
         seed: Seed = 0,
-        tie: float = 0.01,
+        tie: float = TIE,
     ) -> None:
         self.k = check_levels(k)
         known = precision is None or is_number(precision, 0)
         require(known, "precision", "None or a finite number of at least 0", precision)
         known = lapse is None or (is_number(lapse, 0) and lapse < 1)
         require(known, "lapse", "None or a number of at least 0 and below 1", lapse)
-        require(is_number(tie, 0) and tie < 1, "tie", "a number of at least 0 and below 1", tie)
         require(is_number(level) and 0.5 < level < 1, "level", "strictly between 1/2 and 1", level)
         require(is_whole(particles, 20), "particles", "a whole number of at least 20", particles)
         if shape is None:
@@ -110,7 +109,7 @@ class PosteriorComparator:
         require(is_range(shape, *_SHAPES), "shape", wanted, shape)
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
-        self.level, self.particles, self.shape, self.tie = float(level), int(particles), tuple(shape), float(tie)
+        self.level, self.particles, self.shape, self.tie = float(level), int(particles), tuple(shape), check_tie(tie)
         self.given_precision = None if precision is None else float(precision)
         self.given_lapse = None if lapse is None else float(lapse)
         self.prior = as_prior(prior, self.k)
