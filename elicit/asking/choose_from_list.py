@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.asking.elicitation import Elicitation, Known, Pair
-from elicit.model.comparator import Comparator, Decisions, Tier, check_comparator_made, simultaneous_bounds
+from elicit.model.comparator import Comparator, Decisions, Tier, best_guess, check_comparator_made, simultaneous_bounds
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 
@@ -190,7 +190,7 @@ class Choosing:
 
     def _advance(self) -> None:
         """Choose by what is known and, where that is silent, by the best guess; find the next question."""
-        scores = dot(tail_sums(self._vectors), np.diff(self._elicitation.comparator.values))
+        scores = dot(tail_sums(self._vectors), np.diff(best_guess(self._elicitation.comparator)))
         by_guess = np.argsort(-scores, kind="stable")
         plan = self._plan_order if self._wants_order else self._plan_best
         while True:

@@ -24,6 +24,7 @@ from elicit.model.comparator import (
     Decisions,
     KeepsAnswers,
     Tier,
+    best_guess,
     bounds_of,
     check_answers,
     learn,
@@ -367,7 +368,7 @@ class Elicitation:
 
     def _gaps(self) -> Floats:
         if self._guess is None or self._guess[0] is not self.comparator:
-            self._guess = (self.comparator, np.diff(self.comparator.values))
+            self._guess = (self.comparator, np.diff(best_guess(self.comparator)))
         return self._guess[1]
 
 

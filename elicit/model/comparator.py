@@ -96,14 +96,29 @@ class Foretells(Protocol):
 def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
     """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi (n,), no nan."""
     found = comparator.bounds(d)
-    both = np.asarray(found, dtype=np.float64) if isinstance(found, tuple) and len(found) == 2 else None
-    if both is None or both.shape != (2, len(d)) or not (both[0] <= both[1] + 1e-9 * np.abs(d).sum(axis=1)).all():
+    try:
+        both = np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        both = np.empty(0)
+    if both.shape != (2, len(d)) or not (both[0] <= both[1] + 1e-9 * np.abs(d).sum(axis=1)).all():
         raise TypeError(
             f"{type(comparator).__name__}.bounds(d) must return two arrays (n,), the least and the greatest d.e (-inf, "
             f"inf where nothing is known), but of d {d.shape} it returns {found!r}; elicit.testing.check_comparator "
             "tries a comparator out"
         )
     return both[0], both[1]
+
+
+def best_guess(comparator: Comparator) -> Floats:
+    """``comparator.values`` (k,). Raises TypeError unless these are numbers that rise from 0 to 1."""
+    values = np.asarray(comparator.values, dtype=np.float64)
+    ends = values.shape == (comparator.k,) and abs(values[0]) < 1e-6 and abs(values[-1] - 1.0) < 1e-6
+    if not (ends and (np.diff(values) >= -1e-9).all()):
+        raise TypeError(
+            f"{type(comparator).__name__}.values must be an array ({comparator.k},) that rises from 0 to 1, the best "
+            f"single guess at the scale, not {comparator.values!r}"
+        )
+    return values
 
 
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:

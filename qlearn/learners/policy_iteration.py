@@ -13,7 +13,7 @@ from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Tier, Tiers, lapse_of, simultaneous_bounds
+from elicit.model.comparator import Comparator, Tier, Tiers, best_guess, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
@@ -132,7 +132,7 @@ class InteractivePolicyIteration(Learner):
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
-            over = self._solved_for(comparator.values)
+            over = self._solved_for(best_guess(comparator))
             found = guarantee(self._mdp, over, comparator, self._enough)
             self._found = comparator, over, found
             self._rounds += 1
