@@ -259,7 +259,8 @@ def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int 
     tied = answers.y == 0
     every, slopes, shares, doubts = [], [], [], []
     for lapse in lapses.tolist():
-        draws = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key).update(answers).draws
+        model = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key, tie=0.0)
+        draws = model.update(answers).draws
         every.append(draws)
         scores = t @ draws.gaps
         sigma = expit(scores * draws.precision)
