@@ -95,7 +95,9 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
     is not draws that its bounds rest on."""
-    if not isinstance(comparator, TrustsDraws) or comparator.draws is None:
+    # the level first: isinstance reads members in an order that changes from process to process (before Python 3.12),
+    # and draws of what is known so far, once read, stay
+    if not hasattr(comparator, "level") or not isinstance(comparator, TrustsDraws) or comparator.draws is None:
         return None
     return Draws(*comparator.draws), float(comparator.level)
 
