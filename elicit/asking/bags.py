@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_whole, require
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import check_levels
@@ -61,6 +62,7 @@ class Bags:
             )
         return _all_questions(k, days)
 
+    @one_thread
     def best(self, draws: Draws, about: Floats, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
         """Which of ``questions`` to ask, and what each tells, in bits, of the signs of differences ``about`` (c, k):
         the easiest of those that tell at least (1 - simplicity) of what the best does; -1 where none tells anything.

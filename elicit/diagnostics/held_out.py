@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of, name_code
+from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, pairs_of, read_log
@@ -158,6 +159,7 @@ def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
     return Estimate(share, max(0.0, middle - half), min(1.0, middle + half))
 
 
+@one_thread
 def _foretell(comparator: Comparator, d: Floats) -> Floats:
     """What the comparator says of d (n, k), as rows (3, n): verdicts, d.e at ``.values``, and the probability that left
     is said to be better, nan without one."""

@@ -16,6 +16,7 @@ from scipy.special import expit
 from scipy.stats import binomtest
 
 from elicit._support.hashing import Seed, key_of
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
 from elicit.lp.prior_inequalities import PriorLike
@@ -251,6 +252,7 @@ def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
     return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(len(mine) > 1 for mine in rows)
 
 
+@one_thread
 def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> dict[str, Any]:
     """What a ``TutorReport`` says by the model. The posterior over scale and precision is one of particles, at each of
     some lapses; that over the lapse is its integrated likelihood, each lapse tried standing for those nearest to it."""

@@ -16,7 +16,7 @@ KEPT = (
     "Every run is kept in journal.jsonl as it finishes: after Ctrl-C, or worse, the same command computes what is "
     "missing."
 )
-EXTRAS = ("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm")
+EXTRAS = ("joblib", "matplotlib", "pandas", "tqdm")
 
 
 def fail(message: str) -> int:

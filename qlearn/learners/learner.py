@@ -10,6 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.comparators.baselines import AlwaysAsk
@@ -135,10 +136,12 @@ class Learner:
     _elicitation: Elicitation
     _bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # for what the loss was last bounded
 
+    @one_thread
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
         return self._elicitation.ask() or self._go_on()
 
+    @one_thread
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
         then such an answer settles its own pair only, and is returned."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
@@ -115,6 +116,7 @@ class InteractivePolicyIteration(Learner):
             return simple
         return self._open(over, order[self._elicitation.next_batch(over.d[order])])
 
+    @one_thread
     def result(self) -> Result:
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
         policy's alternatives by what settled them, and the questions."""

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.hashing import Seed, key_of
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
 from elicit.decision.comparator_rule import Rule, box, ensemble, silent
@@ -158,6 +159,7 @@ class BradleyTerryComparator:
             lo, hi = (np.clip(end, least, greatest) for end in self._model.region.extremes(rows))
         return np.ldexp(lo, power), np.ldexp(hi, power)
 
+    @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e / e_k that hold for all rows of d (n, k) at once, and their nominal confidence: the
         greatest d.e over the fits, without the share 1 - ``level`` of them with the greatest d.e of any row. It is the

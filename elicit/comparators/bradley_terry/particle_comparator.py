@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.special import betaincinv, gammaln, logit, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.mcmc import move
@@ -210,6 +211,7 @@ class PosteriorComparator:
         least, greatest = order_bounds(t, 0.0)
         return np.clip(low, least, greatest), np.clip(high, least, greatest)
 
+    @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the posterior probability of that:
         of the particles, those with the greatest d.e of any row are left out, up to the weight 1 - ``level``."""
@@ -222,6 +224,7 @@ class PosteriorComparator:
         return at[:, kept].max(axis=1), self.level
 
     @cached_property
+    @one_thread
     def values(self) -> Floats:
         """(k,) the posterior mean of the scale, from 0 to 1; read-only."""
         gaps, weights = self._gaps_and_weights
@@ -231,6 +234,7 @@ class PosteriorComparator:
         return values
 
     @property
+    @one_thread
     def precision(self) -> float:
         """The precision c: as given, or exp of the posterior mean of log c."""
         if self.given_precision is not None:
