@@ -10,6 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.comparators.baselines import AlwaysAsk
@@ -132,6 +133,7 @@ class Result:
 class Learner:
     """A solver that stops when it needs the tutor. What all learners do alike, they leave to their elicitation."""
 
+    seed: Seed  # that gives the same run again
     _elicitation: Elicitation
     _bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # for what the loss was last bounded
 

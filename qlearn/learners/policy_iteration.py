@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
+from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
@@ -49,12 +50,13 @@ class InteractivePolicyIteration(Learner):
     advantage that no plausible scale puts above it is not asked about; above the default, the tolerance may be out of
     reach. ``max_loss``: stop there even if the tolerance is smaller. ``max_queries``: beyond it the policy for the
     central scale stands, with what can be said of its loss. ``audit``: share of the pairs decided by answers, among
-    those that the finished policy rests on, that is put to the tutor all the same; ``rng`` picks them. ``batch``: the
+    those that the finished policy rests on, that is put to the tutor all the same; ``seed`` picks them. ``batch``: the
     best so many questions at once.
 
     Every round solves linear systems in all states: made for models of up to some thousands of states.
     """
 
+    @takes_rng
     def __init__(
         self,
         mdp: OrdinalMDP,
@@ -64,7 +66,7 @@ class InteractivePolicyIteration(Learner):
         max_loss: float | None = None,
         strategy: Strategy = telling_violation,
         bags: Bags | None = None,
-        rng: Seed = 0,
+        seed: Seed | None = 0,
         max_queries: int | None = None,
         indifference: float | None = None,
         audit: float = 0.0,
@@ -73,6 +75,7 @@ class InteractivePolicyIteration(Learner):
         known: Known = (),
     ) -> None:
         check_problem(mdp, comparator)
+        self.seed = seed_of(seed)
         for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
             require(is_number(value) and value > 0, name, "a positive share of the value range", value)
         self._mdp = mdp
@@ -88,7 +91,7 @@ class InteractivePolicyIteration(Learner):
             max_audits=max_audits,
             batch=batch,
             known=known,
-            seed=rng,
+            seed=self.seed,
         )
         self._rounds = 0
         self._end: Status | None = None

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.special import gammaln, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of
+from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.mcmc import move
@@ -64,7 +65,7 @@ class PosteriorComparator:
                over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
     prior      inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or linear cvxpy
                constraints over ``elicit.scale_variable(k)``
-    seed       int, numpy SeedSequence or Generator (kept as an int)
+    seed       int, numpy SeedSequence or Generator (kept as an int), or None for a new one
 
     A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of
     n. Raises ValueError on bad settings.
@@ -79,7 +80,7 @@ class PosteriorComparator:
         particles: int = 1000,
         shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
-        seed: Seed = 0,
+        seed: Seed | None = 0,
     ) -> None:
         self.k = check_levels(k)
         known = precision is None or is_number(precision, 0)
@@ -91,6 +92,7 @@ class PosteriorComparator:
             shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
         wanted = f"None or two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}"
         require(is_range(shape, *_SHAPES), "shape", wanted, shape)
+        seed = seed_of(seed)
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
         self.lapse, self.level, self.particles, self.shape = float(lapse), float(level), int(particles), tuple(shape)
