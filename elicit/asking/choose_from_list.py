@@ -38,7 +38,7 @@ class ChoiceStatus(Enum):
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Choice:
     """What was chosen.
 
@@ -57,6 +57,10 @@ class Choice:
     decided: dict[str, int]
     comparator: Comparator
     answers: Answers
+
+    def __repr__(self) -> str:
+        order = "" if self.order is None else f", order={self.order}"
+        return f"Choice(best={self.best}{order}, label={self.label!r}, status={self.status.name}, asked={self.asked})"
 
 
 def choose(

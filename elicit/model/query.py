@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from operator import index
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +30,13 @@ class Verdict(IntEnum):
     def flipped(self) -> Verdict:
         """The same statement with left and right exchanged."""
         return self if self is Verdict.UNKNOWN else Verdict(-self)
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        wants_a_number = spec[-1:].isalpha() and spec[-1] != "s"
+        return format(int(self) if wants_a_number else self.name, spec)
 
 
 def as_verdict(code: Any) -> Verdict:
@@ -124,9 +132,18 @@ class _Room:
     used: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+class AnswerRow(NamedTuple):
+    """One row of ``Answers``: the difference d (k,) = left - right, what was said of it, and the id."""
+
+    d: Floats
+    y: Verdict
+    id: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Answers:
-    """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row."""
+    """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row. One is
+    ``answers[i]`` (an ``AnswerRow``), and so is each in a loop; ``answers[i:j]`` are Answers again."""
 
     d: Floats
     y: NDArray[np.int8]
@@ -219,8 +236,25 @@ class Answers:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_room"}
 
-    def __getitem__(self, rows: slice) -> Answers:
-        return Answers(self.d[rows], self.y[rows], self.ids[rows])
+    @overload
+    def __getitem__(self, rows: SupportsIndex) -> AnswerRow: ...
+
+    @overload
+    def __getitem__(self, rows: slice) -> Answers: ...
+
+    def __getitem__(self, rows: SupportsIndex | slice) -> AnswerRow | Answers:
+        if isinstance(rows, slice):
+            return Answers(self.d[rows], self.y[rows], self.ids[rows])
+        row = index(rows)
+        if not -len(self) <= row < len(self):
+            raise IndexError(f"there is no answer {row}: there are {len(self)}, counted from 0")
+        return AnswerRow(self.d[row], Verdict(int(self.y[row])), self.ids[row])
+
+    def __iter__(self) -> Iterator[AnswerRow]:
+        return (self[row] for row in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"Answers({len(self)} answers, k={self.k})"
 
     def without(self, ids: Iterable[str]) -> Answers:
         """The other answers, in the same order: every row that bears one of these ids is left out.

@@ -142,7 +142,7 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
         make, own = LEARNERS[cell["learner"]]
         common = settings.named("max_queries", "indifference")
-        learner = make(mdp, comparator, rng=seed, audit=cell["audit"], **common, **own(settings))
+        learner = make(mdp, comparator, seed=seed, audit=cell["audit"], **common, **own(settings))
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
 
@@ -80,7 +80,7 @@ def check_max_loss(max_loss: float | None) -> float | None:
     return max_loss
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """What a learner knows so far. ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted;
     ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes the
@@ -95,8 +95,16 @@ class Result:
     audits: tuple[Audit, ...]
     cannot_tell: int
     rounds: int
-    shares: Floats | Callable[[], Floats] = field(repr=False)
-    guarantee: Callable[[], Guarantee] = field(repr=False)
+    shares: Floats | Callable[[], Floats]
+    guarantee: Callable[[], Guarantee]
+
+    def __repr__(self) -> str:
+        parts = [f"status={self.status.name}", f"asked={self.asked}"]
+        parts += [f"audited={self.audited}"] if self.audits else []
+        parts += [f"cannot_tell={self.cannot_tell}"] if self.cannot_tell else []
+        if "_guaranteed" in vars(self):  # to bound the loss can take long: said only where somebody has read it
+            parts += [f"loss_bound={self.loss_bound:.3g}", f"confidence={self.confidence:g}"]
+        return f"Result({', '.join(parts)})"
 
     @cached_property
     def q(self) -> Floats:
@@ -133,9 +141,14 @@ class Result:
 class Learner:
     """A solver that stops when it needs the tutor. What all learners do alike, they leave to their elicitation."""
 
-    seed: Seed  # that gives the same run again
+    seed: Seed = 0  # that gives the same run again
     _elicitation: Elicitation
     _bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # for what the loss was last bounded
+
+    def __repr__(self) -> str:
+        now, known = self._elicitation, self.comparator
+        counts = f"k={known.k}, asked={now.asked}, pending={len(now.pending)}, seed={self.seed}"
+        return f"{type(self).__name__}({type(known).__name__}, {counts})"
 
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""

@@ -1,6 +1,7 @@
 """What passes between learner, tutor and comparator keeps its meaning, and cannot be changed."""
 
 import io
+import json
 
 import numpy as np
 import pytest
@@ -21,6 +22,17 @@ def test_verdicts():
     assert Verdict.BETTER.flipped is Verdict.WORSE
     assert Verdict.EQUAL.flipped is Verdict.EQUAL
     assert Verdict.UNKNOWN.flipped is Verdict.UNKNOWN
+
+
+def test_a_verdict_prints_as_its_name_and_is_stored_as_its_number():
+    better = Verdict.BETTER
+    assert str(better) == f"{better}" == f"{better:s}" == "%s" % better == "BETTER"  # noqa: UP031
+    assert f"{better:>8}|{better:d}|{better:+d}" == "  BETTER|1|+1"
+    assert repr(better) == "<Verdict.BETTER: 1>"
+    assert json.dumps({"verdict": [better, Verdict.WORSE]}) == '{"verdict": [1, -1]}'
+    file = io.StringIO(newline="")
+    Answers([[1, -1, 0]], [better], ["a"]).to_csv(file)
+    assert file.getvalue() == "id,d_1,d_2,d_3,answer\r\na,1.0,-1.0,0.0,1\r\n"
 
 
 def test_queries_and_answers_keep_their_own_copy():
@@ -102,6 +114,27 @@ def test_rows_of_answers():
 def test_bad_answers(d, y, ids, complaint):
     with pytest.raises(ValueError, match=complaint):
         Answers(d, y, ids)
+
+
+def test_answers_are_read_one_by_one():
+    answers = Answers([[1, -1, 0], [0, 1, -1], [2, -2, 0]], [1, -1, 0], ["a", "b", "c"])
+    d, y, name = answers[1]
+    assert (d.tolist(), y, name) == ([0, 1, -1], Verdict.WORSE, "b")
+    assert answers[-1].y is Verdict.EQUAL
+    assert answers[np.int64(0)].id == "a"
+    assert [(row.d.tolist(), row.y, row.id) for row in answers] == [
+        (answers.d[i].tolist(), answers.y[i], answers.ids[i]) for i in range(3)
+    ]
+    assert parts(answers[::-2]) == (("c", "a"), [0, 1], [[2, -2, 0], [1, -1, 0]])
+    assert list(Answers.none(3)) == []
+    for bad in (3, -4):
+        with pytest.raises(IndexError, match=f"there is no answer {bad}: there are 3"):
+            answers[bad]
+    with pytest.raises(TypeError):
+        answers["a"]
+    with pytest.raises(ValueError, match="read-only"):
+        d[0] = 1
+    assert repr(answers) == "Answers(3 answers, k=3)"
 
 
 def test_gathering_answers_drops_the_undecided():
