@@ -19,7 +19,7 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of
 from qlearn.learners.loss_bound import loses_at_most
-from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
+from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
 from qlearn.learners.state_sweep import StateSweep
 from qlearn.mdp.backup import q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -177,10 +177,10 @@ class LateValueIteration(InteractiveValueIteration):
     """
 
     def __init__(
-        self, mdp: OrdinalMDP, comparator: Comparator, *, strategy: Strategy = telling_violation, **settings: Any
+        self, mdp: OrdinalMDP, comparator: Comparator, *, strategy: Strategy | str = telling_violation, **settings: Any
     ) -> None:
         super().__init__(mdp, comparator, **settings)
-        self._strategy, self._patient = check_strategy(strategy), settings.get("max_sweeps") is None
+        self._strategy, self._patient = strategy_of(strategy), settings.get("max_sweeps") is None
         self._candidates = mdp.n_states
         self._elicitation.puts_off = True
 
