@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -76,12 +77,20 @@ class InconsistentAnswers(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """Which of two share vectors is better? ``left`` and ``right`` (k,); ``about`` is for people only."""
+    """Which of two share vectors is better? ``left`` and ``right`` (k,). ``about`` and ``labels``, the k levels' names,
+    worst first, are for people only: ``print(query)`` shows the question as one would read it."""
 
     id: str
     left: Floats
     right: Floats
     about: str = ""
+    labels: tuple[str, ...] | None = None
+
+    if TYPE_CHECKING:  # what may be given; the dataclass writes it
+
+        def __init__(
+            self, id: str, left: ArrayLike, right: ArrayLike, about: str = "", labels: Sequence[str] | None = None
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         left, right = np.asarray(self.left, float), np.asarray(self.right, float)
@@ -91,6 +100,28 @@ class Query:
         pair.flags.writeable = False
         object.__setattr__(self, "left", pair[0])
         object.__setattr__(self, "right", pair[1])
+        if self.labels is not None:
+            names = tuple(self.labels)
+            if isinstance(self.labels, str) or len(names) != len(left):
+                raise ValueError(f"labels must be {len(left)} names, one a level, not {self.labels!r}")
+            object.__setattr__(self, "labels", names)
+
+    def __str__(self) -> str:
+        """The question for people to read: shares in percent, rounded to a tenth of the greatest difference or finer,
+        so that what differs is seen to differ; without labels, levels by number, the worst being 1. Other vectors than
+        shares in their own unit."""
+        both = np.stack([self.left, self.right])
+        shares = bool((both >= 0).all() and (np.abs(both.sum(axis=1) - 1.0) <= 1e-9).all())
+        unit, factor = ("%", 100.0) if shares else ("", 1.0)
+        apart = factor * float(np.abs(self.d).max())
+        digits = min(12, max(0, math.ceil(1.0 - math.log10(apart)))) if apart else 0
+        names = self.labels or [f"level {i + 1}" for i in range(len(self.left))]
+        lines = [self.about or "Which is better, left or right?"]
+        for side, vector in (("left: ", self.left), ("right:", self.right)):
+            said = [f"{factor * share:.{digits}f}" for share in vector]
+            parts = [f"{x}{unit} {name}" for x, name in zip(said, names, strict=True) if float(x)]
+            lines.append(f"  {side} {', '.join(parts) or 'nothing'}")
+        return "\n".join(lines)
 
     @property
     def d(self) -> Floats:
@@ -98,12 +129,19 @@ class Query:
         return self.left - self.right
 
     @staticmethod
-    def make(fingerprint: str, number: int, left: Floats, right: Floats, about: str = "") -> Query:
+    def make(
+        fingerprint: str,
+        number: int,
+        left: ArrayLike,
+        right: ArrayLike,
+        about: str = "",
+        labels: Sequence[str] | None = None,
+    ) -> Query:
         """A query whose id is a hash of the problem, its running number and the two vectors."""
         digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
         digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
         digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
-        return Query(digest.hexdigest(), left, right, about)
+        return Query(digest.hexdigest(), left, right, about, labels)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,10 @@ from elicit.model.query import Answer, Query
 
 @runtime_checkable
 class Tutor(Protocol):
-    """Answers queries. It sees only the query: no comparator, no learner, no problem."""
+    """Answers queries. It sees only the query: no comparator, no learner, no problem. Any function from a Query to an
+    Answer is one, whatever it calls the query."""
 
-    def __call__(self, query: Query) -> Answer:
+    def __call__(self, query: Query, /) -> Answer:
         """The answer to this query; its verdict is None where the tutor cannot tell."""
 
 

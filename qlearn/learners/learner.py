@@ -58,9 +58,12 @@ def place(state: int, a: int, b: int) -> tuple[int, int, int]:
     return int(state), int(min(a, b)), int(max(a, b))
 
 
-def pair_of(left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR)) -> Pair:
+def pair_of(
+    mdp: OrdinalMDP, left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR)
+) -> Pair:
     """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
-    about = f"state {state}: action {a} (left) or action {b} (right)?"
+    other = f"action {b}" if mdp.action_names is None else mdp.action_names[b]
+    about = f"state {mdp.state_name(state)}: action {mdp.action_name(a)} (left) or {other} (right)?"
     return Pair(left, right, about, place(state, a, b), tier)
 
 

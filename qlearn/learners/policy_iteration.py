@@ -92,6 +92,7 @@ class InteractivePolicyIteration(Learner):
             batch=batch,
             known=known,
             seed=self.seed,
+            labels=mdp.labels,
         )
         self._rounds = 0
         self._end: Status | None = None
@@ -206,7 +207,7 @@ class InteractivePolicyIteration(Learner):
         for row in rows:
             s, a = int(over.states[row]), int(over.actions[row])
             tier = int(Tier.TUTOR if tiers is None else tiers[row])
-            pairs.append(pair_of(over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
+            pairs.append(pair_of(self._mdp, over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
         return self._elicitation.open(pairs)
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:

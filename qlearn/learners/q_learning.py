@@ -87,6 +87,7 @@ class InteractiveQLearning(Learner):
             batch=batch,
             known=known,
             seed=int(fold(key, kernel.AUDITS)),
+            labels=mdp.labels,
         )
         rate = rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate
         wanted = "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,)"
@@ -169,7 +170,7 @@ class InteractiveQLearning(Learner):
         s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]]
         challenger, incumbent = self.model.actions[s, position], self.state.best[s]
         q = self.state.q[s]
-        return pair_of(q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
+        return pair_of(self._mdp, q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
 
 
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:

@@ -94,7 +94,7 @@ class LateQLearning(InteractiveQLearning):
         row = rows[best(self._strategy, pool)[0]]
         self._asked += 1
         s, a, b = int(states[row]), int(actions[row]), int(own[row])
-        return elicitation.open([pair_of(q[s, a].copy(), q[s, b].copy(), s, a, b)])
+        return elicitation.open([pair_of(self._mdp, q[s, a].copy(), q[s, b].copy(), s, a, b)])
 
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
         """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where they are as good."""

@@ -87,6 +87,7 @@ class InteractiveValueIteration(Learner):
             batch=batch,
             known=known,
             seed=self.seed,
+            labels=mdp.labels,
         )
         self._states = StateSweep(mdp, self._elicitation, int(jobs))
         self._candidates = self._elicitation.batch  # pairs to gather before some of them are asked about
@@ -132,7 +133,7 @@ class InteractiveValueIteration(Learner):
         pairs = []
         for i in chosen:
             s, a, b = int(heads[i]), int(challengers[i]), int(incumbents[i])
-            pairs.append(pair_of(left[i], right[i], s, a, b, self._states.judged[s]))
+            pairs.append(pair_of(self._mdp, left[i], right[i], s, a, b, self._states.judged[s]))
         queries = self._elicitation.open(pairs)
         self._asking = {query.id: int(heads[i]) for query, i in zip(queries, chosen, strict=True)}
         return queries

@@ -70,7 +70,30 @@ def test_ids_depend_on_all_that_makes_a_query():
     numbers = {Query.make("problem", number, LEFT, RIGHT).id for number in (0, 1, 10)}
     others = [("other", 0, LEFT, RIGHT), ("problem", 0, RIGHT, LEFT), ("problem", 0, LEFT, LEFT)]
     assert len(numbers | {Query.make(*one).id for one in others}) == 6
-    assert Query.make("problem", 0, np.array(LEFT), np.array(RIGHT), "about").id in numbers
+    assert Query.make("problem", 0, np.array(LEFT), np.array(RIGHT), "about", ["a", "b", "c"]).id in numbers
+
+
+def test_a_query_is_printed_as_a_person_would_read_it():
+    query = Query("q", [0.12, 0.5, 0.38], [0.0, 1.0, 0.0], "ward: operate or wait?", ["critical", "stable", "well"])
+    assert str(query).splitlines() == [
+        "ward: operate or wait?",
+        "  left:  12% critical, 50% stable, 38% well",
+        "  right: 100% stable",
+    ]
+    assert query.labels == ("critical", "stable", "well")
+    assert str(Query("q", [1, 0], [0, 1])).splitlines() == [
+        "Which is better, left or right?",
+        "  left:  100% level 1",
+        "  right: 100% level 2",
+    ]
+    near = Query("q", [0.5, 0.25, 0.25], [0.4999, 0.2502, 0.2499])
+    assert str(near).splitlines()[2] == "  right: 49.990% level 1, 25.020% level 2, 24.990% level 3"
+    hours = Query("q", [8, 0, 16.5], [0, 0, 0])
+    assert str(hours).splitlines()[1:] == ["  left:  8 level 1, 16 level 3", "  right: nothing"]
+    assert "50% level 1, 50% level 2" in str(Query("q", [0.5, 0.5], [0.5, 0.5]))
+    for bad in (["a", "b"], "abc"):
+        with pytest.raises(ValueError, match=r"labels must be 3 names, one a level, not"):
+            Query("q", LEFT, RIGHT, labels=bad)
 
 
 def test_answers_to_one_query():

@@ -1,11 +1,14 @@
 """What learners and their results look like where people read them: short, and without being computed for it."""
 
+import re
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
 
 import qlearn
-from elicit import Answer, BradleyTerryTutor, FlippingTutor, PolytopeComparator, ReplayTutor, TruthfulTutor
+from elicit import Answer, Bags, BradleyTerryTutor, FlippingTutor, PolytopeComparator, ReplayTutor, TruthfulTutor
 
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
 LEARNERS = [qlearn.InteractiveQLearning, qlearn.InteractiveValueIteration, qlearn.InteractivePolicyIteration]
@@ -29,6 +32,38 @@ def test_a_result_says_what_its_policy_may_lose_once_that_is_known(kind: Any) ->
     assert repr(result) == shown
     unsure = qlearn.drive(kind(MDP, PolytopeComparator(4)), lambda query: Answer(query, None))
     assert f"cannot_tell={unsure.cannot_tell}" in repr(unsure)
+
+
+NAMED = replace(
+    MDP,
+    labels=tuple("abcd"),
+    state_names=[f"ward {s}" for s in range(8)],
+    action_names=["operate", "wait", "send home"],
+)
+ALL = [
+    *LEARNERS,
+    qlearn.LateValueIteration,
+    partial(qlearn.LateQLearning, steps=300),
+    partial(qlearn.InteractivePolicyIteration, bags=Bags(days=4)),
+]
+
+
+@pytest.mark.parametrize("kind", ALL)
+def test_a_question_names_state_actions_and_levels(kind: Any) -> None:
+    (query,) = kind(NAMED, PolytopeComparator(4)).ask()
+    assert query.labels == ("a", "b", "c", "d")
+    bag = "bags" in getattr(kind, "keywords", {})
+    wanted = (
+        r"of 4 days: .*"
+        if bag
+        else r"state ward \d: action (operate|wait|send home) \(left\) or \w+( home)? \(right\)\?"
+    )
+    assert re.fullmatch(wanted, query.about)
+    assert re.search(r"left:  .*\d% [abcd]", str(query))
+    if not bag:
+        (plain,) = kind(replace(NAMED, state_names=None, action_names=None), PolytopeComparator(4)).ask()
+        assert plain.id == query.id
+        assert re.fullmatch(r"state \d: action \d \(left\) or action \d \(right\)\?", plain.about)
 
 
 def test_tutors() -> None:
