@@ -17,7 +17,7 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats
-from elicit.model.tutor import Tutor, TutorOfMany
+from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -246,8 +246,7 @@ def drive(
     far after every round of questions. AlwaysAsk with a simulated tutor asks so much that only counts are kept.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
-    if not callable(tutor):
-        raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
+    check_tutor_made(tutor, learner.comparator.k)
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
         learner.consult(tutor.signs)
     while queries := learner.ask():

@@ -23,7 +23,7 @@ from scipy import sparse
 
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, TrustsDraws, simultaneous_bounds
+from elicit.model.comparator import Comparator, TrustsDraws, draws_in, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -93,9 +93,10 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
     is not draws that its bounds rest on."""
-    if not isinstance(comparator, TrustsDraws) or comparator.draws is None:
+    draws = draws_in(comparator)
+    if draws is None or not isinstance(comparator, TrustsDraws):
         return None
-    return Draws(*comparator.draws), float(comparator.level)
+    return Draws(*draws), float(comparator.level)
 
 
 def loss_over_draws(

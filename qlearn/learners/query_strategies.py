@@ -27,7 +27,7 @@ from elicit.asking.bags import entropy, says_left
 from elicit.asking.elicitation import Elicitation, Place
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.region import Region
-from elicit.model.comparator import Comparator, HasDraws, lapse_of, simultaneous_bounds
+from elicit.model.comparator import Comparator, draws_in, lapse_of, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 
 
@@ -131,7 +131,7 @@ def strategy_of(choice: Strategy | str) -> Strategy:
 
 def draws_of(comparator: Comparator) -> Draws:
     """A comparator's ``draws``, or draws from all ordered scales where it has none."""
-    own = comparator.draws if isinstance(comparator, HasDraws) else None
+    own = draws_in(comparator)
     if own is not None:
         return Draws(*own)
     p = comparator.k - 1
