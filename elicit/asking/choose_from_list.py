@@ -42,7 +42,7 @@ class ChoiceStatus(Enum):
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Choice:
     """What was chosen.
 
@@ -79,6 +79,10 @@ class Choice:
         """The probability with which ``loss_bound`` holds: 1 where it is proven of every scale that the answers allow,
         a posterior's level, nan where none can be stated."""
         return self._guaranteed[1]
+
+    def __repr__(self) -> str:
+        order = "" if self.order is None else f", order={self.order}"
+        return f"Choice(best={self.best}{order}, label={self.label!r}, status={self.status.name}, asked={self.asked})"
 
 
 def choose(

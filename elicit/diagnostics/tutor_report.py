@@ -16,6 +16,7 @@ from scipy.special import expit
 from scipy.stats import binomtest
 
 from elicit._support.hashing import Seed, key_of
+from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
@@ -132,7 +133,7 @@ def tutor_report(
     level: float = 0.95,
     prior: PriorLike = None,
     particles: int | None = None,
-    seed: Seed = 0,
+    seed: Seed | None = 0,
 ) -> TutorReport:
     """How often a tutor errs, with what precision and consistency answers are given, and whether a side is favoured.
 
@@ -253,10 +254,13 @@ def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
 
 
 @one_thread
-def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> dict[str, Any]:
+def _fit_model(
+    answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed | None
+) -> dict[str, Any]:
     """What a ``TutorReport`` says by the model. The posterior over scale and precision is one of particles, at each of
     some lapses; that over the lapse is its integrated likelihood, each lapse tried standing for those nearest to it."""
-    key, lapses, m = key_of(seed), _ROOTS**2, max(300, 50 * (answers.k - 1)) if particles is None else particles
+    key, lapses = key_of(seed_of(seed)), _ROOTS**2
+    m = max(300, 50 * (answers.k - 1)) if particles is None else particles
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
     tied = answers.y == 0
     every, slopes, shares, doubts = [], [], [], []

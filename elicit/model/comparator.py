@@ -124,10 +124,22 @@ def best_guess(comparator: Comparator) -> Floats:
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
     """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
     comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan."""
-    if isinstance(comparator, BoundsAllAtOnce):
-        return comparator.simultaneous_bounds(d)
     rows = as_vectors(d, comparator.k)
+    if isinstance(comparator, BoundsAllAtOnce):
+        return _checked_bounds(comparator.simultaneous_bounds(d), type(comparator).__name__, len(rows))
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
+
+
+def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
+    """What ``simultaneous_bounds`` of n differences has returned; raises TypeError unless it is (n,) and a number."""
+    if isinstance(found, tuple) and len(found) == 2:
+        high, confidence = np.asarray(found[0]), found[1]
+        if high.shape == (n,) and high.dtype == np.float64 and not np.isnan(high).any() and np.ndim(confidence) == 0:
+            return high, confidence
+    raise TypeError(
+        f"{name}.simultaneous_bounds(d) must return upper bounds (n,) on d.e that hold for all rows at once, and the "
+        f"confidence in them, a number (nan where none can be stated), but of {n} differences it returns {found!r}"
+    )
 
 
 def learn(comparator: Comparator, answers: Answers, one_by_one: bool) -> tuple[Comparator, NDArray[np.bool_]]:
@@ -202,6 +214,36 @@ class AllowsTies(Protocol):
     @property
     def tie(self) -> float:
         """The largest |d.e|, as a share of the value range, that the tutor may call equal."""
+
+
+def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
+    """A comparator's own ``draws``: gaps (p, m), weights (m,) and precisions (m,); None where it has none, or none yet.
+    Raises TypeError that says what is wrong with them."""
+    found = comparator.draws if isinstance(comparator, HasDraws) else None
+    if found is None:
+        return None
+    p = comparator.k - 1
+    parts = [np.asarray(part) for part in found] if isinstance(found, tuple) and len(found) == 3 else []
+    wrong = f"it is {type(found).__name__}"
+    if parts:
+        (gaps, weights, precision), shapes = parts, ", ".join(str(part.shape) for part in parts)
+        m = gaps.shape[-1] if gaps.ndim == 2 else 0
+        if not m or (gaps.shape, weights.shape, precision.shape) != ((p, m), (m,), (m,)):
+            wrong = f"their shapes are {shapes}"
+        elif not all(part.dtype == np.float64 for part in parts):
+            wrong = f"their types are {', '.join(str(part.dtype) for part in parts)}, not float64"
+        elif not (np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6).all():  # also where one is nan
+            wrong = f"the gaps of draw {int(np.argmin(np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6))} do not total 1"
+        elif not ((weights >= 0).all() and abs(weights.sum() - 1.0) <= 1e-6):
+            wrong = f"the weights range from {weights.min()} and total {weights.sum()}"
+        elif not (precision >= 0).all():
+            wrong = f"the least precision is {precision.min()}"
+        else:
+            return gaps, weights, precision
+    raise TypeError(
+        f"{type(comparator).__name__}.draws must be None or a tuple: the gaps of m scales ({p}, m), each total 1, "
+        f"their weights (m,) of total 1, and the tutor's precision (m,) under each, but {wrong}"
+    )
 
 
 def tie_of(comparator: Comparator) -> float:

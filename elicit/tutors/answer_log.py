@@ -14,8 +14,9 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from operator import index
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, SupportsIndex, overload
 
 from elicit.model.query import Answer, Answers, Query, Verdict
 
@@ -56,7 +57,7 @@ class Entry:
 
 
 class AnswerLog:
-    """All answers of a run, in the order in which they were told.
+    """All answers of a run, in the order in which they were told: ``log[i]`` is an ``Entry``, ``log[i:j]`` several.
 
     path: the file to write; an existing log is continued. None keeps the log in memory. k: the number of levels; None
     takes it from the file, else from the first answer. header: further JSON fields for the header line, such as the
@@ -159,6 +160,26 @@ class AnswerLog:
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(tuple(self._entries))
+
+    @overload
+    def __getitem__(self, rows: SupportsIndex) -> Entry: ...
+
+    @overload
+    def __getitem__(self, rows: slice) -> tuple[Entry, ...]: ...
+
+    def __getitem__(self, rows: SupportsIndex | slice) -> Entry | tuple[Entry, ...]:
+        if isinstance(rows, slice):
+            return tuple(self._entries[rows])
+        try:
+            return self._entries[rows]
+        except IndexError:
+            raise IndexError(f"there is no answer {index(rows)}: the log has {len(self)}, counted from 0") from None
+
+    def __repr__(self) -> str:
+        back = sum(entry.retracted for entry in self._entries)
+        parts = [f"{len(self)} answers{f', {back} of them retracted' if back else ''}", f"k={self.k}"]
+        parts += [] if self._path is None else [f"path={str(self._path)!r}"]
+        return f"AnswerLog({', '.join([*parts, *(['read only'] if self._read_only else [])])})"
 
     def _put(self, header: dict[str, Any], line: bytes) -> None:
         """A line at the end of the log, after the header if there is none in the file."""

@@ -30,6 +30,9 @@ class ReplayTutor:
         self._replayed: set[int] = set()
         self._last: dict[str, int] = {}
 
+    def __repr__(self) -> str:
+        return f"ReplayTutor({len(self._answers)} answers)"
+
     def __call__(self, query: Query) -> Answer:
         """The answer that the log holds. Raises NotInLog (a LookupError) where it holds none."""
         name, sign = pair_name(query.d)

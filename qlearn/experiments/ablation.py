@@ -2,7 +2,7 @@
 
 A seed fixes the MDP, the hidden values, the learner's exploration and transitions, the tutor's errors and the
 resamples of the comparator, so that runs of one seed differ by what is compared and nothing else. Any run can be
-rebuilt by hand with that seed as ``rng`` and ``seed``.
+rebuilt by hand with that ``seed``.
 """
 
 from __future__ import annotations

@@ -46,14 +46,14 @@ def moves() -> None:
 
 def loops() -> None:
     """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was asked."""
-    mdp, values = random_mdp(6, 3, 5, rng=0)
-    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, rng=0), TruthfulTutor(values))
+    mdp, values = random_mdp(6, 3, 5, seed=0)
+    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, seed=0), TruthfulTutor(values))
     FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
 
 
 def sweeps() -> None:
     """Value iteration's sweep, and what its result is made of."""
-    mdp, values = random_mdp(6, 3, 5, rng=0)
+    mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values))
 
 

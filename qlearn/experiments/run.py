@@ -115,11 +115,11 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
 def _one(make: Callable[[], OrdinalMDP]) -> Callable[[int, Size], tuple[OrdinalMDP, Floats]]:
     """A problem whose MDP is the same whatever the seed; it is made once, which takes seconds."""
     made = cache(make)
-    return lambda seed, size: (made(), draw_values(made().k, rng=seed))
+    return lambda seed, size: (made(), draw_values(made().k, seed=seed))
 
 
 PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
-    "random": lambda seed, size: random_mdp(*size, rng=seed),
+    "random": lambda seed, size: random_mdp(*size, seed=seed),
     "icu": _one(icu_sepsis),
     "frozen-lake": _one(frozen_lake),
     "deep-sea-treasure": _one(deep_sea_treasure),
@@ -142,7 +142,7 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
         make, own = LEARNERS[cell["learner"]]
         common = settings.named("max_queries", "indifference")
-        learner = make(mdp, comparator, rng=seed, audit=cell["audit"], **common, **own(settings))
+        learner = make(mdp, comparator, seed=seed, audit=cell["audit"], **common, **own(settings))
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()

@@ -24,7 +24,7 @@ from scipy import sparse
 from elicit._support.threads import one_thread
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, TrustsDraws, simultaneous_bounds
+from elicit.model.comparator import Comparator, TrustsDraws, draws_in, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -97,9 +97,10 @@ def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     is not draws that its bounds rest on."""
     # the level first: isinstance reads members in an order that changes from process to process (before Python 3.12),
     # and draws of what is known so far, once read, stay
-    if not hasattr(comparator, "level") or not isinstance(comparator, TrustsDraws) or comparator.draws is None:
+    draws = draws_in(comparator) if hasattr(comparator, "level") else None
+    if draws is None or not isinstance(comparator, TrustsDraws):
         return None
-    return Draws(*comparator.draws), float(comparator.level)
+    return Draws(*draws), float(comparator.level)
 
 
 def loss_over_draws(

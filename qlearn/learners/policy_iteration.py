@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
+from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
@@ -23,8 +24,8 @@ from qlearn.learners.query_strategies import (
     Candidates,
     Strategy,
     best,
-    check_strategy,
     draws_of,
+    strategy_of,
     telling_violation,
     worth_asking,
 )
@@ -44,18 +45,19 @@ class InteractivePolicyIteration(Learner):
     every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
     advantage Q(s, a) - V(s) that could still change the policy, takes in the answer, and solves again.
 
-    ``strategy`` picks the question (``qlearn.strategies``); the default weighs what an answer tells by how likely it is
-    to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as they tell enough of the signs of the
-    advantages in question (``elicit.Bags``), one at a time. ``indifference`` (default tolerance (1 - discount)): an
-    advantage that no plausible scale puts above it is not asked about; above the default, the tolerance may be out of
-    reach. ``max_loss``: stop there even if the tolerance is smaller. ``max_queries``: beyond it the policy for the
-    central scale stands, with what can be said of its loss. ``audit``: share of the pairs decided by answers, among
-    those that the finished policy rests on, that is put to the tutor all the same; ``rng`` picks them. ``batch``: the
-    best so many questions at once.
+    ``strategy`` picks the question (a function of ``qlearn.strategies``, or its name); the default weighs what an
+    answer tells by how likely it is to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as
+    they tell enough of the signs of the advantages in question (``elicit.Bags``), one at a time. ``indifference``
+    (default tolerance (1 - discount)): an advantage that no plausible scale puts above it is not asked about; above the
+    default, the tolerance may be out of reach. ``max_loss``: stop there even if the tolerance is smaller.
+    ``max_queries``: beyond it the policy for the central scale stands, with what can be said of its loss. ``audit``:
+    share of the pairs decided by answers, among those that the finished policy rests on, that is put to the tutor all
+    the same; ``seed`` picks them. ``batch``: the best so many questions at once.
 
     Every round solves linear systems in all states: made for models of up to some thousands of states.
     """
 
+    @takes_rng
     def __init__(
         self,
         mdp: OrdinalMDP,
@@ -63,9 +65,9 @@ class InteractivePolicyIteration(Learner):
         *,
         tolerance: float = 0.001,
         max_loss: float | None = None,
-        strategy: Strategy = telling_violation,
+        strategy: Strategy | str = telling_violation,
         bags: Bags | None = None,
-        rng: Seed = 0,
+        seed: Seed | None = 0,
         max_queries: int | None = None,
         indifference: float | None = None,
         audit: float = 0.0,
@@ -74,12 +76,13 @@ class InteractivePolicyIteration(Learner):
         known: Known = (),
     ) -> None:
         check_problem(mdp, comparator)
+        self.seed = seed_of(seed)
         for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
             require(is_number(value) and value > 0, name, "a positive share of the value range", value)
         self._mdp = mdp
         self._enough = max(tolerance, max_loss or 0.0)
         require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
-        self._strategy, self._bags = check_strategy(strategy), bags
+        self._strategy, self._bags = strategy_of(strategy), bags
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
@@ -89,7 +92,8 @@ class InteractivePolicyIteration(Learner):
             max_audits=max_audits,
             batch=batch,
             known=known,
-            seed=rng,
+            seed=self.seed,
+            labels=mdp.labels,
         )
         self._rounds = 0
         self._end: Status | None = None
@@ -205,7 +209,7 @@ class InteractivePolicyIteration(Learner):
         for row in rows:
             s, a = int(over.states[row]), int(over.actions[row])
             tier = int(Tier.TUTOR if tiers is None else tiers[row])
-            pairs.append(pair_of(over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
+            pairs.append(pair_of(self._mdp, over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
         return self._elicitation.open(pairs)
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:

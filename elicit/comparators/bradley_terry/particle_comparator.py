@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.special import betaincinv, gammaln, logit, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of
+from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
@@ -79,7 +80,7 @@ class PosteriorComparator:
                over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
     prior      inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or linear cvxpy
                constraints over ``elicit.scale_variable(k)``
-    seed       int, numpy SeedSequence or Generator (kept as an int)
+    seed       int, numpy SeedSequence or Generator (kept as an int), or None for a new one
 
     A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of
     n. Raises ValueError on bad settings.
@@ -94,7 +95,7 @@ class PosteriorComparator:
         particles: int = 1000,
         shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
-        seed: Seed = 0,
+        seed: Seed | None = 0,
         tie: float = TIE,
     ) -> None:
         self.k = check_levels(k)
@@ -108,6 +109,7 @@ class PosteriorComparator:
             shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
         wanted = f"None or two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}"
         require(is_range(shape, *_SHAPES), "shape", wanted, shape)
+        seed = seed_of(seed)
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
         self.level, self.particles, self.shape, self.tie = float(level), int(particles), tuple(shape), check_tie(tie)

@@ -3,6 +3,7 @@
 import builtins
 from concurrent.futures import BrokenExecutor
 from dataclasses import fields
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,13 @@ def test_the_help_says_every_option_with_its_default(
         text = said[name].metadata["help"] + f"[{''.join(stated)}]"
         assert f"--{name.replace('_', '-')}" in shown
         assert "".join(text.split()) in shown
+
+
+def test_it_says_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"qlearn {version('elicit-qlearn')}\n"
 
 
 def test_help_imports_nothing_heavy() -> None:
