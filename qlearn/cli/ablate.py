@@ -12,7 +12,7 @@ from qlearn.experiments.settings import AblationSettings
 QUICK: dict[str, Any] = {  # so small that ten seeds take seconds and tell the comparators apart
     "problems": ["random"], "comparators": ["always", "polytope", "posterior", "ensemble"], "error_rates": [0.0, 0.15],
     "states": 10, "actions": 3, "levels": 5, "discount": 0.8, "seeds": 10, "steps": 600, "tolerance": 0.02,
-    "max_queries": 150, "n_boot": 10, "refit_growth": 0.2, "particles": 200, "audit": 0.0,
+    "max_sweeps": 50, "max_queries": 150, "n_boot": 10, "refit_growth": 0.2, "particles": 200, "audit": 0.0,
 }  # fmt: skip
 PAPER: dict[str, Any] = {"seeds": 20, "n_boot": 200, "refit_growth": 0.0}
 

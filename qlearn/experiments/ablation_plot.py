@@ -160,7 +160,8 @@ def _paths(
         )
         for chosen, face in ((~hollow, style["color"]), (hollow, "white")):
             look = {"color": style["color"], "marker": style["marker"], "markerfacecolor": face, "markersize": 6.5}
-            axes.plot(x[chosen], y[chosen], linestyle="none", **look, zorder=3, clip_on=False)  # 0 is on the edge
+            for line in axes.plot(x[chosen], y[chosen], linestyle="none", **look, zorder=3, clip_on=False):
+                line.set_in_layout(False)  # not clipped, for 0 lies on the edge; but what is not clipped takes room
 
 
 def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
