@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
 from qlearn.experiments.palette import NAMES, STYLES, styles
+from qlearn.experiments.settings import ORDER
 
 _BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
 _ASKED = "questions asked\n(log scale)"
@@ -38,7 +40,6 @@ def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None, seeds: 
     """The summary of ``ablation.summarise`` as text of at most 120 columns (if names of your own are short), by problem
     and learner; ``LEGEND`` explains the columns. ``names`` overrides ``NAMES``; ``seeds``: how many each row should
     have; those that have fewer say so."""
-    shown = _shown(summary, names)
     parts = []
     for (problem, learner), part in summary.groupby(["problem", "learner"], sort=False):
         conflicts = {(row.comparator, row.error_rate): _conflict(row) for row in part[part.audit > 0].itertuples()}
@@ -47,7 +48,7 @@ def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None, seeds: 
             for row in part.sort_values("audit", kind="stable").itertuples()
         ]
         text = pd.DataFrame(cells).set_index("comparator").rename_axis(None).to_string()
-        parts.append(f"{shown[str(problem)]}, {shown[str(learner)]}\n{text}")
+        parts.append(f"{_called(names, 'problem', str(problem))}, {_called(names, 'learner', str(learner))}\n{text}")
     return "\n\n".join(parts)
 
 
@@ -66,7 +67,7 @@ def plot_ablation(
     ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget, ``names``
     overrides ``NAMES``, and where points have fewer runs than ``seeds`` the title says so.
     """
-    shown = _shown(summary, names)
+    called = partial(_called, names)
     plain = summary[summary.audit == 0]
     problems, learners = plain.problem.unique(), plain.learner.unique()
     figure = Figure(figsize=(1.4 + 4.9 * len(learners), 1.6 + 4.6 * len(problems)), layout="constrained")
@@ -80,7 +81,7 @@ def plot_ablation(
             _paths(lost, part, 100 * part.excess_loss, 100 * part.excess_loss_half, looks, tutors)
             _scales(asked, lost, max_queries)
             asked.set_ylim(0, 3 * max(10, plain.asked.max()))
-            asked.set_title(f"{shown[problem]}: {shown[learner]}", fontsize=11)
+            asked.set_title(f"{called('problem', problem)}: {called('learner', learner)}", fontsize=11)
             if j == 0:
                 asked.set_ylabel(_ASKED)
                 lost.set_ylabel(_LOST)
@@ -88,7 +89,7 @@ def plot_ablation(
             lost.set_xlabel("the tutor's wrong answers (%)" + (", or your tutor" if own else ""))
             lost.set_xticks(range(len(tutors)), [t if isinstance(t, str) else f"{100 * t:.3g}" for t in tutors])
     drawn = sorted(looks, key=lambda name: [*STYLES].index(name) if name in STYLES else len(STYLES))
-    handles = [Line2D([], [], label=shown[name], markersize=7, **looks[name]) for name in drawn]
+    handles = [Line2D([], [], label=called("comparator", name), markersize=7, **looks[name]) for name in drawn]
     if max_queries is not None:
         handles.append(Line2D([], [], label="budget", **_BUDGET))
     if (plain.budget_spent > 0).any():
@@ -106,10 +107,9 @@ def plot_ablation(
     return figure
 
 
-def _shown(summary: pd.DataFrame, names: Mapping[str, str] | None) -> dict[str, str]:
-    """What problems, learners and comparators are called; those of the user's by their names."""
-    all_names = pd.concat([summary[column].astype(str) for column in ("problem", "learner", "comparator")])
-    return {name: name for name in all_names} | NAMES | dict(names or {})
+def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
+    """What a problem, learner or comparator is called; the user's own by their names."""
+    return (names or {}).get(name, NAMES[name] if name in ORDER[column] else name)
 
 
 def _tutors(summary: pd.DataFrame) -> list[float | str]:
