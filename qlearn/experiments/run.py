@@ -201,9 +201,15 @@ def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Set
 
 
 @lru_cache(maxsize=32)
-def instance(problem: str | Own, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of one of ``PROBLEMS``, or of the user's own. Raises as their makers do."""
-    return problem_of(problem, seed) if isinstance(problem, Own) else PROBLEMS[problem](seed, size)
+def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
+    """The MDP and the hidden values (k,) of one of ``PROBLEMS``. Raises as their makers do."""
+    return PROBLEMS[problem](seed, size)
+
+
+def _problem_of(cell: Cell, size: Size, own: Owned) -> tuple[OrdinalMDP, Floats]:
+    """The MDP and the hidden values (k,) of a cell; the user's own is made anew, for what it reads may have changed."""
+    given = own.get("problem")
+    return problem_of(given, cell["seed"]) if given else instance(cell["problem"], cell["seed"], size)
 
 
 def run_all(
@@ -251,7 +257,7 @@ def run_all(
 
 def _check_parts(cell: Cell, size: Size, settings: Settings, own: Owned) -> None:
     """Raise what the parts of a run would raise when they are made."""
-    mdp, values = instance(own.get("problem", cell["problem"]), cell["seed"], size)
+    mdp, values = _problem_of(cell, size, own)
     if own:
         settings = _of_cell(settings, cell, mdp, own)
         _tutor(cell, mdp, values, settings, own)
@@ -265,8 +271,7 @@ def run_named(
     40 MB. Raises RuntimeError if this process's ``sources`` are not those ``built`` names."""
     if built != sources():
         raise RuntimeError("this worker has other sources or libraries than the process that started the sweep")
-    problem = (own or {}).get("problem", cell["problem"])
-    return run(cell, *instance(problem, cell["seed"], _size(cell, size)), Settings(**settings), own)
+    return run(cell, *_problem_of(cell, _size(cell, size), own or {}), Settings(**settings), own)
 
 
 def in_order(cells: Iterable[Cell], keys: Sequence[str], own: Mapping[str, Iterable[str]] | None = None) -> list[Cell]:

@@ -103,6 +103,22 @@ def test_other_code_under_the_same_name_is_computed_anew_and_nothing_else_is(tmp
     assert text_of(asked(lowest)) == text_of(first)
 
 
+def test_a_problem_is_made_anew_in_every_run(tmp_path: Path) -> None:
+    (tmp_path / "seed").write_text("0")
+
+    def from_a_file(seed: int) -> Any:
+        return tiny(int((tmp_path / "seed").read_text()))
+
+    def asked(fresh: bool) -> str:
+        given = SMALL | {"problems": {"box": from_a_file}, "comparators": ["polytope"]}
+        return text_of(ablate(**given, jobs=1, journal=tmp_path / "journal", fresh=fresh))
+
+    first = asked(fresh=False)
+    (tmp_path / "seed").write_text("3")
+    assert asked(fresh=False) == first  # the journal knows the code, not the file
+    assert asked(fresh=True) != first
+
+
 def test_a_name_of_ours_may_be_given_to_another_and_keeps_its_place() -> None:
     given = {"posterior": lambda k, seed: PolytopeComparator(k, tie=0), "polytope": "polytope"}
     rows = ablate(**SMALL | {"comparators": given}, jobs=1)
