@@ -15,7 +15,7 @@ from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import KEYS, ablate, summarise
 from qlearn.experiments.ablation_plot import LEGEND, table
 from qlearn.experiments.metrics import MEASURES
-from qlearn.experiments.palette import NAMES, STYLES
+from qlearn.experiments.palette import NAMES, STYLES, styles
 from qlearn.experiments.run import Run, run
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.exploration import EXPLORATIONS
@@ -162,6 +162,11 @@ def test_every_name_has_something_that_it_stands_for() -> None:
     looks = [(style["color"], style["marker"]) for style in STYLES.values()]
     assert {*STYLES} == {*ORDER["comparator"]}
     assert all(len(set(look)) == len(STYLES) for look in zip(*looks, strict=True))  # no two have one in common
+    more = styles([*(f"mine {i}" for i in range(6)), *STYLES])  # nor one of the first six of the user's
+    assert {name: more[name] for name in STYLES} == STYLES
+    looks = [(style["color"], style["marker"], str(style["linestyle"])) for style in more.values()]
+    assert all(len(set(look)) == len(STYLES) + 6 for look in zip(*looks, strict=True))
+    assert [*styles(f"mine {i}" for i in range(30))] == [f"mine {i}" for i in range(30)]
     choices = {one.name: one.metadata["check"] for one in fields(Settings)}
     assert {*choices["exploration"].names} == {*EXPLORATIONS}
     assert {*choices["noise"].names} == {*runs.TUTORS}
