@@ -184,7 +184,7 @@ def _learner(cell: Cell, mdp: OrdinalMDP, comparator: Comparator, settings: Sett
         return learner_of(own["learner"], mdp, comparator, cell["seed"])
     make, keywords = LEARNERS[cell["learner"]]
     common = settings.named("max_queries", "indifference")
-    return make(mdp, comparator, rng=cell["seed"], audit=cell["audit"], **common, **keywords(settings))
+    return make(mdp, comparator, seed=cell["seed"], audit=cell["audit"], **common, **keywords(settings))
 
 
 def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Settings:
