@@ -20,6 +20,7 @@ from elicit.tutors.replay import ReplayTutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import InteractivePolicyIteration, InteractiveQLearning, LateQLearning, Learner, Result, Status, drive
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
+from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
 from tests.noisy_cases import COMPARATORS
 
