@@ -33,7 +33,7 @@ after 1st    the same, after the tutor's first wrong answer
 *            with audits, in runs that are shorter: their questions compare with each other only
 audits to conflict   in the audited runs: audits until one first contradicted the answers, (runs in which one did
              / all), and in how many of those the audit itself was the wrong answer ("false")
-notes        in how many runs the question budget was spent, or the limit of sweeps reached"""
+notes        with how many seeds the question budget was spent, or the limit of sweeps reached"""
 
 
 def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None, seeds: int | None = None) -> str:
@@ -194,7 +194,7 @@ def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
         "wrong %": _rate(row.wrong_percent),
         "after 1st": _rate(row.wrong_percent_after),
         "audits to conflict": conflict,
-        "notes": " ".join(f"{text} {int(count)}/{int(row.runs)}" for count, text in notes if count),
+        "notes": " ".join(f"{text} {int(count)}" for count, text in notes if count),
     }
 
 

@@ -8,6 +8,7 @@ import pickle
 import sys
 import sysconfig
 import types
+import typing
 import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -68,9 +69,7 @@ def _parts(thing: Any) -> list[Any] | None:
             return [thing.__qualname__, thing.__bases__, own]
         case types.FunctionType() | types.BuiltinFunctionType() | type():
             return [thing.__module__, thing.__qualname__]
-        case types.ModuleType():
-            return [thing.__name__]
-        case types.MemberDescriptorType() | types.GetSetDescriptorType():
+        case types.ModuleType() | types.MemberDescriptorType() | types.GetSetDescriptorType() | typing.TypeVar():
             return [thing.__name__]
         case types.MethodType():
             return [thing.__func__, thing.__self__]
@@ -99,6 +98,7 @@ def _parts(thing: Any) -> list[Any] | None:
 _OF_EVERY_CLASS = {  # what Python keeps in a class beside what its author wrote
     "__dict__", "__weakref__", "__doc__", "__firstlineno__", "__static_attributes__", "__annotations__",
     "__annotations_cache__", "__annotate_func__", "__dataclass_fields__", "__dataclass_params__", "_abc_impl",
+    "__orig_bases__", "__parameters__",
 }  # fmt: skip
 
 

@@ -4,6 +4,7 @@ import functools
 import sys
 import threading
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ from qlearn.experiments.code_identity import identity
 from tests.interpreter import run
 
 SOURCE = """
-import dataclasses, functools, helpers
+import abc, dataclasses, enum, functools, helpers, logging, typing
+import numba
 import numpy as np
 from elicit import PolytopeComparator
+from elicit.model.scale import tail_sums
 
 STEP = 2
 SETS = {"a", "b", "c", "d"}
@@ -27,6 +30,23 @@ SETS = {"a", "b", "c", "d"}
 class Base:
     k: int = 3
     names: tuple = ("x", "y")
+
+class Kind(enum.Enum):
+    A = 11
+
+class Shape(abc.ABC, typing.Generic[typing.TypeVar("T")]):
+    @abc.abstractmethod
+    def area(self) -> typing.Any: ...
+
+class Square(Shape[int]):
+    def area(self):
+        return super().area, Kind.A, log, jitted(1)
+
+@numba.njit
+def jitted(x):
+    return x + 7
+
+log = logging.getLogger("own")
 
 class Mine(Base):
     __slots__ = ("other",)
@@ -46,29 +66,46 @@ def cached(k):
 def factory(k, seed, more=4):
     if k in SETS or k in {"p", "q", "r", "s"}:
         return factory(k, seed)
-    return (lambda: Mine(cached(k)))()
+    Square().area()
+    return (lambda: Mine(cached(k), tail_sums(np.zeros(3)), np.random.default_rng(seed)))()
 """
 HELPERS = "def shift(x):\n    return unused(x) + 1\n\n\ndef unused(x):\n    return x\n\n\ndef far(x):\n    return x\n"
 
 
-def identity_in_a_process(folder: Path, source: str = SOURCE, helpers: str = HELPERS) -> str:
+def written(folder: Path, source: str = SOURCE, helpers: str = HELPERS) -> Path:
+    folder.mkdir(exist_ok=True)
     (folder / "own_module.py").write_text(source)
     (folder / "helpers.py").write_text(helpers)
+    return folder
+
+
+def identity_in_a_process(folder: Path) -> str:
     code = (
-        f"import sys; sys.path.insert(0, {str(folder)!r}); sys.dont_write_bytecode = True\n"
+        f"import sys; sys.path.insert(0, {str(folder)!r})\n"
         "import own_module; from qlearn.experiments.code_identity import identity; print(identity(own_module.factory))"
     )
     (line,) = run(code)
     return line
 
 
+def identity_here(folder: Path) -> str:
+    names = ("own_module", "helpers")
+    with pytest.MonkeyPatch.context() as here:
+        here.syspath_prepend(folder)
+        here.setattr(sys, "dont_write_bytecode", True)
+        found = identity(import_module("own_module").factory)
+        for name in names:
+            del sys.modules[name]
+    return found
+
+
 def test_the_same_code_is_the_same_in_every_process_and_other_code_is_not(tmp_path: Path) -> None:
-    first = identity_in_a_process(tmp_path)
-    assert identity_in_a_process(tmp_path) == first  # with other hashes of strings
+    first = identity_here(written(tmp_path / "one"))
+    assert identity_in_a_process(tmp_path / "one") == first  # compiled there, and with other hashes of strings
+    assert identity_in_a_process(tmp_path / "one") == first  # read back
     moved = "# a comment\n\n" + SOURCE.replace("def factory", "\n\ndef factory")
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    assert identity_in_a_process(elsewhere, moved, HELPERS.replace("def far(x):\n    return x", "")) == first
+    unrelated = HELPERS.replace("def far(x):\n    return x", "")
+    assert identity_here(written(tmp_path / "two", moved, unrelated)) == first
 
 
 @pytest.mark.parametrize(
@@ -82,20 +119,23 @@ def test_the_same_code_is_the_same_in_every_process_and_other_code_is_not(tmp_pa
         ("level = 0.5", "level = 0.6"),
         ("2 * self.k", "3 * self.k"),
         ("return k + 1", "return k + 2"),
+        ("A = 11", "A = 12"),
+        ("x + 7", "x + 8"),
         ("np.sign(d) +", "np.abs(d) +"),
         ("class Mine(Base)", "class Mine(Base, Exception)"),
     ],
 )
 def test_a_change_anywhere_that_the_factory_reaches_shows(old: str, new: str, tmp_path: Path) -> None:
     assert SOURCE.count(old) == 1
-    assert identity_in_a_process(tmp_path, SOURCE.replace(old, new)) != identity_in_a_process(tmp_path)
+    changed = written(tmp_path / "changed", SOURCE.replace(old, new))
+    assert identity_here(changed) != identity_here(written(tmp_path / "as it was"))
 
 
 def test_a_change_in_another_module_of_the_users_shows(tmp_path: Path) -> None:
     changed = HELPERS.replace("return unused(x) + 1", "return unused(x) + 2")
     deeper = HELPERS.replace("def unused(x):\n    return x", "def unused(x):\n    return -x")
-    found = {identity_in_a_process(tmp_path, helpers=helpers) for helpers in (HELPERS, changed, deeper)}
-    assert len(found) == 3
+    texts = enumerate((HELPERS, changed, deeper))
+    assert len({identity_here(written(tmp_path / str(i), helpers=text)) for i, text in texts}) == 3
 
 
 def closing_over(*things: Any) -> Callable[[], Any]:
