@@ -57,6 +57,7 @@ _NO_RUNS = (
     "experiments/ablation_plot.py",
     "experiments/compile_ahead.py",
     "experiments/palette.py",
+    "warm_up.py",
 )  # sources of qlearn that no run depends on
 
 
