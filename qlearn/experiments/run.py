@@ -63,6 +63,7 @@ _NO_RUNS = (
     "experiments/code_identity.py",
     "experiments/compile_ahead.py",
     "experiments/palette.py",
+    "warm_up.py",
 )  # sources of qlearn that no run depends on
 
 
