@@ -93,10 +93,10 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
     is not draws that its bounds rest on."""
-    draws = draws_in(comparator)
-    if draws is None or not isinstance(comparator, TrustsDraws):
+    if not isinstance(comparator, TrustsDraws):  # first: to draw scales takes time, and nothing here would use them
         return None
-    return Draws(*draws), float(comparator.level)
+    draws = draws_in(comparator)
+    return None if draws is None else (Draws(*draws), float(comparator.level))
 
 
 def loss_over_draws(
