@@ -60,7 +60,7 @@ from elicit.model.comparator import (
 )
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany
+from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_made
 
 _T = TypeVar("_T")
 _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
@@ -89,6 +89,7 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> 
     pair, the mirrored one to the mirrored pair, and never one against dominance. Not for a
     ReplayTutor, which knows only the queries of its log. Raises AssertionError.
     """
+    _wanted(lambda: check_tutor_made(tutor, k))
     d = sample_differences(k, seed)
     pairs = [(np.clip(row, 0.0, None), np.clip(-row, 0.0, None)) for row in d]
     queries = [Query.make("check_tutor", i, left, right) for i, (left, right) in enumerate(pairs)]

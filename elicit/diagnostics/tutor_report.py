@@ -24,7 +24,7 @@ from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.query import Answer, Answers
 from elicit.model.scale import Floats, dominance, pair_name, tail_sums
-from elicit.tutors.answer_log import AnswerLog, Entry
+from elicit.tutors.answer_log import AnswerLog, Entry, entries_of
 
 Told = Answers | Iterable[Entry | Answer]
 """An ``AnswerLog`` or any iterable of its entries or of Answers, else bare ``Answers``."""
@@ -216,10 +216,7 @@ def read_log(log: Told, k: int | None) -> _Record:
         return _Record(log, None)
     if not isinstance(log, Iterable):
         raise TypeError(f"a log is an AnswerLog, its entries, or Answers, not {log!r}")
-    entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
-    for item in entries:
-        if not isinstance(item, Entry):
-            raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
+    entries = entries_of(log)
     standing = [entry for entry in entries if not entry.retracted]
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
     levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)

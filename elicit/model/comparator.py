@@ -46,8 +46,9 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    What learners use beyond it, where a comparator has it, is declared below and in ``decision.comparator_rule``:
-    ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``Ruled``, ``Settling``.
+    What is used beyond it, where a comparator has it, is declared below and in ``decision.comparator_rule``:
+    ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``AllowsTies``,
+    ``KeepsAnswers``, ``Ruled``, ``Settling``. ``elicit.testing`` says what each is for, and checks them.
     """
 
     @property
@@ -62,7 +63,8 @@ class Comparator(Protocol):
         """lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) int8 on differences d (n, k)."""
+        """Verdicts (n,) int8 on differences d (n, k). Their totals are not checked: what two vectors differ by in total
+        counts as time at level 1, which is worth nothing."""
 
     def update(self, answers: Answers) -> "Comparator":
         """A comparator that also knows these answers; this one still answers as before."""

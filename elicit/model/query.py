@@ -121,6 +121,9 @@ class Query:
             said = [f"{factor * share:.{digits}f}" for share in vector]
             parts = [f"{x}{unit} {name}" for x, name in zip(said, names, strict=True) if float(x)]
             lines.append(f"  {side} {', '.join(parts) or 'nothing'}")
+        totals = self.left.sum(), self.right.sum()
+        if abs(totals[0] - totals[1]) > 1e-9 * np.abs(both).sum():
+            lines.append(f"  totals differ, {totals[0]:g} and {totals[1]:g}: {names[0]} is taken to be worth nothing")
         return "\n".join(lines)
 
     @property

@@ -11,7 +11,7 @@ there with BadLog, instead of learning from what was taken back.
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from operator import index
@@ -54,6 +54,16 @@ class Entry:
     def retracted(self) -> bool:
         """Whether the answer was taken back."""
         return self.retraction is not None
+
+
+def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
+    """The entries of a log, of some of its entries, or of Answers to queries. Raises TypeError for anything else, such
+    as ``Answers``, which do not say what was shown left and right."""
+    entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
+    for item in entries:
+        if not isinstance(item, Entry):
+            raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
+    return entries
 
 
 class AnswerLog:

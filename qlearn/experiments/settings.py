@@ -141,7 +141,9 @@ class Settings:
     refit_growth: float = setting(
         0.05, SCALE, "growth of the answers between two Bradley-Terry fits; 0: fit at each (hours)"
     )
-    lapse: float = setting(0.1, BELOW_1, "share of answers that the posterior takes to be given at random")
+    lapse: float | None = setting(
+        None, BELOW_1, "share of answers that the posterior takes to be given at random (default: it is learned)"
+    )
     particles: int = setting(1000, PARTICLES, "the posterior's number of particles")
     slack: float = setting(0.0, SCALE, "violation allowed the relaxed polytope beyond the least (share of range)")
     tie: float | None = setting(

@@ -96,11 +96,11 @@ def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
     is not draws that its bounds rest on."""
     # the level first: isinstance reads members in an order that changes from process to process (before Python 3.12),
-    # and draws of what is known so far, once read, stay
-    draws = draws_in(comparator) if hasattr(comparator, "level") else None
-    if draws is None or not isinstance(comparator, TrustsDraws):
+    # and to draw scales takes time, where nothing here would use them
+    if not hasattr(comparator, "level") or not isinstance(comparator, TrustsDraws):
         return None
-    return Draws(*draws), float(comparator.level)
+    draws = draws_in(comparator)
+    return None if draws is None else (Draws(*draws), float(comparator.level))
 
 
 def loss_over_draws(

@@ -89,7 +89,11 @@ def test_a_query_is_printed_as_a_person_would_read_it():
     near = Query("q", [0.5, 0.25, 0.25], [0.4999, 0.2502, 0.2499])
     assert str(near).splitlines()[2] == "  right: 49.990% level 1, 25.020% level 2, 24.990% level 3"
     hours = Query("q", [8, 0, 16.5], [0, 0, 0])
-    assert str(hours).splitlines()[1:] == ["  left:  8 level 1, 16 level 3", "  right: nothing"]
+    assert str(hours).splitlines()[1:] == [
+        "  left:  8 level 1, 16 level 3",
+        "  right: nothing",
+        "  totals differ, 24.5 and 0: level 1 is taken to be worth nothing",
+    ]
     assert "50% level 1, 50% level 2" in str(Query("q", [0.5, 0.5], [0.5, 0.5]))
     for bad in (["a", "b"], "abc"):
         with pytest.raises(ValueError, match=r"labels must be 3 names, one a level, not"):

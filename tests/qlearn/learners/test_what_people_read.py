@@ -7,8 +7,18 @@ from typing import Any
 
 import pytest
 
+import elicit
 import qlearn
-from elicit import Answer, Bags, BradleyTerryTutor, FlippingTutor, PolytopeComparator, ReplayTutor, TruthfulTutor
+from elicit import (
+    Answer,
+    Answers,
+    Bags,
+    BradleyTerryTutor,
+    FlippingTutor,
+    PolytopeComparator,
+    ReplayTutor,
+    TruthfulTutor,
+)
 
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
 LEARNERS = [qlearn.InteractiveQLearning, qlearn.InteractiveValueIteration, qlearn.InteractivePolicyIteration]
@@ -64,6 +74,13 @@ def test_a_question_names_state_actions_and_levels(kind: Any) -> None:
         (plain,) = kind(replace(NAMED, state_names=None, action_names=None), PolytopeComparator(4)).ask()
         assert plain.id == query.id
         assert re.fullmatch(r"state \d: action \d \(left\) or action \d \(right\)\?", plain.about)
+
+
+def test_answers_without_their_queries_cannot_be_replayed_or_drawn() -> None:
+    bare = Answers([[1, -1]], [1])
+    for takes in (ReplayTutor, elicit.graph.preference_graph):
+        with pytest.raises(TypeError, match=r"a log holds entries or Answers, not AnswerRow\("):
+            takes(bare)
 
 
 def test_tutors() -> None:

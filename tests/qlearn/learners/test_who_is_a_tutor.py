@@ -5,6 +5,7 @@ import pytest
 import qlearn
 from elicit import Answer, FlippingTutor, PolytopeComparator, TruthfulTutor
 from elicit.model.tutor import Tutor, check_tutor_made
+from elicit.testing import check_tutor
 
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
 
@@ -37,3 +38,5 @@ def test_what_is_no_tutor_for_these_questions_is_refused_before_the_first(tutor,
     learner = qlearn.InteractivePolicyIteration(MDP, PolytopeComparator(4))
     with pytest.raises(kind, match=complaint):
         qlearn.drive(learner, tutor)
+    with pytest.raises(AssertionError, match=complaint):
+        check_tutor(tutor, 4)
