@@ -78,11 +78,11 @@ class Run(NamedTuple):
 
 
 def _posterior(k: int, seed: int, settings: Settings) -> Comparator:
-    return PosteriorComparator(k, seed=seed, **settings.named("lapse", "level", "particles"))
+    return PosteriorComparator(k, seed=seed, **settings.named("lapse", "level", "particles", "tie"))
 
 
 def _bradley_terry(k: int, seed: int, settings: Settings, **region: Any) -> Comparator:
-    own = settings.named("precision", "n_boot", "level", "refit_growth")
+    own = settings.named("precision", "n_boot", "level", "refit_growth", "tie")
     return BradleyTerryComparator(k, seed=seed, **region, **own)
 
 
