@@ -59,7 +59,7 @@ def sweeps() -> None:
 
 def certificates() -> None:
     """What policy iteration rests its guarantee on."""
-    mdp, values = random_mdp(6, 3, 5, rng=0)
+    mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
 
 
