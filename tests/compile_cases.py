@@ -65,6 +65,8 @@ def icu() -> None:
         for comparator in (elicit.PolytopeComparator(mdp.k), elicit.PosteriorComparator(mdp.k, seed=0)):
             learner = qlearn.InteractivePolicyIteration(mdp, comparator, tolerance=0.05, max_queries=5)
             assert qlearn.drive(learner, elicit.TruthfulTutor(values)).loss_bound <= 1
+        sweeps = qlearn.InteractiveValueIteration(mdp, elicit.PolytopeComparator(mdp.k), max_sweeps=2, max_queries=5)
+        assert qlearn.drive(sweeps, elicit.TruthfulTutor(values)).compared
 
 
 def choices() -> None:

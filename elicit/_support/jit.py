@@ -39,8 +39,10 @@ def unlocked(function: F) -> F:
 def _made(function: F, **options: Any) -> F:
     settings: Any = config
     usual, file = settings.CACHE_DIR, Path(function.__code__.co_filename)
-    _PACKAGES.add(_package_of(file))  # what this function calls was imported, and is known here, before it
-    settings.CACHE_DIR = _cache_of(usual, file.parent, frozenset(_PACKAGES))
+    home = _package_of(file)
+    _PACKAGES.add(home)  # what this function calls was imported, and is known here, before it
+    packages = {_HOME} if home == _HOME else _PACKAGES  # this one calls nothing of the others, whatever was imported
+    settings.CACHE_DIR = _cache_of(usual, file.parent, frozenset(packages))
     try:
         made: Any = njit(cache=True, error_model="numpy", **options)(function)
     except RuntimeError:  # nowhere to keep it
@@ -59,7 +61,8 @@ def _package_of(file: Path) -> Path:
     return folder
 
 
-_PACKAGES: set[Path] = {_package_of(Path(__file__))}
+_HOME = _package_of(Path(__file__))
+_PACKAGES: set[Path] = {_HOME}
 _OURS: set[Any] = set()
 
 
@@ -79,9 +82,8 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
 def first_on_this_machine() -> bool:
     """Whether no process has said before that it compiles these sources, or would have to each time, since nothing can
     be kept; from now on one has."""
-    here = Path(__file__)
     settings: Any = config
-    place = Path(_cache_of(settings.CACHE_DIR, here.parent, frozenset({_package_of(here)})))
+    place = Path(_cache_of(settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
     try:
         place.mkdir(parents=True, exist_ok=True)
         (place / "compiled").touch(exist_ok=False)

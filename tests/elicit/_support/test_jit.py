@@ -63,6 +63,16 @@ def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
     assert len({path.parent for path in (tmp_path / "kept").rglob("caller*.nbi")}) == 2
 
 
+def test_what_else_was_imported_before_makes_no_difference_to_where_ours_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    code = "from elicit._support.hashing import mix; import numpy as np; mix(np.uint64(1), np.uint64(2))"
+    run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    kept = set((tmp_path / "kept").rglob("*.nbi"))
+    run("import helper; " + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    assert len(kept) >= 1
+    assert set((tmp_path / "kept").rglob("*.nbi")) == kept
+
+
 def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
     def place(usual: str, folder: Path) -> str:
         return jit._cache_of.__wrapped__(usual, folder, frozenset({tmp_path}))
