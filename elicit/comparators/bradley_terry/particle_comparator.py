@@ -197,7 +197,8 @@ class PosteriorComparator:
     def probability(self, d: ArrayLike) -> Floats:
         """P(d.e > 0 | answers) (n,) for d (n, k)."""
         gaps, weights = self._gaps_and_weights
-        return np.array([weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_vectors(d, self.k))])
+        shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_vectors(d, self.k))]
+        return np.minimum(np.array(shares), 1.0)  # a sum of weights may be a rounding more
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""

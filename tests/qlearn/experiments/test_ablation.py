@@ -45,7 +45,7 @@ def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(frame
     journal.write_bytes(b"".join(kept[4:]) + kept[0][:-30])
     seen.clear()
     # an oracle is among the missing; and a default is the same setting, named or not
-    resumed = ablate(**TINY, lapse=0.1, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
+    resumed = ablate(**TINY, particles=1000, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
     assert seen == [(done, len(frame)) for done in range(len(frame) - 4, len(frame) + 1)]
     assert text_of(resumed) == text_of(frame)
 
