@@ -198,7 +198,7 @@ class PosteriorComparator:
         """P(d.e > 0 | answers) (n,) for d (n, k)."""
         gaps, weights = self._gaps_and_weights
         shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_vectors(d, self.k))]
-        return np.minimum(np.array(shares), 1.0)  # a sum of weights may be a rounding more
+        return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may be a rounding more
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""
