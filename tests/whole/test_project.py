@@ -16,7 +16,8 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.decision",),
     ("elicit.comparators",),
     ("elicit.comparators.bradley_terry", "elicit.comparators.polytope"),
-    ("elicit.asking", "elicit.tutors"),
+    ("elicit.tutors",),
+    ("elicit.asking",),
     ("elicit.diagnostics",),
     ("elicit",),  # the modules at the top, and __init__ itself
     ("qlearn.mdp",),
