@@ -6,8 +6,9 @@ written. One writer at a time has the file (``log_file``). The log reads no cloc
 as metadata.
 
 The events: a question was "asked", "answered" (the verdict 0 is "equal", null "cannot tell"), its answer was
-"withdrawn", or found "unused" by what contradicts it; and whoever asks has "restarted", knowing the answers so far.
-Nothing is deleted. What is withdrawn are the answers before it that have this id, so the query can be answered anew.
+"withdrawn", or found "unused" for what it contradicts, and "used" once that was withdrawn; and whoever asks has
+"restarted", knowing the answers so far. Nothing is deleted. What is withdrawn are the answers before it that have this
+id, so the query can be answered anew.
 
 Logs of version 1, which had no checksums, are read, and continued after one line that seals what was there. Programs
 that know only version 1 stop at that line with BadLog, instead of misreading what follows.
@@ -42,6 +43,8 @@ _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 _RETRACT = "retract"  # in a log of version 1, what names the id of the answer that is withdrawn
 EXPECTED = "expected"
 """The metadata of an audit's answer: the verdict that the other answers imply."""
+CONTRADICTS = "contradicts"
+"""The metadata of an answer that was marked unused for what it contradicts: the ids of those answers."""
 
 
 @dataclass(frozen=True)
@@ -177,9 +180,15 @@ class AnswerLog:
         self._put("withdrawn", {"id": id}, metadata)
 
     def mark_unused(self, id: str, **metadata: Any) -> None:
-        """Record that comparators do not learn from the last answer to the query of this id, because it contradicts
-        others, say. Raises ValueError where no used answer of this id stands, and otherwise like ``append``."""
+        """Record that comparators do not learn from the last used answer to the query of this id, because it
+        contradicts others, say. metadata: any JSON, added to the answer's. Raises ValueError where there is none, and
+        otherwise like ``append``."""
         self._put("unused", {"id": id}, metadata)
+
+    def mark_used(self, id: str, **metadata: Any) -> None:
+        """Record that comparators learn from the last answer of this id that stands unused, because what it
+        contradicted was withdrawn, say. Otherwise like ``mark_unused``."""
+        self._put("used", {"id": id}, metadata)
 
     def mark_restart(self, **metadata: Any) -> None:
         """Record that whoever asks begins anew, knowing what stands so far. Raises like ``append``."""
@@ -251,9 +260,10 @@ class AnswerLog:
         KeyError where it is none, or cannot come next."""
         if event == "restarted":
             return self._restart
-        if event in ("withdrawn", "unused"):
-            change = _withdrawn if event == "withdrawn" else _unused
-            return partial(self._exchange, change(self._entries, fields["id"], metadata))
+        if event == "withdrawn":
+            return partial(self._exchange, _withdrawn(self._entries, fields["id"], metadata))
+        if event in ("used", "unused"):
+            return partial(self._exchange, _marked(self._entries, fields["id"], event == "used", metadata))
         if event not in ("asked", "answered"):
             raise ValueError(f"no such event: {event!r}; was the file written by a newer program?")
         for name, kind in (("id", str), ("about", str), ("swapped", bool)):
@@ -318,14 +328,14 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
     return {i: replace(entry, used=False, retraction=told) for i, entry in mine.items() if not entry.retracted}
 
 
-def _unused(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """The last entry of this id, unused. Raises ValueError where there is none that is used."""
+def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) -> dict[int, Entry]:
+    """The last entry of this id that is to be marked used, or unused. Raises ValueError where there is none."""
     for i in reversed(range(len(entries))):
-        if entries[i].answer.query.id == id:
-            if entries[i].used:
-                return {i: replace(entries[i], used=False, metadata={**entries[i].metadata, **told})}
-            break
-    raise ValueError(f"no used answer has the id {id!r}: it was withdrawn, or marked already, or never given")
+        entry = entries[i]
+        if entry.answer.query.id == id and entry.used != used and not entry.retracted:
+            return {i: replace(entry, used=used, metadata={**entry.metadata, **told})}
+    was = "unused" if used else "used"
+    raise ValueError(f"no {was} answer has the id {id!r}: it was withdrawn, or marked already, or never given")
 
 
 def _agreed(header: dict[str, Any], wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
