@@ -104,12 +104,12 @@ class Session:
         who: str | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        if not isinstance(asker, Asker) and (isinstance(asker, type) or not callable(asker)):
+        self._given = asker if isinstance(asker, Asker) and not isinstance(asker, type) else None
+        self._make = asker if self._given is None and callable(asker) else None
+        if self._given is None and self._make is None:
             raise TypeError(
                 f"a session takes a function known -> asker, or an asker with ask, tell and result, not {asker!r}"
             )
-        self._given = asker if isinstance(asker, Asker) else None
-        self._make = None if isinstance(asker, Asker) else asker
         self._mine = not isinstance(log, AnswerLog)
         self._log = log if isinstance(log, AnswerLog) else AnswerLog(log)
         self._clock = clock
