@@ -37,15 +37,15 @@ def policy_of(result: Any) -> list[int]:
 def cases() -> list[tuple[Make, Person, Callable[[Any], list[int]]]]:
     """A choice, and a learner whose audits find contradictions; who answers; and what comes out."""
     vectors = np.random.default_rng(0).dirichlet(np.ones(5), 16)
-    mdp, values = random_mdp(8, 3, 5, discount=0.9, rng=2)
+    mdp, values = random_mdp(15, 3, 8, discount=0.9, rng=3)
     scale = [0.0, 10.0, 11.0, 40.0, 99.0]
 
     def choosing(known: Any) -> Any:
         return choose(vectors, PolytopeComparator(5), order=True, known=known)
 
     def learning(known: Any) -> Any:
-        more = {"tolerance": 0.05, "audit": 0.3, "max_audits": 12, "rng": 1}
-        return InteractiveValueIteration(mdp, PolytopeComparator(5), known=known, **more)
+        more = {"tolerance": 0.05, "audit": 0.3, "max_audits": 8, "rng": 1}
+        return InteractiveValueIteration(mdp, PolytopeComparator(8), known=known, **more)
 
     return [(choosing, person(scale, 0.1), order_of), (learning, person(values, 0.15), policy_of)]
 
@@ -74,7 +74,7 @@ def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
             start = time.monotonic()
             result = answer_all(make, says, folder / f"{name}-{case}", folder / f"{name}-{case}.said")
         undisturbed.append((told(folder / f"undisturbed-{case}"), outcome(result), time.monotonic() - start))
-    while done < kills:
+    while done < kills or round_ < 2:
         case = round_ % 2
         make, says, outcome = cases()[case]
         expected, best, seconds = undisturbed[case]
