@@ -183,8 +183,8 @@ class Session:
         return answer
 
     def undo(self) -> Answer:
-        """Take back the last answer that stands; its question is put again. Returns it. Raises ValueError where there
-        is none, and otherwise like ``withdraw``."""
+        """Take back the last answer that stands, and return it; its question is put again (if it was answered before
+        a restart, that or another one). Raises ValueError where there is none, and otherwise like ``withdraw``."""
         standing = [entry for entry in self._log if not entry.retracted]
         if not standing:
             raise ValueError("there is no answer to undo")

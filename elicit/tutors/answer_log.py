@@ -158,6 +158,11 @@ class AnswerLog:
         """How many entries there were when whoever asks last began anew, knowing what stands of them."""
         return self._restarted
 
+    @property
+    def checked(self) -> bool:
+        """Whether checksums cover all of it: not so of a file of version 1 before it is continued."""
+        return self._lines.check is not None
+
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
         """Add an answer; when this returns it is on the disk, and when it raises nothing has changed.
 
