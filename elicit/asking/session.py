@@ -116,6 +116,7 @@ class Session:
         self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
         self._untold: Answer | None = None  # logged, but telling it failed
         self._put_at: dict[str, float] = {}  # when a pending question was put, by a clock that only goes forwards
+        self._asker: Asker | None = None  # None: to be made from the log
         try:
             self._asker = self._resumed()
         except BaseException:
@@ -129,7 +130,14 @@ class Session:
 
     @property
     def asker(self) -> Asker:
-        """Who asks now: another one after ``undo`` and ``withdraw``."""
+        """Who asks now, told all that is in the log: another one after ``undo`` and ``withdraw``."""
+        if self._asker is None:
+            self._asker = self._resumed()
+        if self._untold is not None:
+            id, contradicts = self._untold.query.id, _tell(self._asker, self._untold)
+            self._untold = None
+            if contradicts is not None:
+                self._mark_unused(id, contradicts)
         return self._asker
 
     def question(self) -> Query | None:
@@ -156,9 +164,8 @@ class Session:
         for another verdict than the one that stands, and for an id that was never asked; and what ``AnswerLog.append``
         raises, after which the question is still pending. metadata: any JSON, for the log.
         """
-        self._catch_up()
-        since = self._standing()[1]
-        said = _last(since, id)
+        asker = self.asker
+        said = _last(self._standing()[1], id)
         query = None if said else self._pending().get(id)
         said = said or (None if query else _last([entry for entry in self._log if not entry.retracted], id))
         if said is not None:
@@ -173,13 +180,13 @@ class Session:
             raise StaleAnswer(f"no pending query has the id {id!r}: answer what question() returns")
         swapped = next((one.swapped for one in reversed(self._log.asked) if one.query.id == id), False)
         answer = Answer(query, verdict, swapped)  # type: ignore[arg-type]
-        implied = self._asker.implied if isinstance(self._asker, Audits) else {}
+        implied = asker.implied if isinstance(asker, Audits) else {}
         audited = {EXPECTED: int(implied[id])} if id in implied else {}
-        put_at = self._put_at.pop(id, None)
-        latency = {} if put_at is None else {"latency": round(time.monotonic() - put_at, 3)}
+        latency = {"latency": round(time.monotonic() - self._put_at[id], 3)} if id in self._put_at else {}
         self._log.append(answer, **{**self._now(), **latency, **audited, **metadata})
         self._untold = answer
-        self._catch_up()
+        self._put_at.pop(id, None)
+        _ = self.asker  # which is told
         return answer
 
     def undo(self) -> Answer:
@@ -201,13 +208,12 @@ class Session:
                 "to take back an answer the session must make a new asker: give Session a function known -> asker, "
                 "such as lambda known: choose(vectors, comparator, known=known)"
             )
-        self._catch_up()
-        since = self._standing()[1]
-        last = bool(since) and since[-1].answer.query.id == id
+        known = {entry.answer.query.id for entry in self._standing()[0]}
         self._log.retract(id, **{**self._now(), **metadata})
+        self._asker, self._untold = None, None
         self._put_at.clear()
-        # what came before the last answer is told again, and its question comes back
-        self._asker = self._resumed() if last else self._restarted()
+        # after the last answer what came before is told again, and its question comes back
+        self._asker = self._restarted() if id in known else self._resumed()
 
     def conflicts(self) -> tuple[tuple[Entry, ...], ...]:
         """Sets of answers that do not go together, whatever the scale: if any one of a set were withdrawn, the others
@@ -241,8 +247,7 @@ class Session:
 
     def result(self) -> Any:
         """What the asker knows so far: the policy of a learner, the choice of ``choose``."""
-        self._catch_up()
-        return self._asker.result()
+        return self.asker.result()
 
     def close(self) -> None:
         """Close the log, if the session opened it."""
@@ -258,8 +263,7 @@ class Session:
         self.close()
 
     def _pending(self) -> dict[str, Query]:
-        self._catch_up()
-        return {query.id: query for query in self._asker.ask()}
+        return {query.id: query for query in self.asker.ask()}
 
     def _now(self) -> dict[str, Any]:
         """The metadata of every line."""
@@ -270,15 +274,6 @@ class Session:
         """The entries not withdrawn: those that the asker knew when it was made, and those told to it since."""
         entries, n = list(self._log), self._log.restarted
         return [e for e in entries[:n] if not e.retracted], [e for e in entries[n:] if not e.retracted]
-
-    def _catch_up(self) -> None:
-        """Tell the asker the answer that is logged and not told yet."""
-        if self._untold is not None:
-            answer = self._untold
-            contradicts = _tell(self._asker, answer)
-            self._untold = None
-            if contradicts is not None:
-                self._mark_unused(answer.query.id, contradicts)
 
     def _mark_unused(self, id: str, contradicts: Sequence[str]) -> None:
         self._log.mark_unused(id, **{CONTRADICTS: [name for name in contradicts if name != id]})
@@ -349,9 +344,10 @@ class Session:
 
     def _reliable(self, k: int) -> PolytopeComparator:
         """A comparator that knows no answer, and takes each for true."""
-        if not isinstance(self._asker, Compares):
+        asker = self.asker
+        if not isinstance(asker, Compares):
             return PolytopeComparator(k)
-        known = self._asker.comparator
+        known = asker.comparator
         if isinstance(known, PolytopeComparator):
             return known.retract(*known.answers.ids)
         return PolytopeComparator(k, tie=tie_of(known))

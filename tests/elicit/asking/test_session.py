@@ -370,6 +370,40 @@ def test_an_answer_that_was_logged_and_not_told(path, then):
     assert same(session.result(), by_hand()[1])
 
 
+def test_an_answer_that_cannot_be_told_can_be_taken_back(path):
+    session = Session(Telling, path)
+    ids = answer(session, 3)
+    query = session.question()
+    for _ in range(2):
+        session.asker.fails = True
+        with pytest.raises(FloatingPointError):
+            session.answer(query.id, says(query))
+        session.undo()
+        assert session.question().id == query.id
+    assert [*ids, *answer(session)] == by_hand()[0]
+    assert same(session.result(), by_hand()[1])
+
+
+def test_a_withdrawal_is_not_lost_where_no_new_asker_can_be_made(path):
+    broken = False
+
+    def sometimes(known: Any) -> Any:
+        if broken:
+            raise FloatingPointError("while making")
+        return make(known)
+
+    session = Session(sometimes, path)
+    ids = answer(session, 5)
+    broken = True
+    with pytest.raises(FloatingPointError):
+        session.withdraw(ids[1])
+    with pytest.raises(FloatingPointError):
+        session.question()
+    broken = False
+    assert session.result().answers.ids == (ids[0], *ids[2:])
+    assert session.status().withdrawn == 1
+
+
 @pytest.mark.parametrize("fails", ["write", "fsync"])
 def test_a_full_disk_takes_no_answer_and_loses_none(path, monkeypatch, fails):
     session = Session(make, path)
