@@ -10,6 +10,7 @@ from elicit.model.tutor import Tutor
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
     from elicit.asking.choose_from_list import choose
+    from elicit.asking.session import Session
     from elicit.comparators.baselines import AlwaysAsk, Dominance
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.asking.bags": ["Bags"],
     "elicit.asking.choose_from_list": ["choose"],
+    "elicit.asking.session": ["Session"],
     "elicit.comparators.baselines": ["AlwaysAsk", "Dominance"],
     "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
@@ -66,6 +68,7 @@ __all__ = [
     "Query",
     "RelaxedPolytopeComparator",
     "ReplayTutor",
+    "Session",
     "StaleAnswer",
     "Tier",
     "TruthfulTutor",

@@ -14,7 +14,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit.asking.elicitation import Elicitation, Known, Pair
+from elicit.asking.elicitation import Elicitation, Known, OnConflict, Pair
 from elicit.model.comparator import Comparator, Decisions, Tier, best_guess, check_comparator_made, simultaneous_bounds
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
@@ -149,18 +149,24 @@ class Choosing:
         """The pending query, the same one until it is told; () when finished."""
         return self._elicitation.ask()
 
-    def tell(self, answers: Sequence[Answer]) -> None:
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+        return self._elicitation.comparator
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take the answer to the pending query; with the verdict None the vector that is ahead stays ahead.
 
         Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the comparator's
-        InconsistentAnswers through; then nothing has changed.
+        InconsistentAnswers through, unless ``on_conflict="drop"``: then such an answer settles its own pair only, and
+        is returned. Where it raises, nothing has changed.
         """
         before = self._elicitation
         never_change = (self._vectors, before.comparator, before.answers)
         after = deepcopy(self, {id(value): value for value in never_change})
-        told, _ = after._elicitation.tell(answers, "raise")
+        told, dropped = after._elicitation.tell(answers, on_conflict)
         for verdict in told.values():
-            if after._elicitation.cannot_tell == before.cannot_tell:
+            if after._elicitation.cannot_tell == before.cannot_tell and not dropped:
                 after._learns = after._elicitation.comparator is not before.comparator
             if after._learns:
                 after._judged[after._judged == 1] = 0
@@ -168,6 +174,7 @@ class Choosing:
             after._enter(i, j, np.array([verdict], np.int8), np.zeros(1, np.int8))
             after._advance()
             vars(self).update(vars(after))  # only now: all went well
+        return dropped
 
     def result(self) -> Choice:
         """The choice; before the end, the one by the best guess at the scale so far."""

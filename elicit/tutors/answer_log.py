@@ -1,43 +1,51 @@
 """The answer log: append-only, and the single source of truth. Comparators are rebuilt from it.
 
-A log on disk is JSON lines: a header, then one line an answer or a retraction. Every append is on the
-disk before it returns, so a crash loses at most the line that was being written. The log reads no
-clock: a caller who wants times gives them as metadata.
+A log on disk is JSON lines: a header, then one line an event, each with a checksum that chains it to the line before
+(``log_lines``). Every append is on the disk before it returns, so a crash loses at most the line that was being
+written. One writer at a time has the file (``log_file``). The log reads no clock: a caller who wants times gives them
+as metadata.
 
-An answer is taken back by a line {"retract": id, ...}; nothing is deleted. It concerns the answers before it that have
-this id, so the query can be answered anew. It has none of an answer's fields: a reader that knows no retractions stops
-there with BadLog, instead of learning from what was taken back.
+The events: a question was "asked", "answered" (the verdict 0 is "equal", null "cannot tell"), its answer was
+"withdrawn", or found "unused" for what it contradicts, and "used" once that was withdrawn; and whoever asks has
+"restarted", knowing the answers so far. Nothing is deleted. What is withdrawn are the answers before it that have this
+id, so the query can be answered anew.
+
+Logs of version 1, which had no checksums, are read, and continued after one line that seals what was there. Programs
+that know only version 1 stop at that line with BadLog, instead of misreading what follows.
 """
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from operator import index
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Self, SupportsIndex, overload
 
 from elicit.model.query import Answer, Answers, Query, Verdict
+from elicit.tutors.log_file import LogFile, read_bytes
+from elicit.tutors.log_lines import (
+    CHECK,
+    EVENT,
+    FORMAT,
+    VERSION,
+    BadLog,
+    Lines,
+    damage,
+    json_of,
+    parse,
+    sealed,
+    with_check,
+)
 
-FORMAT = "elicit answers"
-VERSION = 1
-_START = f'{{"format": "{FORMAT}"'
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
-_RETRACT = "retract"
+_RETRACT = "retract"  # in a log of version 1, what names the id of the answer that is withdrawn
 EXPECTED = "expected"
 """The metadata of an audit's answer: the verdict that the other answers imply."""
-
-
-class BadLog(ValueError):
-    """A file that is no answer log, that is damaged, or that is not the log it was taken for.
-
-    ``line`` is the number of the offending line, the first being 1; None if it is not one line's fault.
-    """
-
-    def __init__(self, message: str, line: int | None = None) -> None:
-        super().__init__(message)
-        self.line = line
+CONTRADICTS = "contradicts"
+"""The metadata of an answer that was marked unused for what it contradicts: the ids of those answers."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,15 @@ class Entry:
         return self.retraction is not None
 
 
+@dataclass(frozen=True)
+class Asked:
+    """A question that was put, whether it was shown right to left, and the caller's metadata, such as its words."""
+
+    query: Query
+    swapped: bool = False
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
 def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
     """The entries of a log, of some of its entries, or of Answers to queries. Raises TypeError for anything else, such
     as ``Answers``, which do not say what was shown left and right."""
@@ -71,42 +88,66 @@ class AnswerLog:
 
     path: the file to write; an existing log is continued. None keeps the log in memory. k: the number of levels; None
     takes it from the file, else from the first answer. header: further JSON fields for the header line, such as the
-    names of the levels. Where the file has them already they must agree. Raises BadLog where the file is no log, is
-    damaged before its last line, or disagrees with k or header; OSError where it cannot be written.
+    names of the levels. An existing file must have each of them, and the same.
+
+    The file stays locked until ``close``, or until the log is let go of; as a context manager it closes at the end.
+    Only its owner can read a file that it makes.
+
+    Raises BadLog where the file is no log, no regular file, is damaged before its last line, or disagrees with k or
+    header; BlockingIOError where another one writes to it; OSError where it cannot be written.
     """
 
     def __init__(
         self, path: str | os.PathLike[str] | None = None, k: int | None = None, header: Mapping[str, Any] | None = None
     ) -> None:
-        given = {"format": FORMAT, "version": VERSION, **({} if k is None else {"k": k}), **(header or {})}
-        if header and not {"format", "version", "k"}.isdisjoint(header):
-            raise ValueError(f"a header's format, version and k are not free fields: {dict(header)}")
+        fixed = {"format": FORMAT, "version": VERSION}
+        given = {**fixed, **({} if k is None else {"k": k}), **(header or {})}
+        if header and not {*fixed, "k", CHECK}.isdisjoint(header):
+            raise ValueError(f"a header's format, version, k and check are not free fields: {dict(header)}")
         self._path = None if path is None else Path(path)
-        self._header: dict[str, Any] = json.loads(_dump(given, "header"))
+        self._header: dict[str, Any] = json.loads(json_of(given, "header"))
         self._entries: list[Entry] = []
+        self._asked: list[Asked] = []
+        self._restarted = 0
         self._read_only = False
-        self._size = self._kept = 0  # bytes in the file, and those of its whole lines
-        self._joint = b""  # what the next line needs before it
+        self._file: LogFile | None = None
+        self._lines = Lines()  # of the file: where the next one goes
         if self._path is None:
             return
-        new = not self._path.exists()
-        with open(self._path, "ab"):  # what cannot be written must show before the first question
-            pass
-        if new and os.name == "posix":  # put the name on the disk too; not every system can or needs to
-            directory = os.open(self._path.parent, os.O_RDONLY)
-            try:
-                os.fsync(directory)
-            finally:
-                os.close(directory)
-        self._load(self._path)
+        self._file = LogFile(self._path)  # what cannot be written must show before the first question
+        try:
+            self._load(self._path, self._file.content, None)
+        except BaseException:
+            self.close()
+            raise
+        self._file.keep(self._lines.kept)
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Self:
-        """The log in a file, for reading only; the file is not touched. Raises BadLog, FileNotFoundError."""
+    def read(cls, path: str | os.PathLike[str], faults: list[BadLog] | None = None) -> Self:
+        """The log in a file, for reading only; the file is not touched, nor locked. With a list for ``faults`` damaged
+        lines are left out and told there; without, the first one raises. Raises BadLog, FileNotFoundError."""
         log = cls()
         log._path, log._read_only = Path(path), True
-        log._load(log._path)
+        log._load(log._path, read_bytes(log._path), faults)
         return log
+
+    def close(self) -> None:
+        """Give the file free for another writer. What is in the log can still be read."""
+        if self._file is not None:
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def path(self) -> Path | None:
+        """The file; None of a log in memory."""
+        return self._path
 
     @property
     def k(self) -> int | None:
@@ -118,6 +159,21 @@ class AnswerLog:
         """The fields of the header line (a copy)."""
         return dict(self._header)
 
+    @property
+    def asked(self) -> tuple[Asked, ...]:
+        """The questions that were put, in order; one that was put again is there again."""
+        return tuple(self._asked)
+
+    @property
+    def restarted(self) -> int:
+        """How many entries there were when whoever asks last began anew, knowing what stands of them."""
+        return self._restarted
+
+    @property
+    def checked(self) -> bool:
+        """Whether checksums cover all of it: not so of a file of version 1 before it is continued."""
+        return self._lines.check is not None
+
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
         """Add an answer; when this returns it is on the disk, and when it raises nothing has changed.
 
@@ -125,38 +181,34 @@ class AnswerLog:
         ValueError on another number of levels or metadata that is no JSON, BadLog if someone else wrote to the file,
         OSError if writing fails.
         """
-        k = len(answer.query.left)
-        if self.k not in (None, k):
-            raise ValueError(f"this log is about {self.k} levels, but query {answer.query.id} is about {k}")
-        if not metadata.keys().isdisjoint(_FIELDS):
-            raise ValueError(f"metadata may not be named like a field of the answer: {sorted(metadata)}")
-        line = _dump(
-            {
-                "id": answer.query.id,
-                "left": answer.query.left.tolist(),
-                "right": answer.query.right.tolist(),
-                "verdict": answer.verdict,
-                "swapped": bool(answer.swapped),
-                "about": answer.query.about,
-                "used": bool(used),
-                **metadata,
-            },
-            "metadata",
-        )
-        header = self._header if self.k is not None else {"format": FORMAT, "version": VERSION, "k": k, **self._header}
-        self._put(header, line)
-        self._entries.append(_entry(json.loads(line)))
+        told = {"verdict": answer.verdict, "swapped": bool(answer.swapped), "used": bool(used)}
+        self._put("answered", {**_fields_of(answer.query), **told}, metadata)
+
+    def append_asked(self, query: Query, swapped: bool = False, **metadata: Any) -> None:
+        """Record that a question is put to the tutor, perhaps right to left. metadata: any JSON, such as the words
+        shown. Raises like ``append``."""
+        self._put("asked", {**_fields_of(query), "swapped": bool(swapped)}, metadata)
 
     def retract(self, id: str, **metadata: Any) -> None:
         """Take back all answers so far to the query of this id, by adding a line: they stay in the log, marked, but are
         no longer among ``answers()``. metadata: any JSON, such as the reason. Raises ValueError where no answer of this
         id stands, and otherwise like ``append``."""
-        if not metadata.keys().isdisjoint((*_FIELDS, _RETRACT)):
-            raise ValueError(f"a retraction's metadata may not be named like a field of the log: {sorted(metadata)}")
-        line = _dump({_RETRACT: id, **metadata}, "metadata")
-        after = _without(self._entries, json.loads(line))
-        self._put(self._header, line)
-        self._entries = after
+        self._put("withdrawn", {"id": id}, metadata)
+
+    def mark_unused(self, id: str, **metadata: Any) -> None:
+        """Record that comparators do not learn from the last used answer to the query of this id, because it
+        contradicts others, say. metadata: any JSON, added to the answer's. Raises ValueError where there is none, and
+        otherwise like ``append``."""
+        self._put("unused", {"id": id}, metadata)
+
+    def mark_used(self, id: str, **metadata: Any) -> None:
+        """Record that comparators learn from the last answer of this id that stands unused, because what it
+        contradicted was withdrawn, say. Otherwise like ``mark_unused``."""
+        self._put("used", {"id": id}, metadata)
+
+    def mark_restart(self, **metadata: Any) -> None:
+        """Record that whoever asks begins anew, knowing what stands so far. Raises like ``append``."""
+        self._put("restarted", {}, metadata)
 
     def answers(self) -> Answers:
         """What a comparator learns from: the answers used and not taken back, without "cannot tell", in order.
@@ -191,126 +243,143 @@ class AnswerLog:
         parts += [] if self._path is None else [f"path={str(self._path)!r}"]
         return f"AnswerLog({', '.join([*parts, *(['read only'] if self._read_only else [])])})"
 
-    def _put(self, header: dict[str, Any], line: bytes) -> None:
-        """A line at the end of the log, after the header if there is none in the file."""
+    def _put(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> None:
+        """An event at the end of the log, after the header if there is none in the file."""
         if self._read_only:
             raise ValueError(f"this log was opened for reading: AnswerLog({str(self._path)!r}) continues the file")
-        if self._path is not None:
-            first = b"" if self._kept else _dump(header, "header")
-            self._write(self._path, self._joint + first + line)
-        self._header, self._joint = header, b""
+        if not metadata.keys().isdisjoint((*_FIELDS, EVENT, CHECK)):
+            raise ValueError(f"metadata may not be named like a field of the log: {sorted(metadata)}")
+        text = json_of({EVENT: event, **fields, **metadata}, "metadata")
+        change = self._event(*_parts(json.loads(text)))
+        header = self._header
+        if self.k is None and "left" in fields:
+            header = {"format": FORMAT, "version": VERSION, "k": len(fields["left"]), **header}
+        if self._file is not None:
+            self._write(self._file, header, text)
+        self._header = header
+        change()
 
-    def _write(self, path: Path, data: bytes) -> None:
-        with open(path, "ab", buffering=0) as file:
-            size = os.fstat(file.fileno()).st_size
-            if size != self._size:
-                raise BadLog(
-                    f"{path} has {size} bytes, not the {self._size} that this log left there: something else wrote "
-                    "to it. Give each run a log of its own, or open the log again to continue from what is there"
-                )
-            try:
-                if size != self._kept:
-                    file.truncate(self._kept)
-                written = file.write(data)
-                if written != len(data):
-                    raise OSError(f"only {written} of {len(data)} bytes could be written to {path}: is the disk full?")
-                os.fsync(file.fileno())
-            except BaseException:
-                # half a line in the middle would spoil the file for good
-                file.truncate(self._kept)
-                self._size = self._kept
-                raise
-        self._size = self._kept = self._kept + len(data)
+    def _write(self, file: LogFile, header: dict[str, Any], text: bytes) -> None:
+        lines, data, check = self._lines, self._lines.joint, self._lines.check
+        if header.get("k") is None:
+            raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
+        if not lines.kept:
+            first, check = with_check(json_of(header, "header"), "")
+            data += first
+        elif check is None:
+            seal, check = sealed(file.content[: lines.kept] + lines.joint)
+            data += seal
+        line, check = with_check(text, check or "")
+        file.append(data + line)
+        self._lines = Lines(kept=lines.kept + len(data) + len(line), check=check)
 
-    def _load(self, path: Path) -> None:
-        data = path.read_bytes()
-        *lines, last = data.split(b"\n")
-        self._size = self._kept = len(data)
-        if last and _is_torn(last, first=not lines):
-            self._kept -= len(last)  # never acknowledged as written: the next append takes it out of the file
-        elif last:
-            lines.append(last)  # whole but for its end: the line feed is what the crash took
-            self._joint = b"\n"
-        if not lines:
-            return
-        self._header = _checked_header(lines[0], self._header, path)
-        for number, line in enumerate(lines[1:], start=2):
+    def _load(self, path: Path, data: bytes, faults: list[BadLog] | None) -> None:
+        found: list[BadLog] = []
+        lines = parse(data, path, found)
+        if lines.header is not None:
+            self._header = _agreed(lines.header, self._header, path)
+        for number, checked, fields in lines.lines:
             try:
-                fields = json.loads(line)
-                if isinstance(fields, dict) and _RETRACT in fields and fields.keys().isdisjoint(_FIELDS):
-                    self._entries = _without(self._entries, fields)
-                    continue
-                entry = _entry(fields)
+                self._event(*(_parts(fields) if checked else _parts_1(fields)))()
             except (ValueError, TypeError, KeyError, AttributeError) as error:
-                text = line[:60].decode("utf-8", "replace")
                 why = f"it has no field {error}" if isinstance(error, KeyError) else str(error)
-                damage = f"line {number} of {path} is damaged ({why}): {text!r}. Correct or delete that line"
-                raise BadLog(damage, number) from None
-            if (found := len(entry.answer.query.left)) != self.k:
-                about = f"line {number} of {path} is about {found} levels"
-                raise BadLog(f"{about}, but its header says k = {self.k}", number)
-            self._entries.append(entry)
+                found.append(damage(path, number, data.split(b"\n", number)[number - 1], why))
+        if faults is not None:
+            faults.extend(sorted(found, key=lambda fault: fault.line or 0))
+        elif found:
+            raise min(found, key=lambda fault: fault.line or 0)
+        lines.lines.clear()
+        self._lines = lines
+
+    def _event(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> Callable[[], None]:
+        """What a parsed event does to this log, to be called once it is on the disk. Raises ValueError, TypeError or
+        KeyError where it is none, or cannot come next."""
+        if event == "restarted":
+            return self._restart
+        if event == "withdrawn":
+            return partial(self._exchange, _withdrawn(self._entries, fields["id"], metadata))
+        if event in ("used", "unused"):
+            return partial(self._exchange, _marked(self._entries, fields["id"], event == "used", metadata))
+        if event not in ("asked", "answered"):
+            raise ValueError(f"no such event: {event!r}; was the file written by a newer program?")
+        for name, kind in (("id", str), ("about", str), ("swapped", bool)):
+            if not isinstance(fields[name], kind):
+                raise ValueError(f"its {name} is {fields[name]!r}")
+        query = Query(fields["id"], fields["left"], fields["right"], fields["about"])
+        if self.k not in (None, len(query.left)):
+            raise ValueError(f"this log is about {self.k} levels, but query {query.id} is about {len(query.left)}")
+        if event == "asked":
+            return partial(self._asked.append, Asked(query, fields["swapped"], metadata))
+        return partial(self._entries.append, _entry(query, fields, metadata))
+
+    def _exchange(self, changed: dict[int, Entry]) -> None:
+        for i, entry in changed.items():
+            self._entries[i] = entry
+
+    def _restart(self) -> None:
+        self._restarted = len(self._entries)
 
 
-def _dump(fields: Mapping[str, Any], what: str) -> bytes:
-    """One line of JSON; Python writes floats so that they read back to the last bit."""
-    try:
-        return (json.dumps(fields, allow_nan=False) + "\n").encode("ascii")
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{what} must be plain JSON: {error}") from None
+def _fields_of(query: Query) -> dict[str, Any]:
+    return {"id": query.id, "left": query.left.tolist(), "right": query.right.tolist(), "about": query.about}
 
 
-def _entry(fields: Any) -> Entry:
-    """The entry in one parsed line. Raises ValueError, TypeError or KeyError."""
+def _parts(fields: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """A parsed line: its event, its fields, and the caller's metadata."""
     if not isinstance(fields, dict):
         raise ValueError("it is no JSON object")
-    for name, kind in (("id", str), ("about", str), ("swapped", bool), ("used", bool)):
-        if not isinstance(fields[name], kind):
-            raise ValueError(f"its {name} is {fields[name]!r}")
+    told = {name: fields[name] for name in fields if name not in _FIELDS and name != EVENT}
+    return fields[EVENT], {name: fields[name] for name in _FIELDS if name in fields}, told
+
+
+def _parts_1(fields: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """The same of a line of version 1, which does not name its event."""
+    if not isinstance(fields, dict):
+        raise ValueError("it is no JSON object")
+    if _RETRACT in fields and fields.keys().isdisjoint(_FIELDS):
+        told = {name: fields[name] for name in fields if name != _RETRACT}
+        return "withdrawn", {"id": fields[_RETRACT]}, told
+    told = {name: fields[name] for name in fields if name not in _FIELDS}
+    return "answered", {name: fields[name] for name in _FIELDS if name in fields}, told
+
+
+def _entry(query: Query, fields: Mapping[str, Any], metadata: Mapping[str, Any]) -> Entry:
+    """The entry of an answer to this query. Raises ValueError or KeyError."""
+    if not isinstance(fields["used"], bool):
+        raise ValueError(f"its used is {fields['used']!r}")
     verdict = fields["verdict"]
     if verdict is not None and (type(verdict) is not int or verdict not in (-1, 0, 1)):
         raise ValueError(f"its verdict is {verdict!r}, not -1, 0, 1 or null")
-    query = Query(fields["id"], fields["left"], fields["right"], fields["about"])
-    answer = Answer(query, None if verdict is None else Verdict(verdict), fields["swapped"])
-    return Entry(answer, fields["used"], {name: fields[name] for name in fields if name not in _FIELDS})
+    return Entry(
+        Answer(query, None if verdict is None else Verdict(verdict), fields["swapped"]), fields["used"], metadata
+    )
 
 
-def _without(entries: list[Entry], fields: dict[str, Any]) -> list[Entry]:
-    """The entries after a parsed retraction line. Raises ValueError where it takes back nothing."""
-    name = fields[_RETRACT]
-    told = {key: fields[key] for key in fields if key != _RETRACT}
-    mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == name}
+def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[int, Entry]:
+    """The entries, by their place, that a withdrawal changes. Raises ValueError where it takes back nothing."""
+    mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
     if all(entry.retracted for entry in mine.values()):
         why = "was retracted already, and none was given since" if mine else "cannot be retracted: this log has none"
-        raise ValueError(f"the answer with the id {name!r} {why}")
-    back = {i: replace(entry, used=False, retraction=told) for i, entry in mine.items() if not entry.retracted}
-    return [back.get(i, entry) for i, entry in enumerate(entries)]
+        raise ValueError(f"the answer with the id {id!r} {why}")
+    return {i: replace(entry, used=False, retraction=told) for i, entry in mine.items() if not entry.retracted}
 
 
-def _is_torn(line: bytes, first: bool) -> bool:
-    """Whether an unfinished last line is what a crash leaves. No proper beginning of a JSON object is JSON."""
-    try:
-        json.loads(line)
-    except ValueError:
-        text = line.decode("utf-8", "replace")
-        return not first or text.startswith(_START) or _START.startswith(text)
-    return False
+def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) -> dict[int, Entry]:
+    """The last entry of this id that is to be marked used, or unused. Raises ValueError where there is none."""
+    for i in reversed(range(len(entries))):
+        entry = entries[i]
+        if entry.answer.query.id == id and entry.used != used and not entry.retracted:
+            return {i: replace(entry, used=used, metadata={**entry.metadata, **told})}
+    was = "unused" if used else "used"
+    raise ValueError(f"no {was} answer has the id {id!r}: it was withdrawn, or marked already, or never given")
 
 
-def _checked_header(line: bytes, wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
+def _agreed(header: dict[str, Any], wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
     """The header of a file, if it is one of a log that can be continued as wanted."""
-    header = None
-    with suppress(ValueError):
-        header = json.loads(line)
-    if not isinstance(header, dict) or header.get("format") != FORMAT:
-        text = line[:60].decode("utf-8", "replace")
-        raise BadLog(f"{path} is no answer log: its first line is {text!r}, not {_START}, ...}}", 1)
-    if header.get("version") != VERSION:
-        raise BadLog(f"{path} is of version {header.get('version')!r}; this program reads version {VERSION}", 1)
-    if type(header.get("k")) is not int or header["k"] < 2:
-        raise BadLog(f"the header of {path} gives k = {header.get('k')!r}, not a number of levels", 1)
     for name, value in wanted.items():
-        if name in header and header[name] != value:
-            other = f"{path} is another log: its header says {name} = {header[name]!r}, not {value!r}"
-            raise BadLog(f"{other}. Choose another file, or open it as what it is", 1)
+        if name in ("format", "version") or (name in header and header[name] == value):
+            continue
+        found = f"{name} = {header[name]!r}, not {value!r}" if name in header else f"nothing of {name}, not {value!r}"
+        other = f"{path} is another log: its header says {found}"
+        raise BadLog(f"{other}. Choose another file, or open it as what it is", 1)
     return header

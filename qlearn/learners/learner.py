@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
@@ -244,31 +245,37 @@ def drive(
 ) -> Result:
     """Ask and tell until the learner has finished.
 
-    Every answer goes to ``log``; one that contradicts the others is marked unused there, and either raises
-    InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is called with the Result so
-    far after every round of questions. AlwaysAsk with a simulated tutor asks so much that only counts are kept.
+    Every answer goes to ``log`` before the learner is told; one that contradicts the others is then marked unused
+    there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is
+    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor asks so much that
+    only counts are kept. Raises StaleAnswer, before anything is logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
     check_tutor_made(tutor, learner.comparator.k)
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
         learner.consult(tutor.signs)
     while queries := learner.ask():
-        answers, implied = [tutor(query) for query in queries], learner.implied
+        answers = match([tutor(query) for query in queries], queries)
+        _append(log, answers, learner.implied)
         try:
             dropped = learner.tell(answers, on_conflict)
         except InconsistentAnswers:
-            _write(log, answers, answers, implied)
+            _mark_unused(log, answers)
             raise
-        _write(log, answers, dropped, implied)
+        _mark_unused(log, dropped)
         if progress is not None:
             progress(learner.result())
     return learner.result()
 
 
-def _write(
-    log: AnswerLog | None, answers: Sequence[Answer], unused: Sequence[Answer], implied: Mapping[str, Verdict]
-) -> None:
+def _append(log: AnswerLog | None, answers: Sequence[Answer], implied: Mapping[str, Verdict]) -> None:
     if log is not None:
         for answer in answers:
-            audited = {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
-            log.append(answer, used=not any(answer is other for other in unused), **audited)
+            audited: dict[str, Any] = {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
+            log.append(answer, **audited)
+
+
+def _mark_unused(log: AnswerLog | None, answers: Sequence[Answer]) -> None:
+    if log is not None:
+        for answer in answers:
+            log.mark_unused(answer.query.id)

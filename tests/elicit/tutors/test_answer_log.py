@@ -2,7 +2,11 @@
 
 import json
 import os
+import stat
+import subprocess
+import sys
 from dataclasses import replace
+from subprocess import PIPE
 from unittest.mock import MagicMock
 
 import numpy as np
@@ -11,8 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit.model.query import Answer, Query, Verdict
-from elicit.tutors import answer_log
-from elicit.tutors.answer_log import AnswerLog, BadLog
+from elicit.tutors import log_file
+from elicit.tutors.answer_log import AnswerLog, Asked
+from elicit.tutors.log_lines import BadLog, with_check
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [1 / 3, 1 / 3, 1 / 3]
 
@@ -34,6 +39,23 @@ def told(**changes):
     """The line of an answer, with other fields; ... takes one out."""
     fields = {"id": "e", "left": LEFT, "right": RIGHT, "verdict": 1, "swapped": False, "about": "", "used": True}
     return json.dumps({name: value for name, value in {**fields, **changes}.items() if value is not ...})
+
+
+HEADER_1 = '{"format": "elicit answers", "version": 1, "k": 3}'
+
+
+def write_1(path, *lines):
+    """A file of version 1, without checksums."""
+    path.write_text("\n".join([HEADER_1, *lines, ""]))
+
+
+def write_2(path, *lines):
+    """A file whose lines have checksums that fit, whatever they say."""
+    data, check = with_check(b'{"format": "elicit answers", "version": 2, "k": 3}', "")
+    for line in lines:
+        more, check = with_check(line.encode(), check)
+        data += more
+    path.write_bytes(data)
 
 
 @pytest.fixture
@@ -65,6 +87,7 @@ def test_what_went_in_comes_out(path, on_disk):
     assert first.answer.query.about == "ward 3 or ward 4?\nünïcödé \u2028"
     assert [e.metadata for e in log] == [{"time": "2024-05-01T12:00:00Z"}, {}, {"who": {"nurse": [1, 2.5, None]}}]
     if path is not None:
+        log.close()
         assert parts(AnswerLog.read(path)) == parts(AnswerLog(path)) == parts(log)
 
 
@@ -98,9 +121,10 @@ def test_an_existing_file_of_plain_json_lines_is_continued(path):
     filled(path, header={"levels": ["bad", "fair", "good"]})
     before = path.read_bytes()
     lines = [json.loads(line) for line in before.decode("ascii").splitlines()]
-    assert lines[0] == {"format": "elicit answers", "version": 1, "k": 3, "levels": ["bad", "fair", "good"]}
+    assert all(len(line.pop("check")) == 16 for line in lines)
+    assert lines[0] == {"format": "elicit answers", "version": 2, "k": 3, "levels": ["bad", "fair", "good"]}
     expected = json.loads(told(id="c", verdict=0, swapped=True))
-    assert lines[3] == {**expected, "who": {"nurse": [1, 2.5, None]}}
+    assert lines[3] == {"event": "answered", **expected, "who": {"nurse": [1, 2.5, None]}}
     log = AnswerLog(path, k=3, header={"levels": ("bad", "fair", "good")})
     assert path.read_bytes() == before, "opening must not change the file"
     log.append(answer("d"))
@@ -127,18 +151,22 @@ def test_a_file_cut_anywhere_in_its_last_line_keeps_the_rest(path, write):
     log = filled(path)
     before, start = log.answers().ids, len(path.read_bytes())
     write(log)
+    log.close()
     after, data = log.answers().ids, path.read_bytes()
     for cut in range(start, len(data) + 1):
         path.write_bytes(data[:cut])
         left = after if cut >= len(data) - 1 else before  # only the line feed may be missing
         for open_log in (AnswerLog.read, AnswerLog):
+            log = None  # lets go of the one before
             log = open_log(path)
             assert log.answers().ids == left, cut
         assert path.read_bytes() == data[:cut], "opening must not change the file"
         log.append(answer("next"))
         log.retract("c")  # either takes a torn line out of the file
+        log.close()
         for found in (log, AnswerLog.read(path), AnswerLog(path)):
             assert found.answers().ids == (*(name for name in left if name != "c"), "next"), cut
+        del found
 
 
 def test_a_file_cut_anywhere_in_its_first_lines(path):
@@ -148,6 +176,7 @@ def test_a_file_cut_anywhere_in_its_first_lines(path):
     header = data.index(b"\n")
     for cut in range(len(data) + 1):
         path.write_bytes(data[:cut])
+        log = None
         log = AnswerLog(path)
         whole = cut >= len(data) - 1
         assert len(log) == whole
@@ -161,6 +190,7 @@ def test_garbage_at_the_end_is_torn_too(path):
     whole = path.read_bytes()
     for tail in (b"\0" * 40, b'{"id": "\xc3', b"\xff\xfe"):
         path.write_bytes(whole + tail)
+        log = None
         log = AnswerLog(path)
         assert len(log) == 3
         log.append(answer("d"))
@@ -187,40 +217,272 @@ def half_written(*args, **kwargs):
     """A file that takes all but the last five bytes."""
     file = open(*args, **kwargs)  # noqa: SIM115
     half = MagicMock(wraps=file)
-    half.__enter__.return_value = half
-    half.__exit__.side_effect = lambda *reason: file.close()
+    type(half).closed = property(lambda self: file.closed)
     half.write.side_effect = lambda data: file.write(data[:-5])
     return half
 
 
 @pytest.mark.parametrize("write", WRITES)
-@pytest.mark.parametrize("fails", ["write", "fsync"])
+@pytest.mark.parametrize("fails", ["write", "fsync", "fsync and truncate"])
 def test_a_failed_write_changes_nothing(path, monkeypatch, fails, write):
-    log = filled(path)
+    """A full disk, and one that does not even let go of what it took."""
+    filled(path)
     before = path.read_bytes()
     with monkeypatch.context() as patch:
-        if fails == "fsync":
-            patch.setattr(os, "fsync", MagicMock(side_effect=OSError(28, "No space left on device")))
+        patch.setattr(log_file, "open", half_written, raising=False)
+        log = AnswerLog(path)
+    file = log._file._file
+    with monkeypatch.context() as patch:
+        if fails == "write":
+            failing = pytest.raises(OSError, match="disk full")
         else:
-            patch.setattr(answer_log, "open", half_written, raising=False)
-        with pytest.raises(OSError, match=r"space|disk full"):
+            failing = pytest.raises(OSError, match="No space left")
+            patch.setattr(os, "fsync", MagicMock(side_effect=OSError(28, "No space left on device")))
+            file.write.side_effect = None
+            file.write.side_effect = lambda data: os.write(file.fileno(), data)
+        if fails == "fsync and truncate":
+            file.truncate.side_effect = OSError(5, "Input/output error")
+        with failing:
             write(log)
-    assert path.read_bytes() == before
+    if fails != "fsync and truncate":
+        assert path.read_bytes() == before
     assert (len(log), log.answers().ids) == (3, ("a", "c"))
+    file.write.side_effect = lambda data: os.write(file.fileno(), data)
+    file.truncate.side_effect = None
     log.append(answer("d"))
+    assert path.read_bytes().startswith(before)
     assert AnswerLog.read(path).answers().ids == ("a", "c", "d")
 
 
 @pytest.mark.parametrize("write", WRITES)
-def test_a_second_writer_is_noticed(path, write):
-    one = filled(path)
-    two = AnswerLog(path)
-    one.append(answer("e"))
+def test_a_writer_that_asks_for_no_lock_is_noticed(path, write):
+    log = filled(path)
+    with path.open("ab") as other:
+        other.write(b"{}")
+    before = path.read_bytes()
     with pytest.raises(BadLog, match="something else wrote"):
-        write(two)
-    assert two.answers().ids == ("a", "c")
-    one.append(answer("f"))
-    assert AnswerLog.read(path).answers().ids == ("a", "c", "e", "f")
+        write(log)
+    assert path.read_bytes() == before
+    assert log.answers().ids == ("a", "c")
+
+
+@pytest.mark.parametrize("change", ["replaced", "deleted"])
+@pytest.mark.parametrize("write", WRITES)
+def test_a_file_that_was_replaced_takes_no_answer(tmp_path, path, write, change):
+    log = filled(path)
+    if change == "replaced":
+        (tmp_path / "copy").write_bytes(path.read_bytes())
+        os.replace(tmp_path / "copy", path)
+    else:
+        path.unlink()
+    with pytest.raises(BadLog, match="moved, deleted or replaced"):
+        write(log)
+    assert log.answers().ids == ("a", "c")
+
+
+def test_a_log_has_one_writer_at_a_time(path):
+    one = filled(path)
+    with pytest.raises(BlockingIOError, match=r"written to by .*one writer at a time"):
+        AnswerLog(path)
+    one.append(answer("e"))
+    assert AnswerLog.read(path).answers().ids == ("a", "c", "e")
+    with one:
+        pass
+    with AnswerLog(path) as two:
+        two.append(answer("f"))
+        with pytest.raises(ValueError, match="closed: open it again"):
+            one.append(answer("g"))
+    del two
+    three = AnswerLog(path)
+    assert three.answers().ids == ("a", "c", "e", "f")
+    del three  # what is let go of is free
+    AnswerLog(path)
+
+
+HOLDS = """
+import sys, elicit
+log = elicit.AnswerLog(sys.argv[1])
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_another_process_is_named_and_its_death_frees_the_log(path):
+    filled(path)
+    with subprocess.Popen([sys.executable, "-c", HOLDS, path], stdin=PIPE, stdout=PIPE, text=True) as other:
+        assert other.stdout.readline() == "held\n"
+        before = path.read_bytes()
+        who = f"process {other.pid}" if sys.platform == "linux" else "another program"
+        with pytest.raises(BlockingIOError, match=who):
+            AnswerLog(path)
+        assert path.read_bytes() == before
+        assert len(AnswerLog.read(path)) == 3
+        other.kill()
+        other.wait()
+        AnswerLog(path).append(answer("d"))
+    assert len(AnswerLog.read(path)) == 4
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permission bits and pipes are POSIX")
+def test_only_regular_files_and_new_ones_are_private(tmp_path, path):
+    os.mkfifo(tmp_path / "pipe")
+    for place, kind in (("/dev/full", "a device"), (tmp_path, "a directory"), (tmp_path / "pipe", "a pipe")):
+        for open_log in (AnswerLog, AnswerLog.read):
+            with pytest.raises(BadLog, match=f"is {kind}: an answer log is a regular file"):
+                open_log(place)
+    before = os.umask(0)
+    try:
+        filled(path)
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    path.chmod(0o640)
+    AnswerLog(path).append(answer("d"))
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640, "what someone chose stays"
+
+
+def test_a_file_that_cannot_be_written_shows_at_once(path, monkeypatch):
+    filled(path)
+
+    def open_file(path, mode="r", **more):
+        if "a" in mode or "w" in mode or "+" in mode:
+            raise PermissionError(13, "Permission denied", str(path))
+        return open(path, mode, **more)
+
+    monkeypatch.setattr(log_file, "open", open_file, raising=False)
+    with pytest.raises(PermissionError):
+        AnswerLog(path)
+    assert len(AnswerLog.read(path)) == 3
+
+
+def everything(path):
+    """A log with every event."""
+    with filled(path, header={"unit": "days"}) as log:
+        log.append_asked(answer("d").query, swapped=True, words="of 100 days")
+        log.append(answer("d"), latency=2.5)
+        log.mark_unused("d", why="contradicts")
+        log.retract("a")
+        log.mark_restart(session="x")
+        log.append(answer("e"))
+    return log
+
+
+def test_every_event_comes_out(path):
+    log = everything(path)
+    for found in (log, AnswerLog.read(path), AnswerLog(path)):
+        assert parts(found) == parts(log)
+        assert [(one.query.id, one.metadata) for one in found.asked] == [("d", {"words": "of 100 days"})]
+        assert all(isinstance(one, Asked) and one.swapped for one in found.asked)
+        assert found.restarted == 4
+        assert [entry.used for entry in found] == [False, False, True, False, True]
+        assert [entry.metadata for entry in found][3] == {"latency": 2.5, "why": "contradicts"}
+        assert found.header == {"format": "elicit answers", "version": 2, "k": 3, "unit": "days"}
+    assert [json.loads(line).get("event") for line in path.read_text().splitlines()] == [
+        None, *["answered"] * 3, "asked", "answered", "unused", "withdrawn", "restarted", "answered",
+    ]  # fmt: skip
+
+
+def short(path):
+    """A log of few bytes; of version 1, if its file is."""
+    with AnswerLog(path) as log:
+        log.append(answer("b", left=[0, 0, 1], right=[1, 0, 0]))
+        log.mark_unused("b")
+
+
+def short_1(path):
+    write_1(path, told(id="a", left=[0, 0, 1], right=[1, 0, 0]))
+    short(path)
+
+
+@pytest.mark.parametrize("write", [short, short_1, everything])
+def test_every_flipped_bit_is_noticed(path, write):
+    """Of what was acknowledged; of a log of version 1 once it was continued."""
+    write(path)
+    whole, unseen = path.read_bytes(), []
+    with open(path, "r+b", buffering=0) as file:
+        for place, byte in enumerate(whole):
+            for bit in range(8):
+                file.seek(place)
+                file.write(bytes([byte ^ 1 << bit]))
+                try:
+                    AnswerLog.read(path)
+                except BadLog:
+                    continue
+                unseen.append((place, bit))
+            file.seek(place)
+            file.write(bytes([byte]))
+    assert not unseen
+    assert path.read_bytes() == whole
+
+
+def test_lines_left_out_moved_or_doubled_are_noticed(path):
+    everything(path)
+    lines = path.read_bytes().splitlines(keepends=True)
+    for i in range(len(lines) - 1):
+        for wrong in (
+            lines[:i] + lines[i + 1 :],
+            [*lines[:i], lines[i + 1], lines[i], *lines[i + 2 :]],
+            [*lines[: i + 1], *lines[i:]],
+        ):
+            path.write_bytes(b"".join(wrong))
+            with pytest.raises(BadLog):
+                AnswerLog.read(path)
+
+
+def test_what_is_whole_can_be_read_around_the_damage(path):
+    everything(path)
+    lines = path.read_bytes().splitlines(keepends=True)
+    for i, was in ((2, b'"verdict": null'), (4, b'"check"'), (6, b'"}')):
+        damaged = [*lines[:i], lines[i].replace(was, was.replace(b'"', b"'")), *lines[i + 1 :]]
+        path.write_bytes(b"".join(damaged))
+        faults = []
+        found = AnswerLog.read(path, faults)
+        assert [fault.line for fault in faults][:1] == [i + 1]
+        assert len(faults) <= 2
+        assert len(found) == (4 if i == 2 else 5)
+        with pytest.raises(BadLog) as caught:
+            AnswerLog(path)
+        assert caught.value.line == i + 1
+
+
+def test_a_log_of_version_1_is_read_and_continued(path):
+    write_1(path, told(id="a", who="nurse"), told(id="b", verdict=None), json.dumps({"retract": "a", "why": 1}))
+    before = path.read_bytes()
+    log = AnswerLog(path, k=3)
+    assert ids(log) == ["a", "b"]
+    assert [entry.retraction for entry in log] == [{"why": 1}, None]
+    assert path.read_bytes() == before
+    log.append(answer("c"))
+    log.retract("c")
+    log.append(answer("d"))
+    log.close()
+    assert path.read_bytes().startswith(before)
+    assert [json.loads(line)["event"] for line in path.read_bytes()[len(before) :].splitlines()] == [
+        "sealed", "answered", "withdrawn", "answered",
+    ]  # fmt: skip
+    for found in (log, AnswerLog.read(path), AnswerLog(path)):
+        assert ids(found) == ["a", "b", "c", "d"]
+        assert found.answers().ids == ("d",)
+
+
+@pytest.mark.parametrize("tail", ["", "torn", "whole"])
+def test_a_crash_while_a_log_of_version_1_is_sealed(path, tail):
+    write_1(path, told(id="a"))
+    if tail:
+        with path.open("a") as file:
+            file.write(told(id="b")[: -10 if tail == "torn" else None])
+    kept = ["a", "b"] if tail == "whole" else ["a"]
+    before = path.read_bytes()
+    with AnswerLog(path) as log:
+        log.append(answer("c"))
+    data = path.read_bytes()
+    for cut in range(len(before) - (10 if tail == "torn" else 0), len(data) + 1):
+        path.write_bytes(data[:cut])
+        with AnswerLog(path) as log:
+            left = ids(log)
+            assert left in (kept, [*kept, "c"]), cut
+            log.append(answer("d"))
+        assert ids(AnswerLog.read(path)) == [*left, "d"], cut
 
 
 @pytest.mark.parametrize("on_disk", [True, False])
@@ -239,11 +501,11 @@ def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(path, on_disk):
     reason = {"who": "nurse", "why": {"typo": True}}
     assert [entry.retraction for entry in log] == [reason, {}, None, reason]
     if on_disk:
+        log.close()
         assert path.read_bytes().startswith(before)
-        assert [json.loads(line) for line in path.read_bytes()[len(before) :].splitlines()] == [
-            {"retract": "a", **reason},
-            {"retract": "b"},
-        ]
+        lines = [json.loads(line) for line in path.read_bytes()[len(before) :].splitlines()]
+        assert all(line.pop("check") for line in lines)
+        assert lines == [{"event": "withdrawn", "id": "a", **reason}, {"event": "withdrawn", "id": "b"}]
         assert parts(AnswerLog.read(path)) == parts(AnswerLog(path)) == parts(log)
 
 
@@ -254,7 +516,7 @@ def test_what_cannot_be_retracted(path):
     for opened, name, more, complaint in (
         (log, "x", {}, "'x' cannot be retracted: this log has none"),
         (log, "a", {}, "'a' was retracted already"),
-        *((log, "c", {field: 1}, field) for field in ("about", "retract", "used")),
+        *((log, "c", {field: 1}, field) for field in ("about", "event", "check", "used")),
         (log, "c", {"why": object()}, "plain JSON"),
         (AnswerLog.read(path), "c", {}, "opened for reading"),
         (AnswerLog(), "a", {}, "this log has none"),
@@ -266,14 +528,15 @@ def test_what_cannot_be_retracted(path):
 
 
 def test_readers_that_know_no_retractions_cannot_misread_one(path):
-    """They demand an answer's fields in every line; and a log without retractions is what it always was."""
-    log = filled(path)
-    log.append(answer("d"), retract="free to use as metadata")
-    assert json.loads(path.read_text().splitlines()[0])["version"] == 1
-    assert [entry.metadata for entry in AnswerLog.read(path)][-1] == {"retract": "free to use as metadata"}
-    log.retract("a", why="typo")
+    """They know version 1, and demand an answer's fields in every line: a log of theirs that was continued has one
+    before any new line that has not a single one of them."""
     demanded = {"id", "left", "right", "verdict", "swapped", "about", "used"}
-    assert demanded.isdisjoint(json.loads(path.read_text().splitlines()[-1]))
+    write_1(path, told(id="a"), told(id="b", retract="free to use as metadata", event="sealed"))
+    log = AnswerLog(path)
+    assert [entry.metadata for entry in log] == [{}, {"retract": "free to use as metadata", "event": "sealed"}]
+    log.retract("a", why="typo")
+    assert demanded.isdisjoint(json.loads(path.read_text().splitlines()[3]))
+    assert AnswerLog.read(path).answers().ids == ("b",)
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from([-1, 0, 1, None, "retract"])), max_size=12))
@@ -283,6 +546,7 @@ def test_retractions_against_a_list(tmp_path_factory, history):
     path = tmp_path_factory.mktemp("log") / "log.jsonl"
     stands: list[tuple[str, int | None]] = []
     for name, verdict in history:
+        log = None
         log = AnswerLog(path, k=3)
         if verdict != "retract":
             log.append(answer(name, verdict))
@@ -293,10 +557,12 @@ def test_retractions_against_a_list(tmp_path_factory, history):
         else:
             with pytest.raises(ValueError, match="retracted"):
                 log.retract(name)
+        log.close()
         for found in (log, AnswerLog(path, k=3)):
             assert [(e.answer.query.id, e.answer.verdict) for e in found if not e.retracted] == stands
             told = found.answers()
             assert list(zip(told.ids, told.y.tolist(), strict=True)) == [s for s in stands if s[1] is not None]
+        del found
 
 
 def test_reading_does_not_write(tmp_path, path):
@@ -320,7 +586,9 @@ def test_reading_does_not_write(tmp_path, path):
         ("hello\n", "no answer log"),
         ("[1, 2]\n", "no answer log"),
         ('{"format": "other"}\n', "no answer log"),
-        ('{"format": "elicit answers", "version": 2, "k": 3}\n', "version 2; this program reads version 1"),
+        ('{"format": "elicit answers", "version": 3, "k": 3}\n', "version 3; this program reads versions 1 and 2"),
+        ('{"format": "elicit answers", "version": true, "k": 3}\n', "version True; this program reads"),
+        ('{"format": "elicit answers", "version": 2, "k": 3}\n', "checksum does not fit"),
         ('{"format": "elicit answers", "version": 1}\n', "k = None"),
         ('{"format": "elicit answers", "version": 1, "k": "3"}\n', "k = '3'"),
     ],
@@ -344,7 +612,7 @@ def test_files_that_are_no_log(path, text, complaint, open_log):
         ('{"id": "a"', "damaged"),
         (told(left=...), "no field 'left'"),
         (told(left=[0, 1]), r"\(2,\) with \(3,\)"),
-        (told(left=[0, 1], right=[1, 0]), "2 levels, but its header says k = 3"),
+        (told(left=[0, 1], right=[1, 0]), "about 3 levels, but query e is about 2"),
         (told(left=[0, 1, None]), "finite|number"),
         (told(left=[0, 1, float("nan")]), "finite"),
         (told(left="abc"), "abc"),
@@ -361,21 +629,54 @@ def test_files_that_are_no_log(path, text, complaint, open_log):
         ('{"retract": "a", "id": "a"}', "no field"),  # half an answer, half a retraction
     ],
 )
-def test_a_damaged_line_in_the_middle(path, line, complaint):
-    filled(path).append(answer("d"))
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([*lines[:4], told(), lines[4], ""]))
+def test_a_damaged_line_of_version_1_in_the_middle(path, line, complaint):
+    lines = [told(id=name) for name in "abcd"]
+    write_1(path, *lines[:3], told(), lines[3])
     assert ids(AnswerLog.read(path)) == ["a", "b", "c", "e", "d"]
-    path.write_text("\n".join([*lines[:4], line, lines[4], ""]))
+    write_1(path, *lines[:3], line, lines[3])
     with pytest.raises(BadLog, match=complaint) as caught:
         AnswerLog(path)
     assert caught.value.line == 5
     assert f"line 5 of {path}" in str(caught.value)
 
 
+def event(kind, **changes):
+    return json.dumps({"event": kind, **json.loads(told(**changes))})
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        (event("answered", left=...), "no field 'left'"),
+        (event("asked", left=[0, 1], right=[1, 0]), "about 3 levels, but query e is about 2"),
+        (event("answered", left=[0, 1, float("nan")]), "finite"),
+        (event("answered", verdict=2), "verdict is 2"),
+        (event("answered", used=1), "used is 1"),
+        (event("asked", id=7), "id is 7"),
+        (event("asked", swapped=None), "swapped is None"),
+        (event("forgotten"), "no such event: 'forgotten'; was the file written by a newer program"),
+        (told(), "no field 'event'"),
+        ('{"event": "withdrawn", "id": "x"}', "'x' cannot be retracted"),
+        ('{"event": "withdrawn", "about": "x"}', "no field 'id'"),
+        ('{"event": "unused", "id": "x"}', "no used answer has the id 'x'"),
+    ],
+)
+def test_a_line_that_says_what_cannot_be(path, line, complaint):
+    write_2(path, event("answered", id="a"), line, event("answered", id="b"))
+    with pytest.raises(BadLog, match=complaint) as caught:
+        AnswerLog(path)
+    assert caught.value.line == 3
+    assert ids(AnswerLog.read(path, [])) == ["a", "b"]
+
+
 def test_another_log_than_the_one_expected(path):
     filled(path, header={"problem": "icu"})
-    for wanted, complaint in (({"k": 4}, "k = 3, not 4"), ({"header": {"problem": "ward"}}, "= 'icu', not 'ward'")):
+    for wanted, complaint in (
+        ({"k": 4}, "k = 3, not 4"),
+        ({"header": {"problem": "ward"}}, "= 'icu', not 'ward'"),
+        ({"header": {"unit": "days"}}, "nothing of unit, not 'days'"),
+        ({"k": 3, "header": {"problem": "icu", "discount": None}}, "nothing of discount"),
+    ):
         with pytest.raises(BadLog, match=complaint):
             AnswerLog(path, **wanted)
     assert len(AnswerLog(path, k=3, header={"problem": "icu"})) == 3

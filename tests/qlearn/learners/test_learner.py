@@ -339,6 +339,38 @@ def test_a_contradiction_is_logged_unused_and_raised(make: Make) -> None:
     assert log.answers().y.tolist() == learner.result().answers.y.tolist()
 
 
+def test_an_answer_is_in_the_log_before_the_learner_is_told() -> None:
+    """So it is not lost where telling fails, and nothing is told where it cannot be logged."""
+
+    class Failing:
+        def __init__(self, learner: Any) -> None:
+            self.ask, self.implied, self.comparator = learner.ask, learner.implied, learner.comparator
+
+        def tell(self, answers: Any, on_conflict: str) -> Any:
+            raise FloatingPointError("while telling")
+
+    log = AnswerLog()
+    learner: Any = Failing(value_iteration(PolytopeComparator(K)))
+    with pytest.raises(FloatingPointError):
+        drive(learner, truth, log=log)
+    assert [(entry.answer.query.id, entry.used) for entry in log] == [(learner.ask()[0].id, True)]
+    other: Any = value_iteration(PolytopeComparator(K))
+    with pytest.raises(ValueError, match="3 levels"):
+        drive(other, truth, log=AnswerLog(k=3))
+    assert len(other.result().answers) == 0
+
+
+def test_an_answer_to_what_was_not_asked_is_not_logged() -> None:
+    log = AnswerLog()
+    with pytest.raises(StaleAnswer):
+        drive(
+            value_iteration(PolytopeComparator(K)),
+            lambda query: Answer(Query("other", query.left, query.right), Verdict.BETTER),
+            log=log,
+        )
+    assert len(log) == 0
+
+
 def test_the_oracle_is_only_counted(make: Make) -> None:
     log = AnswerLog()
     learner = make(AlwaysAsk(K), max_queries=3)  # no budget either

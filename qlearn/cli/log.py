@@ -1,0 +1,140 @@
+"""The command ``qlearn log``: show, check, merge and export answer logs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from qlearn.cli.options import fail
+
+if TYPE_CHECKING:
+    from elicit.tutors.answer_log import AnswerLog, Entry
+    from elicit.tutors.log_lines import BadLog
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to a parser's."""
+    command = commands.add_parser(
+        "log",
+        help="show, check, merge and export logs of answers",
+        description="Logs of answers, as elicit.AnswerLog and elicit.Session write them. A log that is being written "
+        "can be shown, checked and exported meanwhile. The exit code is 1 where a log is damaged, or none.",
+    )
+    todo = command.add_subparsers(title="what to do", required=True, metavar="WHAT")
+    for name, run, text in (
+        ("show", show, "a table of the answers, for people"),
+        ("check", check, "say whether a log is whole, or which lines are damaged"),
+        ("merge", merge, "several logs of one problem as one new log"),
+        ("export", export, "what a comparator learns from, as CSV: id, d_1, ..., d_k (left - right), answer"),
+    ):
+        one = todo.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+        one.set_defaults(command=run)
+        one.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a log")
+        if name == "merge":
+            one.add_argument("--out", type=Path, required=True, metavar="NEW", help="the file to write; a new one")
+            one.add_argument("--salvage", action="store_true", help="leave damaged lines out, and say which")
+        if name == "export":
+            one.add_argument("--out", type=Path, metavar="CSV", help="the file to write [standard output]")
+
+
+def show(files: list[Path]) -> int:
+    """Print the answers of each log; returns the exit code."""
+    code = 0
+    for path in files:
+        log, faults = _read(path)
+        code |= _complain(faults)
+        if log is None:
+            continue
+        fields = ", ".join(
+            f"{name}: {value}" for name, value in log.header.items() if name not in ("format", "version")
+        )
+        print(f"{path} ({fields or 'empty'})")
+        rows: list[tuple[str, ...]] = [("", "time", "who", "question", "answer", "seconds", "about")]
+        rows += [_row(number, entry) for number, entry in enumerate(log, start=1)]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for row in rows:
+            print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    return code
+
+
+def check(files: list[Path]) -> int:
+    """Print whether each log is whole; returns the exit code."""
+    code = 0
+    for path in files:
+        log, faults = _read(path)
+        code |= _complain(faults)
+        if log is not None and not faults:
+            entries = list(log)
+            withdrawn = sum(entry.retracted for entry in entries)
+            unused = sum(not entry.used for entry in entries) - withdrawn
+            checked = "whole" if log.checked else "readable, but of version 1, which has no checksums"
+            print(f"{path}: {checked}; {len(entries)} answers, {withdrawn} of them withdrawn, {unused} unused")
+    return code
+
+
+def merge(files: list[Path], out: Path, salvage: bool) -> int:
+    """Write one log of several; returns the exit code."""
+    from elicit.tutors.merge_logs import merge_logs
+
+    found = [_read(path) for path in files]
+    faults = [fault for _, some in found for fault in some]
+    code = _complain(faults)
+    logs = [log for log, _ in found if log is not None]
+    if faults and (not salvage or len(logs) < len(files)):
+        return fail(f"nothing was written to {out}")
+    try:
+        merge_logs(logs, out)
+    except (ValueError, OSError) as error:
+        return fail(str(error))
+    print(f"written to {out}: {sum(map(len, logs))} answers of {len(logs)} logs", end="")
+    print(f", without {len(faults)} damaged lines; one that withdrew an answer may be among them" if faults else "")
+    return code
+
+
+def export(files: list[Path], out: Path | None) -> int:
+    """Write the answers of all logs as CSV; returns the exit code."""
+    found = [_read(path) for path in files]
+    if code := _complain([fault for _, faults in found for fault in faults]):
+        return code
+    answers = None
+    try:
+        for log, _ in found:
+            if log is not None:
+                answers = log.answers() if answers is None else answers + log.answers()
+        if answers is not None:
+            answers.to_csv(sys.stdout if out is None else out)
+    except (ValueError, OSError) as error:
+        return fail(str(error))
+    return 0
+
+
+def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
+    """A log, without its damaged lines, and what is wrong with it; None where it is none at all."""
+    from elicit.tutors.answer_log import AnswerLog
+    from elicit.tutors.log_lines import BadLog
+
+    faults: list[BadLog] = []
+    try:
+        return AnswerLog.read(path, faults), [*faults]
+    except (BadLog, OSError) as error:
+        return None, [error]
+
+
+def _complain(faults: list[BadLog | OSError]) -> int:
+    code = 0
+    for fault in faults:
+        code = fail(str(fault))
+    return code
+
+
+def _row(number: int, entry: Entry) -> tuple[str, ...]:
+    """An answer in words."""
+    verdict = entry.answer.verdict
+    word = "cannot tell" if verdict is None else {1: "left", 0: "equal", -1: "right"}[int(verdict)]
+    shown = " (shown right to left)" if entry.answer.swapped else ""
+    state = ", withdrawn" if entry.retracted else "" if entry.used else ", unused"
+    said = {name: str(entry.metadata[name]) for name in ("time", "who", "latency") if name in entry.metadata}
+    time, who, latency = (said.get(name, "") for name in ("time", "who", "latency"))
+    query = entry.answer.query
+    return (str(number), time, who, query.id, word + shown + state, latency, " ".join(query.about.split()))

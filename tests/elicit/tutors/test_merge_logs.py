@@ -1,0 +1,55 @@
+"""Logs of several experts become one, with all that was said and nothing twice."""
+
+import pytest
+
+from elicit import Answer, AnswerLog, Query, Verdict
+from elicit.tutors.log_lines import BadLog
+from elicit.tutors.merge_logs import merge_logs
+
+LEFT, RIGHT = [0.1, 0.2, 0.7], [0.3, 0.3, 0.4]
+
+
+def log_of(path, who, verdicts, header=None):
+    """Answers to the queries named."""
+    with AnswerLog(path, header=header or {"unit": "days"}) as log:
+        for name, verdict in verdicts.items():
+            log.append(Answer(Query(name, LEFT, RIGHT), verdict), who=who)
+    return log
+
+
+def told(log):
+    return [(e.answer.query.id, e.answer.verdict, e.metadata.get("who"), e.used, e.retraction) for e in log]
+
+
+def test_what_one_withdrew_another_said_still_stands(tmp_path):
+    log_of(tmp_path / "a", "ann", {"q": 1, "r": None})
+    log_of(tmp_path / "b", "bob", {"q": -1, "s": 0})
+    with AnswerLog(tmp_path / "b") as log:
+        log.retract("q", why="typo")
+        log.mark_unused("s")
+        log.append(Answer(Query("q", LEFT, RIGHT), Verdict.BETTER), who="bob")
+    logs = [AnswerLog.read(tmp_path / name) for name in ("a", "b", "a")]  # one of them twice
+    merge_logs(logs, tmp_path / "all")
+    merged = AnswerLog(tmp_path / "all", k=3, header={"unit": "days"})
+    assert told(merged) == [
+        ("q", -1, "bob", False, {"why": "typo"}),
+        ("q", 1, "ann", True, None),
+        ("r", None, "ann", True, None),
+        ("s", 0, "bob", False, None),
+        ("q", 1, "bob", True, None),
+    ]
+    assert merged.answers().y.tolist() == [1, 1]
+    with pytest.raises(FileExistsError, match="name a new file"):
+        merge_logs(logs, tmp_path / "all")
+
+
+@pytest.mark.parametrize("header", [{"unit": "patients"}, {"unit": "days", "discount": 0.9}, {"labels": ["a"]}])
+def test_logs_of_other_problems_are_not_merged(tmp_path, header):
+    log_of(tmp_path / "a", "ann", {"q": 1})
+    log_of(tmp_path / "b", "bob", {"q": 1}, header)
+    logs = [AnswerLog.read(tmp_path / name) for name in "ab"]
+    with pytest.raises(BadLog, match="something else than"):
+        merge_logs(logs, tmp_path / "all")
+    with pytest.raises(ValueError, match="no logs"):
+        merge_logs([], tmp_path / "all")
+    assert not (tmp_path / "all").exists()
