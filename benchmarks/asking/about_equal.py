@@ -56,6 +56,9 @@ then "equal" means equal, to one part in 10^9.
 - **What is promised.** Nobody knows their own tie. Guarantees of confidence 1 (`simultaneous_bounds`) therefore
   allow for twice the `tie` that the comparator was told; verdicts and `bounds` go by the tie itself. Where a
   person's "equal" may reach farther than that, give a larger `tie`: no comparator can tell.
+- **What the posterior promises.** Its 95% is a promise on average over its prior, by which the width lies anywhere
+  up to the tie and answers tie by Rao and Kupper's law: of a tutor who calls equal everything within the whole
+  tie, and nothing beyond, it is kept less often, as the table shows.
 
 Simple bags (`bags=`) tell apart what single steps of a model cannot: the differences that are left open between
 two actions are often smaller than any tie.
