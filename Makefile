@@ -45,7 +45,7 @@ $(READY): pyproject.toml constraints.txt
 	  { echo "Python 3.11 or later is needed; name one with: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	$(BIN)/python -m qlearn.experiments.compile_ahead
+	$(BIN)/python -m qlearn.warm_up
 	touch $@
 
 clean:

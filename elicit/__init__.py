@@ -44,7 +44,11 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
 _LATER = {name: place for place, names in _PLACES.items() for name in names}
-_MODULES = {"graph": "elicit.diagnostics.preference_graph"}  # to be written as elicit.graph.cycles, say
+_MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
+    "graph": "elicit.diagnostics.preference_graph",
+    "plot": "elicit.plot",
+    "testing": "elicit.testing",
+}
 
 __all__ = [
     "AlwaysAsk",
@@ -83,8 +87,17 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from elicit._support.distribution import version
+
+        return version()
     if name in _MODULES:
-        return import_module(_MODULES[name])
+        try:
+            return import_module(_MODULES[name])
+        except ModuleNotFoundError as error:
+            from elicit._support.distribution import with_advice
+
+            raise with_advice(error) from None
     if name in _LATER:
         value = getattr(import_module(_LATER[name]), name)
         globals()[name] = value
@@ -93,4 +106,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted([*__all__, *_MODULES, "__version__"])

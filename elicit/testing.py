@@ -6,25 +6,68 @@
         check_comparator(MyComparator(k=5))
 
 Each raises AssertionError with what was asked, what came back, and what the contract says.
+
+A comparator must have five members, and needs no more to work in every learner, in ``choose`` and in every report:
+
+    k                       the number of levels
+    values                  (k,) the best single guess at the scale, from 0 to 1, not decreasing, the same each time
+    bounds(d)               lo (n,), hi (n,) of d.e, of differences d (n, k) = left - right; -inf, inf: nothing known
+    compare(d)              (n,) int8 verdicts: 1 left is better, -1 right is, 0 equal, 2 only the tutor can tell. What
+                            holds for every ordered scale comes first; level 1 and the length of d do not matter
+    update(answers)         a new comparator that also knows these ``elicit.Answers``; the old one stays as it was
+
+It may have more, of which use is then made (the Protocols in ``elicit.model.comparator``):
+
+    simultaneous_bounds(d)  upper bounds (n,) on d.e that hold for all rows at once, and the confidence that they do.
+                            Without them what a policy may lose is bounded by ``bounds``, with a confidence of nan, and
+                            policy iteration ends BOUNDED, not CONVERGED
+    draws                   plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now. Questions
+                            are chosen by them; without them by scales drawn from all ordered ones
+    level                   beside ``draws``, if the bounds rest on them: the weight of draws that a verdict needs. The
+                            loss of a policy is then bounded under that share of the draws
+    probability(d)          (n,) the chance that the tutor says left is better; of several arrays the last is the best
+                            guess. ``held_out`` scores it; without it there is no log-likelihood
+    lapse                   the share of answers given at random, 0 up to 1. Questions are chosen by it; without it 0
+    tie                     the largest |d.e|, a share of the value range, that the tutor may call equal. Learners stop
+                            asking about pairs so near that were called equal; without it EQUAL means equal
+    answers                 ``elicit.Answers``, all it was told, in order: what it knows already is not told it again
+    rule                    an ``elicit.decision.comparator_rule.Rule``, what it knows as arrays, from which compiled
+                            loops judge by themselves; without it they call ``compare``
+    settle(d)               beside ``rule``: verdicts and tiers (n,) of what the rule leaves open
 """
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.validation import is_number
 from elicit.comparators.baselines import AlwaysAsk
+from elicit.decision.comparator_rule import Rule, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator
+from elicit.model.comparator import (
+    AllowsLapses,
+    AllowsTies,
+    BoundsAllAtOnce,
+    Comparator,
+    Foretells,
+    KeepsAnswers,
+    Tier,
+    TrustsDraws,
+    draws_in,
+    simultaneous_bounds,
+)
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany
+from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_made
 
+_T = TypeVar("_T")
 _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
 
 
 def check_comparator(comparator: Comparator, seed: int = 0) -> None:
-    """Check the whole ``Comparator`` contract, on the comparator as it is and after some answers.
+    """Check the whole ``Comparator`` contract, with all optional parts that it has, as it is and after some answers.
 
     The answers are those of a tutor whose scale is ``comparator.values``. ``AlwaysAsk`` is the one
     comparator that may leave dominance undecided. Raises AssertionError.
@@ -46,6 +89,7 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> 
     pair, the mirrored one to the mirrored pair, and never one against dominance. Not for a
     ReplayTutor, which knows only the queries of its log. Raises AssertionError.
     """
+    _wanted(lambda: check_tutor_made(tutor, k))
     d = sample_differences(k, seed)
     pairs = [(np.clip(row, 0.0, None), np.clip(-row, 0.0, None)) for row in d]
     queries = [Query.make("check_tutor", i, left, right) for i, (left, right) in enumerate(pairs)]
@@ -112,6 +156,11 @@ def _check_all(comparator: Comparator, d: Floats) -> None:
     _check_values(comparator)
     _check_verdicts(comparator, d)
     _check_bounds(comparator, d)
+    _check_settings(comparator)
+    _check_all_at_once(comparator, d)
+    _check_draws(comparator)
+    _check_probability(comparator, d)
+    _check_rule(comparator, d)
 
 
 def _check_values(comparator: Comparator) -> None:
@@ -131,9 +180,6 @@ def _check_shapes(comparator: Comparator, d: Floats) -> None:
             right = given.shape == (len(rows),) and given.dtype == dtype
             _say(right, f"{what} of d {rows.shape} must be ({len(rows)},) {dtype}, not {given.shape} {given.dtype}")
     _say(comparator.compare(d[0]).shape == (1,), f"compare must take one difference ({k},) as (1, {k})")
-    verdicts, tiers = decide(comparator, d)
-    _same("decide(d)", verdicts, "compare(d)", comparator.compare(d), d)
-    _say(tiers.shape == (len(d),), f"the tiers of decide must have shape ({len(d)},), not {tiers.shape}")
 
 
 def _check_errors(comparator: Comparator, d: Floats) -> None:
@@ -208,9 +254,82 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
         _near(f"the {name} bound of 2d must be twice that of d", doubled[j], 2 * bound, d)
 
 
+def _check_settings(comparator: Comparator) -> None:
+    """What is a number, or the answers."""
+    if isinstance(comparator, AllowsLapses):
+        _say(
+            is_number(comparator.lapse, 0, 1),
+            f"lapse, a share of the answers, must be in 0..1, not {comparator.lapse!r}",
+        )
+    if isinstance(comparator, AllowsTies):
+        right = is_number(comparator.tie, 0) and comparator.tie < 1
+        _say(right, f"tie, a share of the value range, must be at least 0 and below 1, not {comparator.tie!r}")
+    if isinstance(comparator, TrustsDraws):
+        right = is_number(comparator.level) and 0 < comparator.level < 1
+        _say(right, f"level, a share of the draws' weight, must lie between 0 and 1, not {comparator.level!r}")
+    if isinstance(comparator, KeepsAnswers):
+        right = isinstance(comparator.answers, Answers) and comparator.answers.k == comparator.k
+        _say(right, f"answers must be elicit.Answers over k = {comparator.k} levels, not {comparator.answers!r}")
+
+
+def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
+    if not isinstance(comparator, BoundsAllAtOnce):
+        return
+    high, confidence = _wanted(lambda: simultaneous_bounds(comparator, np.concatenate([d, -d])))
+    right = is_number(confidence, 0, 1) or np.isnan(confidence)
+    _say(right, f"the confidence of simultaneous_bounds must be in 0..1, or nan for none, not {confidence!r}")
+    upper, lower = high[: len(d)], -high[len(d) :]
+    crossed = lower > upper + _TOLERANCE * np.abs(d).sum(axis=1)
+    i = int(np.argmax(crossed))
+    said = f"on d = {d[i]} simultaneous_bounds of d and -d say that d.e is at most {upper[i]} and at least {lower[i]}"
+    _say(not crossed.any(), f"bounds that hold for all rows at once leave room for some scale, but {said}")
+
+
+def _check_draws(comparator: Comparator) -> None:
+    draws = _wanted(lambda: draws_in(comparator))
+    if draws is not None:
+        least = float(draws[0].min())
+        _say(least >= -1e-9, f"the gaps of draws must not be negative, for the scales are ordered, but one is {least}")
+
+
+def _check_probability(comparator: Comparator, d: Floats) -> None:
+    if not isinstance(comparator, Foretells):
+        return
+    ends = [found if isinstance(found, tuple) else (found,) for found in map(comparator.probability, (d, -d))]
+    for part in ends[0]:
+        right = np.shape(part) == (len(d),) and ((np.asarray(part) >= 0) & (np.asarray(part) <= 1)).all()
+        _say(right, f"probability of d {d.shape} must be ({len(d)},) numbers in 0..1, or a tuple of such, not {part}")
+    both = ends[0][-1] + ends[1][-1]
+    i = int(np.argmax(both))
+    said = f"on d = {d[i]} they total {both[i]}"
+    _say(
+        both[i] <= 1 + 1e-9,
+        f"the probabilities that left and that right is said to be better total 1 at most, but {said}",
+    )
+
+
+def _check_rule(comparator: Comparator, d: Floats) -> None:
+    if compares_by_rule(type(comparator)):
+        rule = rule_of(comparator)
+        _say(isinstance(rule, Rule), f"rule must be an elicit.decision.comparator_rule.Rule, not {type(rule).__name__}")
+    verdicts, tiers = _wanted(lambda: decide(comparator, d))
+    _same("what rule and settle decide", verdicts, "compare(d)", comparator.compare(d), d)
+    right = np.shape(tiers) == (len(d),) and np.isin(tiers, list(Tier)).all()
+    _say(right, f"settle must return a tier, of elicit.Tier, for each of the differences, not {tiers}")
+
+
+def _wanted(call: Callable[[], _T]) -> _T:
+    """What a part of the comparator returns; what the library itself would say of a wrong shape is said here."""
+    try:
+        return call()
+    except (TypeError, ValueError) as error:
+        raise AssertionError(str(error)) from error
+
+
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:
     """A comparator that has learned what a tutor of its best guess says; checked against the old one."""
     before, bounds, values = comparator.compare(d), comparator.bounds(d), comparator.values.copy()
+    kept = comparator.answers.ids if isinstance(comparator, KeepsAnswers) else ()
     told = d[before == Verdict.UNKNOWN][:12]
     y = np.sign(tail_sums(told) @ np.diff(values)).astype(np.int8)
     told, y = told[y != 0], y[y != 0]
@@ -222,6 +341,9 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
     for old, new in zip(bounds, comparator.bounds(d), strict=True):
         _near("after update, the old comparator's bounds must be what they were", new, old, d)
     _say((comparator.values == values).all(), "update must not change the old comparator's values")
+    if isinstance(comparator, KeepsAnswers) and isinstance(learned, KeepsAnswers):
+        _say(learned.answers.ids == kept + answers.ids, "answers must be all that it was told, in order")
+        _say(comparator.answers.ids == kept, "update must not change the old comparator's answers")
     one_by_one = comparator
     for i in range(len(answers)):
         one_by_one = one_by_one.update(answers[i : i + 1])

@@ -31,7 +31,7 @@ from nbformat import NotebookNode
 HERE = Path(__file__).resolve().parent
 SETTINGS = ("small", "full")
 _TIMEOUT = 600  # seconds a cell
-_COMPILING = re.compile(r"(elicit: compiling, once on this machine: .*\n)+")
+_COMPILING = re.compile(r"(elicit: (compiling, once on this machine: .*|compiled, in \d+ s)\n)+")
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 

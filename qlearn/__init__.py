@@ -61,8 +61,17 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from elicit._support.distribution import version
+
+        return version()
     if name in _MODULES:
-        return import_module(_MODULES[name])
+        try:
+            return import_module(_MODULES[name])
+        except ModuleNotFoundError as error:
+            from elicit._support.distribution import with_advice
+
+            raise with_advice(error) from None
     if name in _LATER:
         value = getattr(import_module(_LATER[name]), name)
         globals()[name] = value
@@ -71,4 +80,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted([*__all__, *_MODULES, "__version__"])

@@ -24,7 +24,7 @@ from elicit.model.scale import dominance, tail_sums
 Floats = NDArray[np.float64]
 Rng = np.random.Generator
 MEAN, SD = math.log(30.0), 2.5  # of log c a priori
-COMPARATORS: dict[str, Callable[[int], Comparator]] = {
+COMPARATORS: dict[str, Callable[..., Comparator]] = {
     "always ask": AlwaysAsk,
     "dominance": Dominance,
     "polytope": PolytopeComparator,

@@ -1,11 +1,14 @@
 """Compile with numba, and keep the machine code on disk. ``NUMBA_DISABLE_JIT=1`` runs the same source to the same
 numbers, slowly."""
 
+import atexit
 import hashlib
 import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from threading import Lock, Timer
+from time import monotonic
 from typing import Any, TypeVar, cast
 
 from numba import config, njit
@@ -36,8 +39,10 @@ def unlocked(function: F) -> F:
 def _made(function: F, **options: Any) -> F:
     settings: Any = config
     usual, file = settings.CACHE_DIR, Path(function.__code__.co_filename)
-    _PACKAGES.add(_package_of(file))  # what this function calls was imported, and is known here, before it
-    settings.CACHE_DIR = _cache_of(usual, file.parent, frozenset(_PACKAGES))
+    home = _package_of(file)
+    _PACKAGES.add(home)  # what this function calls was imported, and is known here, before it
+    packages = {_HOME} if home == _HOME else _PACKAGES  # this one calls nothing of the others, whatever was imported
+    settings.CACHE_DIR = _cache_of(usual, file.parent, frozenset(packages))
     try:
         made: Any = njit(cache=True, error_model="numpy", **options)(function)
     except RuntimeError:  # nowhere to keep it
@@ -56,7 +61,8 @@ def _package_of(file: Path) -> Path:
     return folder
 
 
-_PACKAGES: set[Path] = {_package_of(Path(__file__))}
+_HOME = _package_of(Path(__file__))
+_PACKAGES: set[Path] = {_HOME}
 _OURS: set[Any] = set()
 
 
@@ -73,20 +79,65 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
     return str(Path(usual or folder / "__pycache__") / f"numba-{digest.hexdigest()}")
 
 
-class _Announcer(event.Listener):
-    """Says once, on the standard error, what a first call waits for."""
+def first_on_this_machine() -> bool:
+    """Whether no process has said before that it compiles these sources, or would have to each time, since nothing can
+    be kept; from now on one has."""
+    settings: Any = config
+    place = Path(_cache_of(settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "compiled").touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    except OSError:
+        return True
+    return True
 
-    said = False
+
+class _Announcer(event.Listener):
+    """Says on the standard error what a first call waits for, and when that is over: once on a machine, not in every
+    process that compiles beside it or later."""
+
+    _QUIET = 3.0  # seconds without anything to compile, after which it is over
+
+    def __init__(self) -> None:
+        self._lock, self._under_way, self._end = Lock(), 0, 0.0
+        self._begun: float | None = None
+        self._asked = False  # whether it is known if this process is to say anything
 
     def on_start(self, event: Any) -> None:
-        if event.data["dispatcher"].py_func in _OURS and not self.said:
-            self.said = True
-            print(
-                "elicit: compiling, once on this machine: up to a minute of computing ...", file=sys.stderr, flush=True
-            )
+        if event.data["dispatcher"].py_func not in _OURS:
+            return
+        with self._lock:
+            self._under_way += 1
+            if not self._asked:
+                self._asked = True
+                if first_on_this_machine():
+                    self._begun = monotonic()
+                    _say("compiling, once on this machine: a minute or two of computing ...")
+                    atexit.register(self._finish, 0.0)
 
     def on_end(self, event: Any) -> None:
-        pass
+        if event.data["dispatcher"].py_func not in _OURS:
+            return
+        with self._lock:
+            self._under_way -= 1
+            self._end = monotonic()
+            if self._begun is not None and not self._under_way:
+                waits = Timer(self._QUIET, self._finish, (self._QUIET,))
+                waits.daemon = True
+                waits.start()
+
+    def _finish(self, quiet: float) -> None:
+        """Say that it is over, where that has not been said and nothing was compiled for so many seconds."""
+        with self._lock:
+            if self._begun is not None and not self._under_way and monotonic() >= self._end + quiet:
+                _say(f"compiled, in {self._end - self._begun:.0f} s")
+                self._begun = None
+
+
+def _say(words: str) -> None:
+    print(f"elicit: {words}", file=sys.stderr, flush=True)
 
 
 _register: Any = event.register

@@ -13,8 +13,9 @@ from math import comb, gcd
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_whole, require
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import check_levels
@@ -61,14 +62,15 @@ class Bags:
             )
         return _all_questions(k, days)
 
-    def best(self, draws: Draws, about: Floats, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
+    @one_thread
+    def best(self, draws: Draws, about: ArrayLike, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
         """Which of ``questions`` to ask, and what each tells, in bits, of the signs of differences ``about`` (c, k):
         the easiest of those that tell at least (1 - simplicity) of what the best does; -1 where none tells anything.
         ``draws`` say what is plausible, ``lapse`` how often a tutor answers at random; ``skip`` are rows not to ask.
         Raises ValueError for differences that are no finite numbers of the draws' k levels, for a lapse outside 0..1,
         and for a row to skip that ``questions`` has not."""
         k = len(draws.gaps) + 1
-        about, asked = as_vectors(about, k), self.questions(k)
+        wanted_signs, asked = as_vectors(about, k), self.questions(k)
         require(is_number(lapse, 0, 1), "lapse", "a number in 0..1", lapse)
         n = len(asked.ease)
         wanted = f"rows of questions({k}), whole numbers of at least 0 and below {n}"
@@ -77,7 +79,7 @@ class Bags:
             return -1, np.empty(0)
         d = (asked.left - asked.right) / self.days
         chance = says_left(tail_sums(d) @ draws.gaps, draws.precision, lapse)
-        told = information(chance, tail_sums(about) @ draws.gaps > 0, draws.weights)
+        told = information(chance, tail_sums(wanted_signs) @ draws.gaps > 0, draws.weights)
         told[np.array([int(row) for row in skip], dtype=np.intp)] = 0.0
         if not told.max() > _LEAST:
             return -1, told

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.asking.elicitation import Elicitation, Known, OnConflict, Pair
-from elicit.model.comparator import Comparator, Decisions, Tier, check_comparator_made, simultaneous_bounds
+from elicit.model.comparator import Comparator, Decisions, Tier, best_guess, check_comparator_made, simultaneous_bounds
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 
@@ -42,7 +42,7 @@ class ChoiceStatus(Enum):
     )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Choice:
     """What was chosen.
 
@@ -79,6 +79,10 @@ class Choice:
         """The probability with which ``loss_bound`` holds: 1 where it is proven of every scale that the answers allow,
         a posterior's level, nan where none can be stated."""
         return self._guaranteed[1]
+
+    def __repr__(self) -> str:
+        order = "" if self.order is None else f", order={self.order}"
+        return f"Choice(best={self.best}{order}, label={self.label!r}, status={self.status.name}, asked={self.asked})"
 
 
 def choose(
@@ -197,7 +201,7 @@ class Choosing:
 
     def _advance(self) -> None:
         """Choose by what is known and, where that is silent, by the best guess; find the next question."""
-        scores = dot(tail_sums(self._vectors), np.diff(self._elicitation.comparator.values))
+        scores = dot(tail_sums(self._vectors), np.diff(best_guess(self._elicitation.comparator)))
         by_guess = np.argsort(-scores, kind="stable")
         plan = self._plan_order if self._wants_order else self._plan_best
         while True:

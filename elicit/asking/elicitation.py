@@ -24,6 +24,7 @@ from elicit.model.comparator import (
     Decisions,
     KeepsAnswers,
     Tier,
+    best_guess,
     bounds_of,
     check_answers,
     learn,
@@ -93,7 +94,8 @@ class Elicitation:
     tutor all the same, picked by ``seed``, ``max_audits`` at most. ``batch``: how many questions at once.
     ``undecided``: the verdict on a question's left vector where the tutor cannot tell. ``known``: what was answered
     before. The comparator learns it, unless it has it; none of its pairs is asked again; its audits count as audits,
-    but its questions not as asked. Raises ValueError, InconsistentAnswers.
+    but its questions not as asked. ``labels``: the levels' names, for people, that queries carry. Raises ValueError,
+    InconsistentAnswers.
 
     A pair that is certainly near, no farther apart than about the comparator's ``tie``, may be called equal, and that
     would teach next to nothing. Once the last few such pairs were, no more of them are asked about: they count as
@@ -113,6 +115,7 @@ class Elicitation:
         seed: Seed = 0,
         known: Known = (),
         undecided: Verdict = Verdict.EQUAL,
+        labels: Sequence[str] | None = None,
     ) -> None:
         require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
         limited = max_queries is not None
@@ -143,6 +146,7 @@ class Elicitation:
         self._number = 0
         self._answered = AnsweredPairs(self._key)
         self._undecided = undecided
+        self._labels = labels
         self._unclear: set[Place] = set()  # where the tutor could not tell
         self._untold = False  # whether there are pairs known as such that she could not tell
         self._guess: tuple[Comparator, Floats] | None = None
@@ -205,7 +209,7 @@ class Elicitation:
         """Make the pending queries of pairs judged UNKNOWN."""
         pending = []
         for pair in pairs:
-            query = Query.make(self._fingerprint, self._number, pair.left, pair.right, pair.about)
+            query = Query.make(self._fingerprint, self._number, pair.left, pair.right, pair.about, self._labels)
             self._number += 1
             expected = None if pair.tier == Tier.TUTOR else _implied(self.comparator, query.d)
             pending.append(Pending(query, pair, expected))
@@ -367,7 +371,7 @@ class Elicitation:
 
     def _gaps(self) -> Floats:
         if self._guess is None or self._guess[0] is not self.comparator:
-            self._guess = (self.comparator, np.diff(self.comparator.values))
+            self._guess = (self.comparator, np.diff(best_guess(self.comparator)))
         return self._guess[1]
 
 

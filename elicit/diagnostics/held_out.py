@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from scipy.special import expit, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of, name_code
+from elicit._support.seeds import seed_of
+from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, pairs_of, read_log
@@ -73,7 +75,7 @@ class HeldOutTable(dict[str, HeldOut]):
 
 
 def held_out(
-    comparator: Comparator, answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed = 0
+    comparator: Comparator, answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed | None = 0
 ) -> HeldOut:
     """Scores of a comparator on answers of a log that it has not learned from. No learner, no hidden scale.
 
@@ -91,7 +93,7 @@ def held_out(
     level outside (0, 1), and on answers about other levels.
     """
     check_level(level)
-    return _score(comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed))
+    return _score(comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed_of(seed)))
 
 
 def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, key: int) -> HeldOut:
@@ -137,13 +139,18 @@ def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, ke
 
 
 def compare_held_out(
-    comparators: Mapping[str, Comparator], answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed = 0
+    comparators: Mapping[str, Comparator],
+    answers: Told,
+    folds: Folds = 10,
+    *,
+    level: float = 0.95,
+    seed: Seed | None = 0,
 ) -> HeldOutTable:
     """``held_out`` of each comparator, by name, over the same folds; ``print`` shows an aligned table."""
     check_level(level)
     if not comparators:
         return HeldOutTable()
-    key, rows = key_of(seed), read_log(answers, next(iter(comparators.values())).k).answers
+    key, rows = key_of(seed_of(seed)), read_log(answers, next(iter(comparators.values())).k).answers
     return HeldOutTable({name: _score(each, rows, folds, level, key) for name, each in comparators.items()})
 
 
@@ -158,6 +165,7 @@ def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
     return Estimate(share, max(0.0, middle - half), min(1.0, middle + half))
 
 
+@one_thread
 def _foretell(comparator: Comparator, d: Floats) -> Floats:
     """What the comparator says of d (n, k), as rows (3, n): verdicts, d.e at ``.values``, and the probability that left
     is said to be better, nan without one."""

@@ -16,7 +16,7 @@ import numpy as np
 from elicit.model.query import Answer, Verdict
 from elicit.model.scale import dominance as by_order
 from elicit.model.scale import tail_sums
-from elicit.tutors.answer_log import Entry
+from elicit.tutors.answer_log import Entry, entries_of
 
 
 class Step(NamedTuple):
@@ -75,8 +75,7 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
     graph = nx.DiGraph()
     nodes: dict[bytes, int] = {}
     said: dict[tuple[int, int], tuple[list[str], list[str]]] = {}  # those that say "better", and "equal"
-    told = (one if isinstance(one, Answer) else one.answer for one in answers if isinstance(one, Answer) or one.used)
-    for answer in told:
+    for answer in (entry.answer for entry in entries_of(answers) if entry.used):
         query = answer.query
         k = len(graph.nodes[0]["vector"]) if graph else len(query.left)
         if len(query.left) != k:

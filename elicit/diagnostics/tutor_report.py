@@ -16,13 +16,15 @@ from scipy.special import expit
 from scipy.stats import binomtest
 
 from elicit._support.hashing import Seed, key_of
+from elicit._support.seeds import seed_of
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.query import Answer, Answers
 from elicit.model.scale import Floats, dominance, pair_name, tail_sums
-from elicit.tutors.answer_log import AnswerLog, Entry
+from elicit.tutors.answer_log import AnswerLog, Entry, entries_of
 
 Told = Answers | Iterable[Entry | Answer]
 """An ``AnswerLog`` or any iterable of its entries or of Answers, else bare ``Answers``."""
@@ -131,7 +133,7 @@ def tutor_report(
     level: float = 0.95,
     prior: PriorLike = None,
     particles: int | None = None,
-    seed: Seed = 0,
+    seed: Seed | None = 0,
 ) -> TutorReport:
     """How often a tutor errs, with what precision and consistency answers are given, and whether a side is favoured.
 
@@ -214,10 +216,7 @@ def read_log(log: Told, k: int | None) -> _Record:
         return _Record(log, None)
     if not isinstance(log, Iterable):
         raise TypeError(f"a log is an AnswerLog, its entries, or Answers, not {log!r}")
-    entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
-    for item in entries:
-        if not isinstance(item, Entry):
-            raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
+    entries = entries_of(log)
     standing = [entry for entry in entries if not entry.retracted]
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
     levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)
@@ -251,15 +250,20 @@ def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
     return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(len(mine) > 1 for mine in rows)
 
 
-def _fit_model(answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed) -> dict[str, Any]:
+@one_thread
+def _fit_model(
+    answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed | None
+) -> dict[str, Any]:
     """What a ``TutorReport`` says by the model. The posterior over scale and precision is one of particles, at each of
     some lapses; that over the lapse is its integrated likelihood, each lapse tried standing for those nearest to it."""
-    key, lapses, m = key_of(seed), _ROOTS**2, max(300, 50 * (answers.k - 1)) if particles is None else particles
+    key, lapses = key_of(seed_of(seed)), _ROOTS**2
+    m = max(300, 50 * (answers.k - 1)) if particles is None else particles
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
     tied = answers.y == 0
     every, slopes, shares, doubts = [], [], [], []
     for lapse in lapses.tolist():
-        draws = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key).update(answers).draws
+        model = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key, tie=0.0)
+        draws = model.update(answers).draws
         every.append(draws)
         scores = t @ draws.gaps
         sigma = expit(scores * draws.precision)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lstsq, null_space
 from scipy.optimize import linprog
 
+from elicit._support.threads import one_thread
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
 from elicit.lp.region import Region
 from elicit.model.scale import Floats
@@ -37,6 +38,7 @@ class _Hull(NamedTuple):
     to: Floats
 
 
+@one_thread
 def analytic_centre(region: Region) -> Floats:
     """The analytic centre g (p,) of the region, or of its relative interior where it is flat.
 
@@ -133,6 +135,7 @@ def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
     return np.asarray(g / g.sum(), dtype=np.float64)
 
 
+@one_thread
 def climb(x: Floats, rows: Floats, limits: Floats, along: Floats, driver: str = "gelsd") -> Floats:
     """The point of x + span(along), x (n,) and along (n, q), where the product of the slacks of rows x >= limits is
     greatest, from an x of positive slacks: damped Newton steps on the self-concordant barrier (Nesterov and

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from elicit._support.hashing import name_code
+from elicit._support.threads import one_thread
 from elicit.lp.region import Region
 from elicit.model.scale import Floats
 
@@ -26,6 +27,7 @@ class Draws(NamedTuple):
     precision: Floats
 
 
+@one_thread
 def draws_within(region: Region, inside: Floats) -> Draws:
     """Draws from a region, one a chain, for a point ``inside`` (p,) strictly inside it; that point alone where the
     region is too flat for the chains to move. A function of its arguments alone."""

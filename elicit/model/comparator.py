@@ -46,8 +46,9 @@ BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    What learners use beyond it, where a comparator has it, is declared below and in ``decision.comparator_rule``:
-    ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``Ruled``, ``Settling``.
+    What is used beyond it, where a comparator has it, is declared below and in ``decision.comparator_rule``:
+    ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``AllowsTies``,
+    ``KeepsAnswers``, ``Ruled``, ``Settling``. ``elicit.testing`` says what each is for, and checks them.
     """
 
     @property
@@ -62,7 +63,8 @@ class Comparator(Protocol):
         """lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) int8 on differences d (n, k)."""
+        """Verdicts (n,) int8 on differences d (n, k). Their totals are not checked: what two vectors differ by in total
+        counts as time at level 1, which is worth nothing."""
 
     def update(self, answers: Answers) -> "Comparator":
         """A comparator that also knows these answers; this one still answers as before."""
@@ -96,8 +98,11 @@ class Foretells(Protocol):
 def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
     """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi (n,), no nan."""
     found = comparator.bounds(d)
-    both = np.asarray(found, dtype=np.float64) if isinstance(found, tuple) and len(found) == 2 else None
-    if both is None or both.shape != (2, len(d)) or not (both[0] <= both[1] + 1e-9 * np.abs(d).sum(axis=1)).all():
+    try:
+        both = np.asarray(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        both = np.empty(0)
+    if both.shape != (2, len(d)) or not (both[0] <= both[1] + 1e-9 * np.abs(d).sum(axis=1)).all():
         raise TypeError(
             f"{type(comparator).__name__}.bounds(d) must return two arrays (n,), the least and the greatest d.e (-inf, "
             f"inf where nothing is known), but of d {d.shape} it returns {found!r}; elicit.testing.check_comparator "
@@ -106,13 +111,37 @@ def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
     return both[0], both[1]
 
 
+def best_guess(comparator: Comparator) -> Floats:
+    """``comparator.values`` (k,). Raises TypeError unless these are numbers that rise from 0 to 1."""
+    values = np.asarray(comparator.values, dtype=np.float64)
+    ends = values.shape == (comparator.k,) and abs(values[0]) < 1e-6 and abs(values[-1] - 1.0) < 1e-6
+    if not (ends and (np.diff(values) >= -1e-9).all()):
+        raise TypeError(
+            f"{type(comparator).__name__}.values must be an array ({comparator.k},) that rises from 0 to 1, the best "
+            f"single guess at the scale, not {comparator.values!r}"
+        )
+    return values
+
+
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
     """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
     comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan."""
-    if isinstance(comparator, BoundsAllAtOnce):
-        return comparator.simultaneous_bounds(d)
     rows = as_vectors(d, comparator.k)
+    if isinstance(comparator, BoundsAllAtOnce):
+        return _checked_bounds(comparator.simultaneous_bounds(d), type(comparator).__name__, len(rows))
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
+
+
+def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
+    """What ``simultaneous_bounds`` of n differences has returned; raises TypeError unless it is (n,) and a number."""
+    if isinstance(found, tuple) and len(found) == 2:
+        high, confidence = np.asarray(found[0]), found[1]
+        if high.shape == (n,) and high.dtype == np.float64 and not np.isnan(high).any() and np.ndim(confidence) == 0:
+            return high, confidence
+    raise TypeError(
+        f"{name}.simultaneous_bounds(d) must return upper bounds (n,) on d.e that hold for all rows at once, and the "
+        f"confidence in them, a number (nan where none can be stated), but of {n} differences it returns {found!r}"
+    )
 
 
 def learn(comparator: Comparator, answers: Answers, one_by_one: bool) -> tuple[Comparator, NDArray[np.bool_]]:
@@ -187,6 +216,36 @@ class AllowsTies(Protocol):
     @property
     def tie(self) -> float:
         """The largest |d.e|, as a share of the value range, that the tutor may call equal."""
+
+
+def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
+    """A comparator's own ``draws``: gaps (p, m), weights (m,) and precisions (m,); None where it has none, or none yet.
+    Raises TypeError that says what is wrong with them."""
+    found = comparator.draws if isinstance(comparator, HasDraws) else None
+    if found is None:
+        return None
+    p = comparator.k - 1
+    parts = [np.asarray(part) for part in found] if isinstance(found, tuple) and len(found) == 3 else []
+    wrong = f"it is {type(found).__name__}"
+    if parts:
+        (gaps, weights, precision), shapes = parts, ", ".join(str(part.shape) for part in parts)
+        m = gaps.shape[-1] if gaps.ndim == 2 else 0
+        if not m or (gaps.shape, weights.shape, precision.shape) != ((p, m), (m,), (m,)):
+            wrong = f"their shapes are {shapes}"
+        elif not all(part.dtype == np.float64 for part in parts):
+            wrong = f"their types are {', '.join(str(part.dtype) for part in parts)}, not float64"
+        elif not (np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6).all():  # also where one is nan
+            wrong = f"the gaps of draw {int(np.argmin(np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6))} do not total 1"
+        elif not ((weights >= 0).all() and abs(weights.sum() - 1.0) <= 1e-6):
+            wrong = f"the weights range from {weights.min()} and total {weights.sum()}"
+        elif not (precision >= 0).all():
+            wrong = f"the least precision is {precision.min()}"
+        else:
+            return gaps, weights, precision
+    raise TypeError(
+        f"{type(comparator).__name__}.draws must be None or a tuple: the gaps of m scales ({p}, m), each total 1, "
+        f"their weights (m,) of total 1, and the tutor's precision (m,) under each, but {wrong}"
+    )
 
 
 def tie_of(comparator: Comparator) -> float:

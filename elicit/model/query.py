@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from operator import index
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +31,13 @@ class Verdict(IntEnum):
     def flipped(self) -> Verdict:
         """The same statement with left and right exchanged."""
         return self if self is Verdict.UNKNOWN else Verdict(-self)
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        wants_a_number = spec[-1:].isalpha() and spec[-1] != "s"
+        return format(int(self) if wants_a_number else self.name, spec)
 
 
 def as_verdict(code: Any) -> Verdict:
@@ -68,12 +77,20 @@ class InconsistentAnswers(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """Which of two share vectors is better? ``left`` and ``right`` (k,); ``about`` is for people only."""
+    """Which of two share vectors is better? ``left`` and ``right`` (k,). ``about`` and ``labels``, the k levels' names,
+    worst first, are for people only: ``print(query)`` shows the question as one would read it."""
 
     id: str
     left: Floats
     right: Floats
     about: str = ""
+    labels: tuple[str, ...] | None = None
+
+    if TYPE_CHECKING:  # what may be given; the dataclass writes it
+
+        def __init__(
+            self, id: str, left: ArrayLike, right: ArrayLike, about: str = "", labels: Sequence[str] | None = None
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         left, right = np.asarray(self.left, float), np.asarray(self.right, float)
@@ -83,6 +100,31 @@ class Query:
         pair.flags.writeable = False
         object.__setattr__(self, "left", pair[0])
         object.__setattr__(self, "right", pair[1])
+        if self.labels is not None:
+            names = tuple(self.labels)
+            if isinstance(self.labels, str) or len(names) != len(left):
+                raise ValueError(f"labels must be {len(left)} names, one a level, not {self.labels!r}")
+            object.__setattr__(self, "labels", names)
+
+    def __str__(self) -> str:
+        """The question for people to read: shares in percent, rounded to a tenth of the greatest difference or finer,
+        so that what differs is seen to differ; without labels, levels by number, the worst being 1. Other vectors than
+        shares in their own unit."""
+        both = np.stack([self.left, self.right])
+        shares = bool((both >= 0).all() and (np.abs(both.sum(axis=1) - 1.0) <= 1e-9).all())
+        unit, factor = ("%", 100.0) if shares else ("", 1.0)
+        apart = factor * float(np.abs(self.d).max())
+        digits = min(12, max(0, math.ceil(1.0 - math.log10(apart)))) if apart else 0
+        names = self.labels or [f"level {i + 1}" for i in range(len(self.left))]
+        lines = [self.about or "Which is better, left or right?"]
+        for side, vector in (("left: ", self.left), ("right:", self.right)):
+            said = [f"{factor * share:.{digits}f}" for share in vector]
+            parts = [f"{x}{unit} {name}" for x, name in zip(said, names, strict=True) if float(x)]
+            lines.append(f"  {side} {', '.join(parts) or 'nothing'}")
+        totals = self.left.sum(), self.right.sum()
+        if abs(totals[0] - totals[1]) > 1e-9 * np.abs(both).sum():
+            lines.append(f"  totals differ, {totals[0]:g} and {totals[1]:g}: {names[0]} is taken to be worth nothing")
+        return "\n".join(lines)
 
     @property
     def d(self) -> Floats:
@@ -90,12 +132,19 @@ class Query:
         return self.left - self.right
 
     @staticmethod
-    def make(fingerprint: str, number: int, left: Floats, right: Floats, about: str = "") -> Query:
+    def make(
+        fingerprint: str,
+        number: int,
+        left: ArrayLike,
+        right: ArrayLike,
+        about: str = "",
+        labels: Sequence[str] | None = None,
+    ) -> Query:
         """A query whose id is a hash of the problem, its running number and the two vectors."""
         digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
         digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
         digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
-        return Query(digest.hexdigest(), left, right, about)
+        return Query(digest.hexdigest(), left, right, about, labels)
 
 
 @dataclass(frozen=True)
@@ -124,9 +173,18 @@ class _Room:
     used: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+class AnswerRow(NamedTuple):
+    """One row of ``Answers``: the difference d (k,) = left - right, what was said of it, and the id."""
+
+    d: Floats
+    y: Verdict
+    id: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Answers:
-    """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row."""
+    """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row. One is
+    ``answers[i]`` (an ``AnswerRow``), and so is each in a loop; ``answers[i:j]`` are Answers again."""
 
     d: Floats
     y: NDArray[np.int8]
@@ -219,8 +277,25 @@ class Answers:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "_room"}
 
-    def __getitem__(self, rows: slice) -> Answers:
-        return Answers(self.d[rows], self.y[rows], self.ids[rows])
+    @overload
+    def __getitem__(self, rows: SupportsIndex) -> AnswerRow: ...
+
+    @overload
+    def __getitem__(self, rows: slice) -> Answers: ...
+
+    def __getitem__(self, rows: SupportsIndex | slice) -> AnswerRow | Answers:
+        if isinstance(rows, slice):
+            return Answers(self.d[rows], self.y[rows], self.ids[rows])
+        row = index(rows)
+        if not -len(self) <= row < len(self):
+            raise IndexError(f"there is no answer {row}: there are {len(self)}, counted from 0")
+        return AnswerRow(self.d[row], Verdict(int(self.y[row])), self.ids[row])
+
+    def __iter__(self) -> Iterator[AnswerRow]:
+        return (self[row] for row in range(len(self)))
+
+    def __repr__(self) -> str:
+        return f"Answers({len(self)} answers, k={self.k})"
 
     def without(self, ids: Iterable[str]) -> Answers:
         """The other answers, in the same order: every row that bears one of these ids is left out.

@@ -10,10 +10,20 @@ from elicit.model.query import Answer, Query
 
 @runtime_checkable
 class Tutor(Protocol):
-    """Answers queries. It sees only the query: no comparator, no learner, no problem."""
+    """Answers queries. It sees only the query: no comparator, no learner, no problem. Any function from a Query to an
+    Answer is one, whatever it calls the query."""
 
-    def __call__(self, query: Query) -> Answer:
+    def __call__(self, query: Query, /) -> Answer:
         """The answer to this query; its verdict is None where the tutor cannot tell."""
+
+
+@runtime_checkable
+class KnowsLevels(Tutor, Protocol):
+    """One made for a number of levels, which has to be that of the questions."""
+
+    @property
+    def k(self) -> int:
+        """Number of levels."""
 
 
 @runtime_checkable
@@ -31,3 +41,16 @@ class CountsErrors(Tutor, Protocol):
     @property
     def realised_error_rate(self) -> float:
         """The share of its answers that were wrong; nan before the first."""
+
+
+def check_tutor_made(tutor: Tutor, k: int) -> None:
+    """Raise TypeError for anything but a tutor, such as the class of one, and ValueError for one who was made for
+    another number of levels than k."""
+    if isinstance(tutor, type):
+        raise TypeError(
+            f"a tutor is wanted, not the class {tutor.__name__}: make one, such as TruthfulTutor(values=[0, 5, 6, 10])"
+        )
+    if not callable(tutor):
+        raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
+    if isinstance(tutor, KnowsLevels) and tutor.k != k:
+        raise ValueError(f"the questions are about {k} levels, but the tutor was made for {tutor.k}: {tutor!r}")

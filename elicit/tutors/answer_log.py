@@ -16,12 +16,13 @@ that know only version 1 stop at that line with BadLog, instead of misreading wh
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import index
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, SupportsIndex, overload
 
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.tutors.log_file import LogFile, read_bytes
@@ -72,8 +73,18 @@ class Asked:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
+def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
+    """The entries of a log, of some of its entries, or of Answers to queries. Raises TypeError for anything else, such
+    as ``Answers``, which do not say what was shown left and right."""
+    entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
+    for item in entries:
+        if not isinstance(item, Entry):
+            raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
+    return entries
+
+
 class AnswerLog:
-    """All answers of a run, in the order in which they were told.
+    """All answers of a run, in the order in which they were told: ``log[i]`` is an ``Entry``, ``log[i:j]`` several.
 
     path: the file to write; an existing log is continued. None keeps the log in memory. k: the number of levels; None
     takes it from the file, else from the first answer. header: further JSON fields for the header line, such as the
@@ -206,6 +217,26 @@ class AnswerLog:
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(tuple(self._entries))
+
+    @overload
+    def __getitem__(self, rows: SupportsIndex) -> Entry: ...
+
+    @overload
+    def __getitem__(self, rows: slice) -> tuple[Entry, ...]: ...
+
+    def __getitem__(self, rows: SupportsIndex | slice) -> Entry | tuple[Entry, ...]:
+        if isinstance(rows, slice):
+            return tuple(self._entries[rows])
+        try:
+            return self._entries[rows]
+        except IndexError:
+            raise IndexError(f"there is no answer {index(rows)}: the log has {len(self)}, counted from 0") from None
+
+    def __repr__(self) -> str:
+        back = sum(entry.retracted for entry in self._entries)
+        parts = [f"{len(self)} answers{f', {back} of them retracted' if back else ''}", f"k={self.k}"]
+        parts += [] if self._path is None else [f"path={str(self._path)!r}"]
+        return f"AnswerLog({', '.join([*parts, *(['read only'] if self._read_only else [])])})"
 
     def _put(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> None:
         """An event at the end of the log, after the header if there is none in the file."""

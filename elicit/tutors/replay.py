@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from elicit.model.query import Answer, Query
 from elicit.model.scale import pair_name
-from elicit.tutors.answer_log import Entry
+from elicit.tutors.answer_log import Entry, entries_of
 
 
 class NotInLog(LookupError):
@@ -20,8 +20,7 @@ class ReplayTutor:
     """
 
     def __init__(self, log: Iterable[Entry | Answer]) -> None:
-        kept = (entry for entry in log if not (isinstance(entry, Entry) and entry.retracted))
-        self._answers = [entry.answer if isinstance(entry, Entry) else entry for entry in kept]
+        self._answers = [entry.answer for entry in entries_of(log) if not entry.retracted]
         self._by_id: dict[str, list[int]] = {}
         self._by_pair: dict[bytes, list[int]] = {}
         for i, answer in enumerate(self._answers):
@@ -29,6 +28,9 @@ class ReplayTutor:
             self._by_pair.setdefault(pair_name(answer.query.d)[0], []).append(i)
         self._replayed: set[int] = set()
         self._last: dict[str, int] = {}
+
+    def __repr__(self) -> str:
+        return f"ReplayTutor({len(self._answers)} answers)"
 
     def __call__(self, query: Query) -> Answer:
         """The answer that the log holds. Raises NotInLog (a LookupError) where it holds none."""

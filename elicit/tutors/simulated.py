@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from scipy.special import expit
 
 from elicit._support.hashing import Seed, fold, key_of, name_code
+from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.model.comparator import check_tie
 from elicit.model.query import Answer, Query, Verdict
@@ -32,15 +33,21 @@ class _Simulated:
     probability."""
 
     _kind = kernel.TRUTHFUL
+    _rate_name = ""  # of the error law's parameter
 
-    def __init__(self, values: ArrayLike, seed: Seed = 0, rate: float = 0.0, tie: float = 0.0) -> None:
+    def __init__(self, values: ArrayLike, seed: Seed | None = 0, rate: float = 0.0, tie: float = 0.0) -> None:
         self._e = normalise(values)
         self._g = gaps(values)
-        self._key = np.uint64(fold(key_of(seed), _PURPOSE))
+        self.seed = seed_of(seed)  # that makes the same errors again
+        self._key = np.uint64(fold(key_of(self.seed), _PURPOSE))
         self._pairs, self._times = np.zeros(1024, np.uint64), np.zeros(1024, np.int64)
         self._tally = np.zeros(3, dtype=np.int64)
         self._rate = rate  # the parameter of the error law
         self.tie = check_tie(tie)
+
+    def __repr__(self) -> str:
+        errors = f", {self._rate_name}={self._rate:g}, seed={self.seed}" if self._rate_name else ""
+        return f"{type(self).__name__}(k={self.k}{errors}{f', tie={self.tie:g}' if self.tie else ''})"
 
     @property
     def k(self) -> int:
@@ -106,20 +113,23 @@ class TruthfulTutor(_Simulated):
 class FlippingTutor(_Simulated):
     """Gives the opposite of the truth with probability ``error_rate``, however clear the case is.
 
-    values (k,) increasing, in any unit; error_rate in [0, 1]; seed an int, SeedSequence or Generator. An exact tie has
-    no opposite: it is answered EQUAL, and so is all that lies within ``tie`` (see TruthfulTutor). Raises ValueError on
-    values that do not increase and on an error rate outside [0, 1].
+    values (k,) increasing, in any unit; error_rate in [0, 1]; seed an int, SeedSequence, Generator, or None for
+    a new one. An exact tie has no opposite: it is answered EQUAL, and so is all that lies within ``tie`` (see
+    TruthfulTutor). Raises ValueError on values that do not increase and on an error rate outside [0, 1].
     """
 
     _kind = kernel.FLIPPING
+    _rate_name = "error_rate"
 
-    def __init__(self, values: ArrayLike, error_rate: float, seed: Seed = 0, tie: float = 0.0) -> None:
+    def __init__(self, values: ArrayLike, error_rate: float, seed: Seed | None = 0, tie: float = 0.0) -> None:
         require(is_number(error_rate, 0, 1), "error_rate", "a number between 0 and 1", error_rate)
         self.error_rate = float(error_rate)
         super().__init__(values, seed, self.error_rate, tie)
 
     @classmethod
-    def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> FlippingTutor:
+    def from_error_rate(
+        cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
+    ) -> FlippingTutor:
         """A tutor whose expected error rate over the differences ``reference`` (n, k) is ``rate``: its
         error rate is just that, raised only to make up for exact ties among them. Raises ValueError
         unless 0 < rate < 1/2 and the reference allows it."""
@@ -132,21 +142,24 @@ class BradleyTerryTutor(_Simulated):
     Kupper (1967), left with 1 / (1 + exp(-precision * (d.e - w))), right likewise, and EQUAL otherwise.
 
     values (k,) increasing, in any unit; ``precision`` >= 0 is the paper's c in logits per unit of
-    d.e, with the scale normalised to 0..1; seed an int, SeedSequence or Generator. An exact tie is a
-    coin toss, as eq. (6) has it; two identical vectors are EQUAL. Near ties are answered badly and
-    clear cases well, so a precision says little about errors until the typical |d.e| is known: see
+    d.e, with the scale normalised to 0..1; seed an int, SeedSequence, Generator, or None for a new
+    one. An exact tie is a coin toss, as eq. (6) has it; two identical vectors are EQUAL. Near ties are answered badly
+    and clear cases well, so a precision says little about errors until the typical |d.e| is known: see
     ``from_error_rate``. Raises ValueError on values that do not increase and on a negative precision.
     """
 
     _kind = kernel.LOGISTIC
+    _rate_name = "precision"
 
-    def __init__(self, values: ArrayLike, precision: float, seed: Seed = 0, tie: float = 0.0) -> None:
+    def __init__(self, values: ArrayLike, precision: float, seed: Seed | None = 0, tie: float = 0.0) -> None:
         require(is_number(precision, 0), "precision", "a finite number of at least 0", precision)
         self.precision = float(precision)
         super().__init__(values, seed, self.precision, tie)
 
     @classmethod
-    def from_error_rate(cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed = 0) -> BradleyTerryTutor:
+    def from_error_rate(
+        cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
+    ) -> BradleyTerryTutor:
         """The tutor whose expected error rate over the differences ``reference`` (n, k) is ``rate``.
 
         Exact ties in the reference count as answered rightly. Raises ValueError unless

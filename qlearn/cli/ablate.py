@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,9 +9,10 @@ from typing import Any
 from qlearn.cli.options import KEPT, add_command, add_preset, frame_of, write_csv
 from qlearn.experiments.settings import AblationSettings
 
-QUICK: dict[str, Any] = {
-    "problems": ["random"], "states": 15, "actions": 3, "levels": 4, "seeds": 2, "steps": 400, "tolerance": 0.02,
-    "max_sweeps": 150, "max_queries": 150, "n_boot": 20,
+QUICK: dict[str, Any] = {  # so small that ten seeds take seconds and tell the comparators apart
+    "problems": ["random"], "comparators": ["always", "polytope", "posterior", "ensemble"], "error_rates": [0.0, 0.15],
+    "states": 10, "actions": 3, "levels": 5, "discount": 0.8, "seeds": 10, "steps": 600, "tolerance": 0.02,
+    "max_sweeps": 50, "max_queries": 150, "n_boot": 10, "refit_growth": 0.2, "particles": 200, "audit": 0.0,
 }  # fmt: skip
 PAPER: dict[str, Any] = {"seeds": 20, "n_boot": 200, "refit_growth": 0.0}
 
@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
 
 def run(settings: AblationSettings, out: Path, **how: Any) -> int:
     """The command; returns the exit code. ``how``: keywords of ``ablate``."""
-    from qlearn.experiments.ablation import KEYS, ablate, summarise
+    from qlearn.experiments.ablation import KEYS, ablate, plan_of, summarise
     from qlearn.experiments.ablation_plot import LEGEND, plot_ablation, table
 
     frame, code = frame_of("ablation", partial(ablate, settings, **how), KEYS, out)
@@ -41,10 +41,14 @@ def run(settings: AblationSettings, out: Path, **how: Any) -> int:
         return code
     summary = summarise(frame)
     write_csv(summary, out / "summary.csv")
-    size = "{states} states, {actions} actions, {levels} levels".format(**asdict(settings))
-    names = {"random": f"random MDP ({size})"}
-    plot_ablation(summary, max_queries=settings.max_queries, names=names).savefig(out / "ablation.png", dpi=150)
-    print(table(summary, names), LEGEND, sep="\n\n")
+    size = "{states} states, {actions} actions, {levels} levels".format(**settings.named("states", "actions", "levels"))
+    shown: dict[str, Any] = {"names": {"random": f"random MDP ({size})"}, "seeds": settings.seeds}
+    plot_ablation(summary, max_queries=settings.max_queries, **shown).savefig(out / "ablation.png", dpi=150)
+    print(table(summary, **shown), LEGEND, sep="\n\n")
+    plan = plan_of(settings)
+    if len(frame) < len(plan):
+        cells = {tuple(cell[key] for key in KEYS if key != "seed") for cell in plan}
+        print(f"\nINCOMPLETE: {len(frame)} of {len(plan)} runs; of {len(cells) - len(summary)} rows there are none yet")
     print(f"\nwritten to {out}: runs.csv (a row a run), summary.csv (a row a cell), times.csv, ablation.png; and")
     print("journal.jsonl, from which the same command takes what has finished")
     return code

@@ -12,6 +12,7 @@ from qlearn.cli.options import without
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line (default: ``sys.argv``) and return the exit code. Bad options end in SystemExit(2)."""
     parser = argparse.ArgumentParser("qlearn", description="Reinforcement learning with ordinal rewards and a tutor.")
+    parser.add_argument("--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="say the version")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     ablate.add_to(commands)
     figures.add_to(commands)
@@ -23,3 +24,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         code = without(error)
     return code
+
+
+class _Version(argparse.Action):
+    """Looked up when asked for, not at every start."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from elicit._support.distribution import version
+
+        print(f"{parser.prog} {version()}")
+        parser.exit()

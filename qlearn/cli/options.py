@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor
@@ -10,13 +11,13 @@ from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
-from qlearn.experiments.settings import COUNT, Number, Settings
+from qlearn.experiments.settings import COUNT, NameOrOwn, Number, Settings
 
 KEPT = (
     "Every run is kept in journal.jsonl as it finishes: after Ctrl-C, or worse, the same command computes what is "
     "missing."
 )
-EXTRAS = ("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm")
+EXTRAS = ("joblib", "matplotlib", "pandas", "tqdm")
 
 
 def fail(message: str) -> int:
@@ -105,6 +106,9 @@ def _keywords(one: Field[Any]) -> dict[str, Any]:
     many = {"nargs": "+"} if isinstance(one.default, tuple) else {}
     if isinstance(check, Number):
         return {"type": _parser(check), "metavar": "X" if check.kind is float else "N", **many}
+    if isinstance(check, NameOrOwn):
+        choices = ",".join([*check.names, "package.module:factory"])
+        return {"type": _part_parser(check), "metavar": f"{{{choices}}}", **many}
     return {"action": "store_true"} if one.default is False else {"choices": check.names, **many}
 
 
@@ -118,6 +122,24 @@ def _parser(check: Number) -> Callable[[str], float]:
             value = None
         if value is None:
             raise argparse.ArgumentTypeError(f"{text!r} is not {check.wanted}")
+        return value
+
+    return parse
+
+
+def _part_parser(check: NameOrOwn) -> Callable[[str], Any]:
+    """An argparse type: a name of ours, or the user's own, whose module is looked for in the current directory too."""
+
+    def parse(text: str) -> Any:
+        if ":" in text and not {"", os.getcwd()} & {*sys.path}:
+            sys.path.insert(0, os.getcwd())  # workers have the same path
+        try:
+            value = check.value_of(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+        if value is None:
+            choices = ", ".join([*map(repr, check.names), "or your own, as package.module:factory"])
+            raise argparse.ArgumentTypeError(f"invalid choice: {text!r} (choose from {choices})")
         return value
 
     return parse

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,72 +15,81 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
-from qlearn.experiments.palette import NAMES, STYLES
+from qlearn.experiments.palette import NAMES, STYLES, styles
+from qlearn.experiments.settings import ORDER
 
 _BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
 _ASKED = "questions asked\n(log scale)"
 _LOST = "excess policy loss, %\n(log scale beyond ±0.1)"
 LEGEND = """\
-errors       chance that the tutor answers wrongly
+errors       chance that the tutor answers wrongly, or the name of a tutor of yours
+seeds        over which the means of the row are taken; "3 of 8": the rest had not finished
 questions    asked, mean over the seeds ± half the width of the 95% t-interval
 % asked      questions in percent of the comparisons that neither equality nor dominance settles
 excess loss  true policy loss beyond that of always asking a truthful tutor, paired by seed, mean over the states, in
-             percent of the value range
+             percent of the value range; of a learner of yours beyond that of the best policy
 wrong %      verdicts against the hidden scale, in percent of those that the comparator decided from answers
 after 1st    the same, after the tutor's first wrong answer
 *            with audits, in runs that are shorter: their questions compare with each other only
 audits to conflict   in the audited runs: audits until one first contradicted the answers, (runs in which one did
              / all), and in how many of those the audit itself was the wrong answer ("false")
-notes        in how many runs the question budget was spent, or the limit of sweeps reached"""
+notes        with how many seeds the question budget was spent, or the limit of sweeps reached"""
 
 
-def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None) -> str:
-    """The summary of ``ablation.summarise`` as text of at most 120 columns, by problem and learner; ``LEGEND``
-    explains the columns. ``names`` overrides ``NAMES``."""
-    shown = NAMES | dict(names or {})
+def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None, seeds: int | None = None) -> str:
+    """The summary of ``ablation.summarise`` as text of at most 120 columns (if names of your own are short), by problem
+    and learner; ``LEGEND`` explains the columns. ``names`` overrides ``NAMES``; ``seeds``: how many each row should
+    have; those that have fewer say so."""
     parts = []
     for (problem, learner), part in summary.groupby(["problem", "learner"], sort=False):
         conflicts = {(row.comparator, row.error_rate): _conflict(row) for row in part[part.audit > 0].itertuples()}
         cells = [
-            _cells(row, conflicts.get((row.comparator, row.error_rate), ""))
+            _cells(row, conflicts.get((row.comparator, row.error_rate), ""), seeds)
             for row in part.sort_values("audit", kind="stable").itertuples()
         ]
         text = pd.DataFrame(cells).set_index("comparator").rename_axis(None).to_string()
-        parts.append(f"{shown[str(problem)]}, {shown[str(learner)]}\n{text}")
+        parts.append(f"{_called(names, 'problem', str(problem))}, {_called(names, 'learner', str(learner))}\n{text}")
     return "\n\n".join(parts)
 
 
 def plot_ablation(
-    summary: pd.DataFrame, *, max_queries: int | None = None, names: Mapping[str, str] | None = None
+    summary: pd.DataFrame,
+    *,
+    max_queries: int | None = None,
+    names: Mapping[str, str] | None = None,
+    seeds: int | None = None,
 ) -> Figure:
     """For each problem and learner, two panels one above the other: questions asked, and excess policy loss, by the
-    tutor's error rate, a path for each comparator, with 95% t-intervals. Hollow markers: the budget was spent in at
-    least one run.
+    tutor's error rate (tutors of yours beside them, by name), a path for each comparator, with 95% t-intervals where
+    there are three seeds or more: of two they would hide all else. Hollow markers: the budget was spent in at least one
+    run.
 
-    ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget.
+    ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget, ``names``
+    overrides ``NAMES``, and where points have fewer runs than ``seeds`` the title says so.
     """
-    shown = NAMES | dict(names or {})
+    called = partial(_called, names)
     plain = summary[summary.audit == 0]
     problems, learners = plain.problem.unique(), plain.learner.unique()
     figure = Figure(figsize=(1.4 + 4.9 * len(learners), 1.6 + 4.6 * len(problems)), layout="constrained")
     grid = figure.subplots(2 * len(problems), len(learners), squeeze=False, sharex=True, sharey="row")
+    looks, tutors = styles(plain.comparator), _tutors(plain)
     for i, problem in enumerate(problems):
         for j, learner in enumerate(learners):
             asked, lost = grid[2 * i][j], grid[2 * i + 1][j]
             part = plain[(plain.problem == problem) & (plain.learner == learner)]
-            _paths(asked, part, part.asked, part.asked_half, least=0.0)
-            _paths(lost, part, 100 * part.excess_loss, 100 * part.excess_loss_half)
+            _paths(asked, part, part.asked, part.asked_half, looks, tutors, least=0.0)
+            _paths(lost, part, 100 * part.excess_loss, 100 * part.excess_loss_half, looks, tutors)
             _scales(asked, lost, max_queries)
             asked.set_ylim(0, 3 * max(10, plain.asked.max()))
-            asked.set_title(f"{shown[problem]}: {shown[learner]}", fontsize=11)
+            asked.set_title(f"{called('problem', problem)}: {called('learner', learner)}", fontsize=11)
             if j == 0:
                 asked.set_ylabel(_ASKED)
                 lost.set_ylabel(_LOST)
-            lost.set_xlabel("the tutor's wrong answers (%)")
-            rates = sorted(plain.error_rate.unique())
-            lost.set_xticks(range(len(rates)), [f"{100 * rate:.3g}" for rate in rates])
-    drawn = [name for name in STYLES if name in set(plain.comparator)]
-    handles = [Line2D([], [], label=shown[name], markersize=7, **STYLES[name]) for name in drawn]
+            own = any(isinstance(tutor, str) for tutor in tutors)
+            lost.set_xlabel("the tutor's wrong answers (%)" + (", or your tutor" if own else ""))
+            lost.set_xticks(range(len(tutors)), [t if isinstance(t, str) else f"{100 * t:.3g}" for t in tutors])
+    drawn = sorted(looks, key=lambda name: [*STYLES].index(name) if name in STYLES else len(STYLES))
+    handles = [Line2D([], [], label=called("comparator", name), markersize=7, **looks[name]) for name in drawn]
     if max_queries is not None:
         handles.append(Line2D([], [], label="budget", **_BUDGET))
     if (plain.budget_spent > 0).any():
@@ -92,19 +102,51 @@ def plot_ablation(
         "(share of the value range); lower is better"
     )
     many = len(learners) > 1
-    figure.suptitle(textwrap.fill(title, 100 if many else 64), fontsize=11 if many else 9.5)
+    lines = [textwrap.fill(title, 100 if many else 64), _means_of(plain.runs, seeds)]
+    figure.suptitle("\n".join(lines), fontsize=11 if many else 9.5)
     return figure
 
 
-def _paths(axes: Axes, part: pd.DataFrame, mean: pd.Series, half: pd.Series, least: float = -math.inf) -> None:
-    """A path over the error rates a comparator; intervals beside each other, not on each other, and none below
-    ``least``."""
-    rates = sorted(part.error_rate.unique())
+def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
+    """What a problem, learner or comparator is called; the user's own by their names."""
+    return (names or {}).get(name, NAMES[name] if name in ORDER[column] else name)
+
+
+def _tutors(summary: pd.DataFrame) -> list[float | str]:
+    """The error rates, and after them the user's tutors, by name."""
+    told = list(dict.fromkeys(summary.error_rate))
+    return [
+        *sorted(rate for rate in told if not isinstance(rate, str)),
+        *(name for name in told if isinstance(name, str)),
+    ]
+
+
+def _means_of(runs: pd.Series, seeds: int | None) -> str:
+    """Over how many seeds the means are, in words."""
+    least, most = int(runs.min()), int(runs.max())
+    if seeds is not None and least < seeds:
+        return f"INCOMPLETE: of {seeds} seeds some means have {least} only"
+    number = f"{most}" if least == most else f"{least} to {most}"
+    seeds_in_words = "one seed" if most == 1 else f"{number} seeds"
+    return f"means over {seeds_in_words}" + (", with 95% intervals" if most > 2 else ": too few for intervals")
+
+
+def _paths(
+    axes: Axes,
+    part: pd.DataFrame,
+    mean: pd.Series,
+    half: pd.Series,
+    looks: Mapping[str, Mapping[str, Any]],
+    tutors: list[float | str],
+    least: float = -math.inf,
+) -> None:
+    """A path over the tutors a comparator; intervals beside each other, not on each other, and none below ``least``."""
     comparators = list(dict.fromkeys(part.comparator))
     for place, name in enumerate(comparators):
-        style, own = STYLES[name], part.comparator == name
-        x = part.error_rate[own].map(rates.index) + 0.6 * ((place + 0.5) / len(comparators) - 0.5)
-        y, wide, hollow = mean[own], half[own].fillna(0.0), (part.budget_spent[own] > 0).to_numpy()
+        style, own = looks[name], part.comparator == name
+        x = part.error_rate[own].map(tutors.index) + 0.6 * ((place + 0.5) / len(comparators) - 0.5)
+        y, wide = mean[own], half[own].where(part.runs[own] > 2).fillna(0.0)
+        hollow = (part.budget_spent[own] > 0).to_numpy()
         axes.errorbar(
             x,
             y,
@@ -118,7 +160,8 @@ def _paths(axes: Axes, part: pd.DataFrame, mean: pd.Series, half: pd.Series, lea
         )
         for chosen, face in ((~hollow, style["color"]), (hollow, "white")):
             look = {"color": style["color"], "marker": style["marker"], "markerfacecolor": face, "markersize": 6.5}
-            axes.plot(x[chosen], y[chosen], linestyle="none", **look, zorder=3)
+            for line in axes.plot(x[chosen], y[chosen], linestyle="none", **look, zorder=3, clip_on=False):
+                line.set_in_layout(False)  # not clipped, for 0 lies on the edge; but what is not clipped takes room
 
 
 def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
@@ -137,26 +180,28 @@ def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
         asked.axhline(max_queries, zorder=0, **_BUDGET)
 
 
-def _cells(row: Any, conflict: str) -> dict[str, str]:
+def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
     """A row of the summary as a line of the table."""
+    tutor = row.error_rate if isinstance(row.error_rate, str) else f"{100 * row.error_rate:.3g}%"
     notes = ((row.budget_spent, "budget"), (row.sweep_limit, "sweeps"))
     return {
         "comparator": f"{row.comparator} *" if row.audit else row.comparator,
-        "errors": f"{100 * row.error_rate:.3g}%",
+        "errors": tutor,
+        "seeds": f"{int(row.runs)}" if seeds in (None, row.runs) else f"{int(row.runs)} of {seeds}",
         "questions": _with_half(row.asked, row.asked_half, 0),
         "% asked": _number(row.asked_percent_open, 2),
         "excess loss %": _with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2),
         "wrong %": _rate(row.wrong_percent),
         "after 1st": _rate(row.wrong_percent_after),
         "audits to conflict": conflict,
-        "notes": " ".join(f"{text} {int(count)}/{int(row.runs)}" for count, text in notes if count),
+        "notes": " ".join(f"{text} {int(count)}" for count, text in notes if count),
     }
 
 
 def _conflict(row: Any) -> str:
     """What became of a cell's audits."""
     if not row.contradicted:
-        return f"none in {int(row.runs)} runs"
+        return "none"
     false = f", {int(row.audit_wrong)} false" if row.audit_wrong else ""
     return f"{row.audits_to_contradiction:.0f} ({int(row.contradicted)}/{int(row.runs)}{false})"
 

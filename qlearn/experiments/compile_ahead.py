@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-import joblib
 import numpy as np
 
 from elicit.asking.choose_from_list import choose
@@ -17,6 +16,7 @@ from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn.experiments.parallel import Cell
 from qlearn.learners.learner import drive
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.problems.random_mdp import random_mdp
@@ -46,20 +46,25 @@ def moves() -> None:
 
 def loops() -> None:
     """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was asked."""
-    mdp, values = random_mdp(6, 3, 5, rng=0)
-    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, rng=0), TruthfulTutor(values))
+    mdp, values = random_mdp(6, 3, 5, seed=0)
+    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, seed=0), TruthfulTutor(values))
     FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
 
 
 def sweeps() -> None:
     """Value iteration's sweep, and what its result is made of."""
-    mdp, values = random_mdp(6, 3, 5, rng=0)
+    mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values))
 
 
-def main() -> None:
-    """Compile now, as a step of setting up: ``python -m qlearn.experiments.compile_ahead``."""
-    joblib.Parallel(n_jobs=-1)(joblib.delayed(part)() for part in (proofs, moves, loops, sweeps))
+def certificates() -> None:
+    """What policy iteration rests its guarantee on."""
+    mdp, values = random_mdp(6, 3, 5, seed=0)
+    drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
+
+
+ALL = (proofs, moves, loops, sweeps, certificates)
+"""All that users meet. They are compiled soonest in this order, by as many processes as there are cores."""
 
 
 def _choose(comparator: Comparator) -> None:
@@ -70,9 +75,3 @@ def _choose(comparator: Comparator) -> None:
 
 def _rows(n: int) -> Floats:
     return np.random.default_rng(0).dirichlet(np.ones(5), size=n)
-
-
-if __name__ == "__main__":
-    from qlearn.experiments import compile_ahead as ahead  # by the name that workers know
-
-    ahead.main()

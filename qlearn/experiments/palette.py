@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import cycle
 from typing import Any
 
 NAMES = {
@@ -31,3 +33,17 @@ STYLES: dict[str, dict[str, Any]] = {
     "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
     "box-rescaled": {"color": "#56B4E9", "marker": "p", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 }
+_OWN: tuple[dict[str, Any], ...] = (  # of comparators of the user's, in their order
+    {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
+    {"color": "#332288", "marker": "<", "linestyle": (0, (3, 1.5))},
+    {"color": "#999933", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
+    {"color": "#882255", "marker": ">", "linestyle": (0, (2, 2, 6, 2))},
+    {"color": "#44AA99", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
+    {"color": "#666666", "marker": "8", "linestyle": (0, (9, 1.5))},
+)
+
+
+def styles(comparators: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """The style of each comparator: ours as in ``STYLES``, others in their order, no two alike among the first six."""
+    own = cycle(_OWN)
+    return {name: STYLES[name] if name in STYLES else next(own) for name in dict.fromkeys(comparators)}

@@ -48,6 +48,7 @@ def sweep(
     jobs: int | None = None,
     cost: Callable[[Any], float] | None = None,
     ahead: Callable[[Iterable[Cell]], Iterable[Callable[[], None]]] | None = None,
+    own: Callable[[Cell], tuple[Any, Mapping[str, Any]]] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Any]:
     """``function(cell, **shared)`` for every cell: the rows, in the order of ``cells``.
@@ -63,6 +64,8 @@ def sweep(
     cost      cells of the greatest cost begin first, so that no core is left alone with a long one at the end
     ahead     from the cells whose rows are missing to functions, importable by workers, that are called first, side by
               side: for what each process would else do for itself, such as to compile
+    own       from a cell to what it needs that JSON cannot hold: what that is, in JSON, by which its row is looked up,
+              and keywords of ``function`` (they may be functions of any kind, which cloudpickle sends to workers)
     progress  called with (rows finished, rows in all) at the start and after every row
 
     Linear algebra has one thread while a cell is computed, for how a sum is split among threads shows in its last
@@ -76,7 +79,9 @@ def sweep(
     from threadpoolctl import threadpool_limits
 
     shared = dict(shared or {})
-    keys = [_key(function, shared, cell) for cell in cells]
+    besides = [own(cell) if own else (None, {}) for cell in cells]
+    keys = [_key(function, shared, cell, what) for cell, (what, _) in zip(cells, besides, strict=True)]
+    keywords = {key: {**shared, **more} for key, (_, more) in zip(keys, besides, strict=True)}
     with ExitStack() as stack:
         stack.enter_context(threadpool_limits(1))  # only the thread that set a limit can lift it: not each cell
         kept, keep = stack.enter_context(_journal(journal, fresh)) if journal else ({}, None)
@@ -89,7 +94,7 @@ def sweep(
             for _ in _computed(((part, ()) for part in (ahead(missing.values()) if ahead else ())), jobs):
                 pass
             order = sorted(missing, key=lambda key: -cost(missing[key]) if cost else 0.0)
-            calls = ((_call, (function, key, missing[key], shared)) for key in order)
+            calls = ((_call, (function, key, missing[key], keywords[key])) for key in order)
             for key, row in stack.enter_context(closing(_computed(calls, jobs))):
                 text = _json(row)
                 if keep is not None:
@@ -101,9 +106,10 @@ def sweep(
     return [rows[key] for key in keys]
 
 
-def _key(function: Callable[..., Any], shared: Mapping[str, Any], cell: Cell) -> str:
+def _key(function: Callable[..., Any], shared: Mapping[str, Any], cell: Cell, own: Any) -> str:
     name = f"{function.__module__}.{function.__qualname__}"
-    text = _json([name, dict(sorted(shared.items())), dict(sorted(cell.items()))])
+    told = [name, dict(sorted(shared.items())), dict(sorted(cell.items()))]
+    text = _json(told if own is None else [*told, own])
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
@@ -149,11 +155,11 @@ def _in_worker(parent: int | None, call: Callable[..., Any], arguments: tuple[An
     return call(*arguments)
 
 
-def _call(function: Callable[..., Any], key: str, cell: Cell, shared: Mapping[str, Any]) -> tuple[str, Any]:
+def _call(function: Callable[..., Any], key: str, cell: Cell, keywords: Mapping[str, Any]) -> tuple[str, Any]:
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)  # for good: another thread of this process may be at a cell of its own when this one is done
-    return key, function(cell, **shared)
+    return key, function(cell, **keywords)
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
@@ -22,10 +22,12 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryCo
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.comparator import Comparator
+from elicit.model.comparator import TIE, Comparator
 from elicit.model.scale import Floats
+from elicit.model.tutor import CountsErrors
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.experiments import compile_ahead
+from qlearn.experiments.factories import Own
 from qlearn.experiments.metrics import (
     Watch,
     audits,
@@ -35,8 +37,9 @@ from qlearn.experiments.metrics import (
     paper_loss,
     reference_differences,
 )
+from qlearn.experiments.own_parts import comparator_of, learner_of, problem_of, tutor_of
 from qlearn.experiments.parallel import Cell, Interrupted, sweep
-from qlearn.experiments.settings import ORDER, Settings
+from qlearn.experiments.settings import ALWAYS, ORDER, Settings
 from qlearn.learners.learner import Learner, drive
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration
@@ -49,14 +52,18 @@ from qlearn.problems.random_mdp import draw_values, random_mdp
 Size: TypeAlias = tuple[int, int, int, float]
 """Of the random MDPs: states, actions, levels, discount."""
 SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor
+Owned: TypeAlias = Mapping[str, Own]
+"""Of one run: the user's own, by the column of the table that has their names ("comparator", ...)."""
 
 _NO_RUNS = (
     "cli",
     "paper",
     "experiments/ablation.py",
     "experiments/ablation_plot.py",
+    "experiments/code_identity.py",
     "experiments/compile_ahead.py",
     "experiments/palette.py",
+    "warm_up.py",
 )  # sources of qlearn that no run depends on
 
 
@@ -71,25 +78,25 @@ class Run(NamedTuple):
 
 
 def _posterior(k: int, seed: int, settings: Settings) -> Comparator:
-    return PosteriorComparator(k, seed=seed, **settings.named("lapse", "level", "particles"))
+    return PosteriorComparator(k, seed=seed, **settings.named("lapse", "level", "particles", "tie"))
 
 
 def _bradley_terry(k: int, seed: int, settings: Settings, **region: Any) -> Comparator:
-    own = settings.named("precision", "n_boot", "level", "refit_growth")
+    own = settings.named("precision", "n_boot", "level", "refit_growth", "tie")
     return BradleyTerryComparator(k, seed=seed, **region, **own)
 
 
 COMPARATORS: Mapping[str, Callable[[int, int, Settings], Comparator]] = {
-    "always": lambda k, seed, settings: AlwaysAsk(k),
-    "polytope": lambda k, seed, settings: PolytopeComparator(k),
-    "relaxed": lambda k, seed, settings: RelaxedPolytopeComparator(k, slack=settings.slack),
+    ALWAYS: lambda k, seed, settings: AlwaysAsk(k, **settings.named("tie")),
+    "polytope": lambda k, seed, settings: PolytopeComparator(k, **settings.named("tie")),
+    "relaxed": lambda k, seed, settings: RelaxedPolytopeComparator(k, **settings.named("slack", "tie")),
     "posterior": _posterior,
     "posterior-close": _posterior,
     "ensemble": partial(_bradley_terry, region="ensemble"),
     "box-rescaled": partial(_bradley_terry, region="box", rescale=True),
     "box": partial(_bradley_terry, region="box"),
 }
-"""A comparator of k levels, from the seed of its resamples and the settings."""
+"""A comparator of k levels, from the seed of its resamples and the settings of its run."""
 CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the indifference ``settings.close``
 
 
@@ -115,11 +122,11 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
 def _one(make: Callable[[], OrdinalMDP]) -> Callable[[int, Size], tuple[OrdinalMDP, Floats]]:
     """A problem whose MDP is the same whatever the seed; it is made once, which takes seconds."""
     made = cache(make)
-    return lambda seed, size: (made(), draw_values(made().k, rng=seed))
+    return lambda seed, size: (made(), draw_values(made().k, seed=seed))
 
 
 PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
-    "random": lambda seed, size: random_mdp(*size, rng=seed),
+    "random": lambda seed, size: random_mdp(*size, seed=seed),
     "icu": _one(icu_sepsis),
     "frozen-lake": _one(frozen_lake),
     "deep-sea-treasure": _one(deep_sea_treasure),
@@ -127,22 +134,21 @@ PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
 """An MDP and its hidden values (k,)."""
 
 
-def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
+def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned | None = None) -> Run:
     """One run of one cell, on one thread.
 
-    cell    the names of its "learner" and "comparator", "error_rate" of the tutor, "audit" (share of the decided pairs)
-            and "seed". Audited runs are shorter, for contradictions show early. "always" has no budget. With an error
-            rate of 0 the tutor is truthful
+    cell    the names of its "learner" and "comparator", "error_rate" of the tutor (or the name of a tutor in ``own``),
+            "audit" (share of the decided pairs) and "seed". Audited runs are shorter, for contradictions show early.
+            "always" has no budget. With an error rate of 0 the tutor is truthful
     values  (k,) the hidden scale
+    own     factories in place of what ``COMPARATORS``, ``LEARNERS`` and ``TUTORS`` have, by "comparator", "learner" and
+            "error_rate": see ``ablation.ablate``. A learner of the user's has settings of its own, the budget included
     """
-    settings = _of_cell(settings, cell, mdp)
+    own = own or {}
+    settings = _of_cell(settings, cell, mdp, own)
     with threadpool_limits(1):
-        seed, rate = cell["seed"], cell["error_rate"]
-        comparator = COMPARATORS[cell["comparator"]](mdp.k, seed, settings)
-        tutor = TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
-        make, own = LEARNERS[cell["learner"]]
-        common = settings.named("max_queries", "indifference")
-        learner = make(mdp, comparator, rng=seed, audit=cell["audit"], **common, **own(settings))
+        comparator, tutor = _comparator(cell, mdp.k, settings, own), _tutor(cell, mdp, values, settings, own)
+        learner = _learner(cell, mdp, comparator, settings, own)
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()
@@ -161,20 +167,50 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings) -> Run:
         return Run(row, estimated_values(mdp, result.q, values), greatest_reward(mdp, values), seconds)
 
 
-def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP) -> Settings:
+def _comparator(cell: Cell, k: int, settings: Settings, own: Owned) -> Comparator:
+    if "comparator" in own:
+        return comparator_of(own["comparator"], k, cell["seed"])
+    return COMPARATORS[cell["comparator"]](k, cell["seed"], settings)
+
+
+def _tutor(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned) -> CountsErrors:
+    seed, rate = cell["seed"], cell["error_rate"]
+    if "error_rate" in own:
+        return tutor_of(own["error_rate"], values, seed, partial(_reference, mdp, tuple(values)))
+    return TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
+
+
+def _learner(cell: Cell, mdp: OrdinalMDP, comparator: Comparator, settings: Settings, own: Owned) -> Learner:
+    if "learner" in own:
+        return learner_of(own["learner"], mdp, comparator, cell["seed"])
+    make, keywords = LEARNERS[cell["learner"]]
+    common = settings.named("max_queries", "indifference")
+    return make(mdp, comparator, seed=cell["seed"], audit=cell["audit"], **common, **keywords(settings))
+
+
+def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Settings:
     """The settings as they are in a cell."""
+    if settings.tie is None:
+        settings = replace(settings, tie=TIE if "error_rate" in own else 0.0)
     if cell["audit"]:
         steps, sweeps = min(settings.steps, settings.audit_steps), min(settings.max_sweeps, settings.audit_sweeps)
         settings = replace(settings, steps=steps, max_sweeps=sweeps)
-    if cell["learner"] == "ivi":
+    if "learner" not in own and cell["learner"] == "ivi":
         return replace(settings, indifference=settings.tolerance * (1 - mdp.discount) / 2)
-    return replace(settings, indifference=settings.close) if cell["comparator"] in CLOSE else settings
+    close = "comparator" not in own and cell["comparator"] in CLOSE
+    return replace(settings, indifference=settings.close) if close else settings
 
 
 @lru_cache(maxsize=32)
 def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
     """The MDP and the hidden values (k,) of one of ``PROBLEMS``. Raises as their makers do."""
     return PROBLEMS[problem](seed, size)
+
+
+def _problem_of(cell: Cell, size: Size, own: Owned) -> tuple[OrdinalMDP, Floats]:
+    """The MDP and the hidden values (k,) of a cell; the user's own is made anew, for what it reads may have changed."""
+    given = own.get("problem")
+    return problem_of(given, cell["seed"]) if given else instance(cell["problem"], cell["seed"], size)
 
 
 def run_all(
@@ -192,43 +228,68 @@ def run_all(
     row; ``shown`` makes the table that is returned; ``how`` are keywords of ``sweep``. The last columns, nan without
     an oracle and for audited runs, which are shorter than it: ``paper_loss_percent`` (figure 4's formula, signed as
     printed), ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out), ``excess_loss`` and
-    ``excess_loss_initial`` (true policy loss beyond the oracle's, share of the value range); and the ``seconds`` of
-    the run.
+    ``excess_loss_initial`` (true policy loss beyond the oracle's, share of the value range; of a learner of the user's
+    beyond the best policy's, which is 0); and the ``seconds`` of the run.
 
-    Raises ImportError without the package of a problem, Interrupted on Ctrl-C, and as ``sweep`` does.
+    Raises ImportError without the package of a problem, ValueError where a factory of the user's returns what it should
+    not, Interrupted on Ctrl-C, and as ``sweep`` does.
     """
-    for cell in {cell["problem"]: cell for cell in plan}.values():
-        instance(cell["problem"], cell["seed"], _size(cell, size))  # what is wrong with it is said before the runs
+    given = settings.own()
+
+    def given_to(cell: Cell) -> dict[str, Own]:
+        return {column: ones[cell[column]] for column, ones in given.items() if cell[column] in ones}
+
+    def own(cell: Cell) -> tuple[Any, dict[str, Any]]:
+        mine = given_to(cell)
+        return ({column: one.identity for column, one in mine.items()}, {"own": mine}) if mine else (None, {})
+
+    for mine, cell in {(cell["problem"], *given_to(cell).items()): cell for cell in plan}.items():
+        _check_parts(cell, _size(cell, size), settings.of_a_run(), dict(mine[1:]))  # said before the runs
     shared = {"size": size, "built": sources(), "settings": asdict(settings.of_a_run())}
+    best = set(given.get("learner", ()))
     try:
-        rows = sweep(function, plan, shared=shared, ahead=compile_ahead.parts, cost=_cost, **how)
+        rows = sweep(function, plan, shared=shared, ahead=compile_ahead.parts, cost=_cost, own=own, **how)
     except Interrupted as stopped:
-        frame = _beside_oracles(stopped.rows)
+        frame = _beside_oracles(stopped.rows, best)
         stopped.frame = frame if frame.empty else shown(frame)
         raise
-    return shown(_beside_oracles(rows))
+    return shown(_beside_oracles(rows, best))
 
 
-def run_named(cell: Cell, size: Mapping[str, Any], built: str, settings: Mapping[str, Any]) -> Run:
+def _check_parts(cell: Cell, size: Size, settings: Settings, own: Owned) -> None:
+    """Raise what the parts of a run would raise when they are made."""
+    mdp, values = _problem_of(cell, size, own)
+    if own:
+        settings = _of_cell(settings, cell, mdp, own)
+        _tutor(cell, mdp, values, settings, own)
+        _learner(cell, mdp, _comparator(cell, mdp.k, settings, own), settings, own)
+
+
+def run_named(
+    cell: Cell, size: Mapping[str, Any], built: str, settings: Mapping[str, Any], own: Owned | None = None
+) -> Run:
     """``run``, by a worker that makes the problem itself (once): a task is a few hundred bytes, a table of ICU-Sepsis
     40 MB. Raises RuntimeError if this process's ``sources`` are not those ``built`` names."""
     if built != sources():
         raise RuntimeError("this worker has other sources or libraries than the process that started the sweep")
-    return run(cell, *instance(cell["problem"], cell["seed"], _size(cell, size)), Settings(**settings))
+    return run(cell, *_problem_of(cell, _size(cell, size), own or {}), Settings(**settings), own)
 
 
-def in_order(cells: Iterable[Cell], keys: Sequence[str]) -> list[Cell]:
-    """Cells in the order of their table, which goes by these keys."""
+def in_order(cells: Iterable[Cell], keys: Sequence[str], own: Mapping[str, Iterable[str]] | None = None) -> list[Cell]:
+    """Cells in the order of their table, which goes by these keys; the user's own names, by their columns, come after
+    ours, and tutors of the user's after the error rates."""
+    order = {key: (*ORDER.get(key, ()), *(own or {}).get(key, ())) for key in {*ORDER, *(own or {})}}
 
     def place(cell: Cell) -> tuple[Any, ...]:
-        return tuple(ORDER[key].index(cell[key]) if key in ORDER else cell[key] for key in keys)
+        named = ((key, key in order and isinstance(cell[key], str)) for key in keys)
+        return tuple((is_name, order[key].index(cell[key]) if is_name else cell[key]) for key, is_name in named)
 
     return sorted(cells, key=place)
 
 
 def is_oracle(cell: Cell) -> bool:
     """Whether a run always asks a truthful tutor."""
-    return bool(cell["comparator"] == "always" and cell["error_rate"] == 0)
+    return bool(cell["comparator"] == ALWAYS and cell["error_rate"] == 0)
 
 
 @cache
@@ -267,15 +328,18 @@ def _cost(cell: Cell) -> float:
     return float(size * slow / (10.0 if cell["audit"] else 1.0))
 
 
-def _beside_oracles(results: Iterable[Any]) -> pd.DataFrame:
-    """The table of the runs that have finished."""
+def _beside_oracles(results: Iterable[Any], best_policy: Container[str]) -> pd.DataFrame:
+    """The table of the runs that have finished. Learners in ``best_policy`` are held to it: how they do with a
+    comparator that never learns is not known."""
     runs = [Run(row, np.array(v), best, seconds) for row, v, best, seconds in filter(None, results)]
     oracles = {_problem(run.row): run for run in runs if is_oracle(run.row)}
     table = []
     for row, v, best, seconds in runs:
         oracle = oracles.get(_problem(row))
         beside = dict.fromkeys(_BESIDE, math.nan)
-        if oracle is not None and not row["audit"]:
+        if row["learner"] in best_policy:
+            beside |= {"excess_loss": row["loss"], "excess_loss_initial": row["loss_initial"]}
+        elif oracle is not None and not row["audit"]:
             distance = paper_loss(np.abs(v - oracle.v), 0.0, best)
             excess = (row[name] - oracle.row[name] for name in ("loss", "loss_initial"))
             beside = dict(zip(_BESIDE, (paper_loss(v, oracle.v, best), distance, *excess), strict=True))

@@ -11,6 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
+from qlearn.experiments.factories import Own, own_of
+
 _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumPy's numbers too
 
 
@@ -49,6 +51,37 @@ class Choice:
         return given if isinstance(given, type(self.names[0])) and given in self.names else None
 
 
+@dataclass(frozen=True)
+class NameOrOwn(Choice):
+    """One of these names, or the user's own: an ``Own``, or the text of one. ``call`` says in words what a factory
+    takes and returns."""
+
+    call: str
+
+    @property
+    def wanted(self) -> str:
+        """Which in words."""
+        ours = f"one of {', '.join(self.names)}, or " if self.names else ""
+        return f'{ours}"package.module:factory", or of a mapping {{name: factory}}, where factory{self.call}'
+
+    def value_of(self, given: Any) -> Any:
+        """The name, or the Own, that was given; None if it is neither. Raises ValueError for the text of a factory that
+        there is not."""
+        if isinstance(given, Own) or (isinstance(given, str) and given in self.names):
+            return given
+        return own_of(given) if isinstance(given, str) and ":" in given else None
+
+    def named(self, name: Any, given: Any) -> Any:
+        """The value of an item of a mapping: ours of this name (given as the same name, or ...), or the user's own."""
+        if not isinstance(name, str) or not name:
+            return None
+        if name in self.names and given in (name, ...):
+            return name
+        if isinstance(given, str) and ":" in given:
+            given = own_of(given).factory
+        return Own(name, given) if callable(given) else None
+
+
 COUNT = Number(int, lambda n: n >= 1, "a whole number of at least 1")
 FROM_0 = Number(int, lambda n: n >= 0, "a whole number of at least 0")
 LEVELS = Number(int, lambda n: 2 <= n <= 100, "a whole number from 2 to 100")
@@ -62,9 +95,12 @@ SCALE = Number(float, lambda x: x >= 0, "a number of at least 0")
 
 PROBLEMS = ("random", "icu", "frozen-lake", "deep-sea-treasure")
 LEARNERS = ("q-learning", "ivi")
-COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box-rescaled", "box")
+ALWAYS = "always"
+COMPARATORS = (ALWAYS, "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box-rescaled", "box")
 ORDER = {"problem": PROBLEMS, "learner": LEARNERS, "comparator": COMPARATORS}
-"""The order in which tables and pictures name things."""
+"""The order in which tables and pictures name things; the user's own come after them, as they were given."""
+OWN = {"problem": "problems", "learner": "learners", "comparator": "comparators", "error_rate": "tutors"}
+"""The columns of a table that may hold a name of the user's, and the setting that gives it."""
 
 
 def setting(default: Any, check: Number | Choice, text: str) -> Any:
@@ -105,15 +141,26 @@ class Settings:
     refit_growth: float = setting(
         0.05, SCALE, "growth of the answers between two Bradley-Terry fits; 0: fit at each (hours)"
     )
-    lapse: float = setting(0.1, BELOW_1, "share of answers that the posterior takes to be given at random")
+    lapse: float | None = setting(
+        None, BELOW_1, "share of answers that the posterior takes to be given at random (default: it is learned)"
+    )
     particles: int = setting(1000, PARTICLES, "the posterior's number of particles")
     slack: float = setting(0.0, SCALE, "violation allowed the relaxed polytope beyond the least (share of range)")
+    tie: float | None = setting(
+        None,
+        BELOW_1,
+        "how far apart a tutor may call equal; 0 with ours, who are exact, .01 with yours (share of range)",
+    )
 
     def __post_init__(self) -> None:
         for one in fields(self):
             given = getattr(self, one.name)
             if not (given is None and "None" in str(one.type)):
                 object.__setattr__(self, one.name, _checked(one, given))
+
+    def own(self) -> dict[str, dict[str, Own]]:
+        """The user's own, by the column of the table and by name."""
+        return {}
 
     def named(self, *names: str) -> dict[str, Any]:
         """The settings of these names, as keywords."""
@@ -134,8 +181,8 @@ class AblationSettings(Settings):
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "the sweep": (
-            "problems", "learners", "comparators", "error_rates", "noise", "audit", "audit_steps", "audit_sweeps",
-            "seeds", "seed", "max_queries",
+            "problems", "learners", "comparators", "error_rates", "noise", "tutors", "tie", "audit", "audit_steps",
+            "audit_sweeps", "seeds", "seed", "max_queries",
         ),
         "the random MDP": ("states", "actions", "levels", "discount"),
         "Q-learning": ("steps", "epsilon", "exploration", "indifference", "close"),
@@ -144,12 +191,25 @@ class AblationSettings(Settings):
         "posterior and relaxed polytope": ("lapse", "particles", "slack"),
     }  # fmt: skip
 
-    problems: tuple[str, ...] = setting(PROBLEMS[:2], Choice(PROBLEMS), "random MDPs; real and known tasks")
-    learners: tuple[str, ...] = setting(LEARNERS, Choice(LEARNERS), "Q-learning, interactive value iteration")
-    comparators: tuple[str, ...] = setting(
+    problems: tuple[str | Own, ...] = setting(
+        PROBLEMS[:2],
+        NameOrOwn(PROBLEMS, "(seed) returns (mdp, values)"),
+        "random MDPs; real and known tasks; your own",
+    )
+    learners: tuple[str | Own, ...] = setting(
+        LEARNERS,
+        NameOrOwn(LEARNERS, "(mdp, comparator, seed) returns a Learner"),
+        "Q-learning, interactive value iteration; your own",
+    )
+    comparators: tuple[str | Own, ...] = setting(
         _IN_THE_ABLATION,
-        Choice(_IN_THE_ABLATION),
-        "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; Bradley-Terry",
+        NameOrOwn(_IN_THE_ABLATION, "(k, seed) returns a Comparator"),
+        "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; Bradley-Terry; your own",
+    )
+    tutors: tuple[str | Own, ...] = setting(
+        (),
+        NameOrOwn((), "(values, seed), or (values, seed, reference), returns a Tutor"),
+        "your own, beside those of the error rates",
     )
     error_rates: tuple[float, ...] = setting(
         (0.0, 0.05, 0.15), ERROR_RATE, "the tutor's chance of a wrong answer; 0 is truthful"
@@ -161,6 +221,23 @@ class AblationSettings(Settings):
     actions: int = setting(5, COUNT, "number of actions")
     levels: int = setting(10, LEVELS, "number of levels")
     discount: float = setting(0.95, BELOW_1, "discount factor (ICU-Sepsis, FrozenLake: 0.99)")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in OWN.values():
+            names = [one.name for one in getattr(self, name) if isinstance(one, Own)]
+            clash = {n for n in names if names.count(n) > 1 or n in getattr(self, name) or n == ALWAYS}
+            if clash:
+                raise ValueError(f"{name}: {min(clash)!r} already means something: name your own otherwise")
+
+    def names(self, setting: str) -> tuple[str, ...]:
+        """The names of what one of the settings in ``OWN`` holds."""
+        return tuple(one.name if isinstance(one, Own) else one for one in getattr(self, setting))
+
+    def own(self) -> dict[str, dict[str, Own]]:
+        """The user's own, by the column of the table and by name."""
+        given = {column: getattr(self, name) for column, name in OWN.items()}
+        return {column: {one.name: one for one in ones if isinstance(one, Own)} for column, ones in given.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,6 +257,7 @@ class FiguresSettings(Settings):
 
     noise: str = setting("logistic", Choice(("flip", "logistic")), "as in the ablation")
     max_queries: int | None = setting(None, FROM_0, "as in the ablation")
+    lapse: float | None = setting(0.1, BELOW_1, "share of answers that the posterior takes to be given at random")
     refit_growth: float = setting(0.2, SCALE, "growth of the box's answers between two fits; 0: fit at each (hours)")
     levels: tuple[int, ...] = setting((5, 10, 15, 20, 25), LEVELS, "numbers of levels of the first series")
     at_states: int = setting(100, COUNT, "its number of states")
@@ -209,9 +287,14 @@ def _checked(one: Field[Any], given: Any) -> Any:
     many = isinstance(one.default, tuple)
     if many and (isinstance(given, str) or not hasattr(given, "__iter__")):
         raise ValueError(f"{one.name} must be several values, not {given!r}")
-    found = []
-    for value in given if many else (given,):
-        found.append(check.value_of(value))
-        if found[-1] is None:
-            raise ValueError(f"{one.name} must {'each ' if many else ''}be {check.wanted}, not {value!r}")
-    return tuple(found) if many else found[0]
+    try:
+        if isinstance(given, Mapping) and isinstance(check, NameOrOwn):
+            found = [(f"{name!r}: {value!r}", check.named(name, value)) for name, value in given.items()]
+        else:
+            found = [(repr(value), check.value_of(value)) for value in (given if many else (given,))]
+    except ValueError as error:
+        raise ValueError(f"{one.name}: {error}") from error
+    for shown, value in found:
+        if value is None:
+            raise ValueError(f"{one.name} must {'each ' if many else ''}be {check.wanted}, not {shown}")
+    return tuple(value for _, value in found) if many else found[0][1]

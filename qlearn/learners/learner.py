@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
 from typing import Any
@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.hashing import Seed
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats
-from elicit.model.tutor import Tutor, TutorOfMany
+from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -58,9 +60,12 @@ def place(state: int, a: int, b: int) -> tuple[int, int, int]:
     return int(state), int(min(a, b)), int(max(a, b))
 
 
-def pair_of(left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR)) -> Pair:
+def pair_of(
+    mdp: OrdinalMDP, left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR)
+) -> Pair:
     """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
-    about = f"state {state}: action {a} (left) or action {b} (right)?"
+    other = f"action {b}" if mdp.action_names is None else mdp.action_names[b]
+    about = f"state {mdp.state_name(state)}: action {mdp.action_name(a)} (left) or {other} (right)?"
     return Pair(left, right, about, place(state, a, b), tier)
 
 
@@ -80,7 +85,7 @@ def check_max_loss(max_loss: float | None) -> float | None:
     return max_loss
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """What a learner knows so far. ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted;
     ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes the
@@ -95,8 +100,16 @@ class Result:
     audits: tuple[Audit, ...]
     cannot_tell: int
     rounds: int
-    shares: Floats | Callable[[], Floats] = field(repr=False)
-    guarantee: Callable[[], Guarantee] = field(repr=False)
+    shares: Floats | Callable[[], Floats]
+    guarantee: Callable[[], Guarantee]
+
+    def __repr__(self) -> str:
+        parts = [f"status={self.status.name}", f"asked={self.asked}"]
+        parts += [f"audited={self.audited}"] if self.audits else []
+        parts += [f"cannot_tell={self.cannot_tell}"] if self.cannot_tell else []
+        if "_guaranteed" in vars(self):  # to bound the loss can take long: said only where somebody has read it
+            parts += [f"loss_bound={self.loss_bound:.3g}", f"confidence={self.confidence:g}"]
+        return f"Result({', '.join(parts)})"
 
     @cached_property
     def q(self) -> Floats:
@@ -133,13 +146,21 @@ class Result:
 class Learner:
     """A solver that stops when it needs the tutor. What all learners do alike, they leave to their elicitation."""
 
+    seed: Seed = 0  # that gives the same run again
     _elicitation: Elicitation
     _bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # for what the loss was last bounded
 
+    def __repr__(self) -> str:
+        now, known = self._elicitation, self.comparator
+        counts = f"k={known.k}, asked={now.asked}, pending={len(now.pending)}, seed={self.seed}"
+        return f"{type(self).__name__}({type(known).__name__}, {counts})"
+
+    @one_thread
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
         return self._elicitation.ask() or self._go_on()
 
+    @one_thread
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
         then such an answer settles its own pair only, and is returned."""
@@ -230,8 +251,7 @@ def drive(
     only counts are kept. Raises StaleAnswer, before anything is logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
-    if not callable(tutor):
-        raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
+    check_tutor_made(tutor, learner.comparator.k)
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
         learner.consult(tutor.signs)
     while queries := learner.ask():

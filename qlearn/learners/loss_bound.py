@@ -21,9 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from elicit._support.threads import one_thread
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, TrustsDraws, simultaneous_bounds
+from elicit.model.comparator import Comparator, TrustsDraws, draws_in, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -79,6 +80,7 @@ def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, mo
     return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
 
 
+@one_thread
 def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None) -> Guarantee:
     """The same from a policy's advantages. With ``enough`` only whether the bound exceeds it need be right: a bound
     above may come out as inf."""
@@ -93,9 +95,12 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
     is not draws that its bounds rest on."""
-    if not isinstance(comparator, TrustsDraws) or comparator.draws is None:
+    # the level first: isinstance reads members in an order that changes from process to process (before Python 3.12),
+    # and to draw scales takes time, where nothing here would use them
+    if not hasattr(comparator, "level") or not isinstance(comparator, TrustsDraws):
         return None
-    return Draws(*comparator.draws), float(comparator.level)
+    draws = draws_in(comparator)
+    return None if draws is None else (Draws(*draws), float(comparator.level))
 
 
 def loss_over_draws(

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
+from elicit._support.seeds import seed_of, takes_rng
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Tier, Tiers, lapse_of, simultaneous_bounds
+from elicit.model.comparator import Comparator, Tier, Tiers, best_guess, lapse_of, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
@@ -22,8 +24,8 @@ from qlearn.learners.query_strategies import (
     Candidates,
     Strategy,
     best,
-    check_strategy,
     draws_of,
+    strategy_of,
     telling_violation,
     worth_asking,
 )
@@ -43,18 +45,19 @@ class InteractivePolicyIteration(Learner):
     every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
     advantage Q(s, a) - V(s) that could still change the policy, takes in the answer, and solves again.
 
-    ``strategy`` picks the question (``qlearn.strategies``); the default weighs what an answer tells by how likely it is
-    to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as they tell enough of the signs of the
-    advantages in question (``elicit.Bags``), one at a time. ``indifference`` (default tolerance (1 - discount)): an
-    advantage that no plausible scale puts above it is not asked about; above the default, the tolerance may be out of
-    reach. ``max_loss``: stop there even if the tolerance is smaller. ``max_queries``: beyond it the policy for the
-    central scale stands, with what can be said of its loss. ``audit``: share of the pairs decided by answers, among
-    those that the finished policy rests on, that is put to the tutor all the same; ``rng`` picks them. ``batch``: the
-    best so many questions at once.
+    ``strategy`` picks the question (a function of ``qlearn.strategies``, or its name); the default weighs what an
+    answer tells by how likely it is to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as
+    they tell enough of the signs of the advantages in question (``elicit.Bags``), one at a time. ``indifference``
+    (default tolerance (1 - discount)): an advantage that no plausible scale puts above it is not asked about; above the
+    default, the tolerance may be out of reach. ``max_loss``: stop there even if the tolerance is smaller.
+    ``max_queries``: beyond it the policy for the central scale stands, with what can be said of its loss. ``audit``:
+    share of the pairs decided by answers, among those that the finished policy rests on, that is put to the tutor all
+    the same; ``seed`` picks them. ``batch``: the best so many questions at once.
 
     Every round solves linear systems in all states: made for models of up to some thousands of states.
     """
 
+    @takes_rng
     def __init__(
         self,
         mdp: OrdinalMDP,
@@ -62,9 +65,9 @@ class InteractivePolicyIteration(Learner):
         *,
         tolerance: float = 0.001,
         max_loss: float | None = None,
-        strategy: Strategy = telling_violation,
+        strategy: Strategy | str = telling_violation,
         bags: Bags | None = None,
-        rng: Seed = 0,
+        seed: Seed | None = 0,
         max_queries: int | None = None,
         indifference: float | None = None,
         audit: float = 0.0,
@@ -73,12 +76,13 @@ class InteractivePolicyIteration(Learner):
         known: Known = (),
     ) -> None:
         check_problem(mdp, comparator)
+        self.seed = seed_of(seed)
         for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
             require(is_number(value) and value > 0, name, "a positive share of the value range", value)
         self._mdp = mdp
         self._enough = max(tolerance, max_loss or 0.0)
         require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
-        self._strategy, self._bags = check_strategy(strategy), bags
+        self._strategy, self._bags = strategy_of(strategy), bags
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
@@ -88,7 +92,8 @@ class InteractivePolicyIteration(Learner):
             max_audits=max_audits,
             batch=batch,
             known=known,
-            seed=rng,
+            seed=self.seed,
+            labels=mdp.labels,
         )
         self._rounds = 0
         self._end: Status | None = None
@@ -115,6 +120,7 @@ class InteractivePolicyIteration(Learner):
             return simple
         return self._open(over, order[self._elicitation.next_batch(over.d[order])])
 
+    @one_thread
     def result(self) -> Result:
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
         policy's alternatives by what settled them, and the questions."""
@@ -132,7 +138,7 @@ class InteractivePolicyIteration(Learner):
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
-            over = self._solved_for(comparator.values)
+            over = self._solved_for(best_guess(comparator))
             found = guarantee(self._mdp, over, comparator, self._enough)
             self._found = comparator, over, found
             self._rounds += 1
@@ -203,7 +209,7 @@ class InteractivePolicyIteration(Learner):
         for row in rows:
             s, a = int(over.states[row]), int(over.actions[row])
             tier = int(Tier.TUTOR if tiers is None else tiers[row])
-            pairs.append(pair_of(over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
+            pairs.append(pair_of(self._mdp, over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
         return self._elicitation.open(pairs)
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:

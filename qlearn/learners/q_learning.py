@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, fold, key_of, uniform
+from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.comparator_rule import rule_of
@@ -47,11 +48,13 @@ class InteractiveQLearning(Learner):
     it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
     share of the pairs decided by answers that is put to the tutor all the same, ``max_audits`` of them at most.
     ``known``: what was answered before (Answers, an AnswerLog, or a list of Answer): learned, and not asked again.
+    ``seed`` (None: a new one, kept as ``.seed``; ``rng`` is the same): exploration, transitions and audits hang on it.
     ``batch`` has no effect here: one
     run of Q-learning has one pair in question at a time. Only for ``Result.loss_bound`` are the MDP's transition
     probabilities read: learning itself samples them. ``model`` and ``state``: what the compiled loop reads and changes.
     """
 
+    @takes_rng
     def __init__(
         self,
         mdp: OrdinalMDP,
@@ -60,7 +63,7 @@ class InteractiveQLearning(Learner):
         steps: int = 100_000,
         epsilon: Epsilon | Exploration | str | None = None,
         learning_rate: LearningRate | None = None,
-        rng: Seed = 0,
+        seed: Seed | None = 0,
         max_queries: int | None = None,
         indifference: float = 0.0,
         audit: float = 0.0,
@@ -69,9 +72,10 @@ class InteractiveQLearning(Learner):
         known: Known = (),
     ) -> None:
         check_problem(mdp, comparator)
+        self.seed = seed_of(seed)
         exploration = exploration_of(epsilon)
         require(is_whole(steps, 0), "steps", "a whole number of at least 0", steps)
-        key = key_of(rng)
+        key = key_of(self.seed)
         self._mdp = mdp
         self._elicitation = Elicitation(
             comparator,
@@ -83,6 +87,7 @@ class InteractiveQLearning(Learner):
             batch=batch,
             known=known,
             seed=int(fold(key, kernel.AUDITS)),
+            labels=mdp.labels,
         )
         rate = rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate
         wanted = "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,)"
@@ -165,7 +170,7 @@ class InteractiveQLearning(Learner):
         s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]]
         challenger, incumbent = self.model.actions[s, position], self.state.best[s]
         q = self.state.q[s]
-        return pair_of(q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
+        return pair_of(self._mdp, q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
 
 
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:

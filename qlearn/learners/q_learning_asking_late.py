@@ -12,7 +12,7 @@ from elicit.model.query import Query
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Status, check_max_loss, pair_of, place
 from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation, worth_asking
+from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation, worth_asking
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 FIRST = 2  # checkpoint, in visits for each pair of state and action
@@ -40,12 +40,12 @@ class LateQLearning(InteractiveQLearning):
         mdp: OrdinalMDP,
         comparator: Comparator,
         *,
-        strategy: Strategy = telling_violation,
+        strategy: Strategy | str = telling_violation,
         max_loss: float | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(mdp, comparator, **settings)
-        self._strategy, self._max_loss = check_strategy(strategy), check_max_loss(max_loss)
+        self._strategy, self._max_loss = strategy_of(strategy), check_max_loss(max_loss)
         self._live = mdp.admissible & ~mdp.terminal[:, None]
         self._checkpoint = min(self.model.steps, int(FIRST * self._live.sum()))
         self._before = np.zeros_like(self.state.q)  # Q (S, A, k) at the last checkpoint
@@ -94,7 +94,7 @@ class LateQLearning(InteractiveQLearning):
         row = rows[best(self._strategy, pool)[0]]
         self._asked += 1
         s, a, b = int(states[row]), int(actions[row]), int(own[row])
-        return elicitation.open([pair_of(q[s, a].copy(), q[s, b].copy(), s, a, b)])
+        return elicitation.open([pair_of(self._mdp, q[s, a].copy(), q[s, b].copy(), s, a, b)])
 
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
         """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where they are as good."""

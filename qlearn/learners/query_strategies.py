@@ -1,6 +1,7 @@
 """Which question next: small functions that score pending candidates; the greatest score is asked about.
 
-A strategy is any function from ``Candidates`` to scores (n,); of equal scores the first is taken. Your own:
+A strategy is any function from ``Candidates`` to scores (n,), or the name of one of those here; of equal scores the
+first is taken. Your own:
 
     def closest_to_even_odds(candidates):
         left_better = (candidates.scores > 0) @ candidates.weights
@@ -12,9 +13,10 @@ plausible these are; ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -25,7 +27,7 @@ from elicit.asking.bags import entropy, says_left
 from elicit.asking.elicitation import Elicitation, Place
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.region import Region
-from elicit.model.comparator import Comparator, HasDraws, lapse_of, simultaneous_bounds
+from elicit.model.comparator import Comparator, draws_in, lapse_of, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 
 
@@ -114,16 +116,22 @@ def telling_violation(candidates: Candidates) -> Floats:
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
 
 
-def check_strategy(strategy: Strategy) -> Strategy:
-    """The strategy itself; raises ValueError for what cannot be called, such as a name."""
-    wanted = "a function from Candidates to scores (n,), such as qlearn.strategies.max_regret"
-    require(callable(strategy), "strategy", wanted, strategy)
-    return strategy
+_ALL = (first_come, widest_bound, max_regret, most_even_cut, mutual_information, violated_weight, telling_violation)
+STRATEGIES: Mapping[str, Strategy] = MappingProxyType({strategy.__name__: strategy for strategy in _ALL})
+"""Those above, by name."""
+
+
+def strategy_of(choice: Strategy | str) -> Strategy:
+    """The strategy itself, or the one of that name; raises ValueError where there is none, or what cannot be called."""
+    wanted = f"a function from Candidates to scores (n,), or one of the names {', '.join(STRATEGIES)}"
+    known = choice in STRATEGIES if isinstance(choice, str) else callable(choice)
+    require(known, "strategy", wanted, choice)
+    return STRATEGIES[choice] if isinstance(choice, str) else choice
 
 
 def draws_of(comparator: Comparator) -> Draws:
     """A comparator's ``draws``, or draws from all ordered scales where it has none."""
-    own = comparator.draws if isinstance(comparator, HasDraws) else None
+    own = draws_in(comparator)
     if own is not None:
         return Draws(*own)
     p = comparator.k - 1

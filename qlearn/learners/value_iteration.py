@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
+from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
 from elicit.model.comparator import Comparator, Tier
@@ -18,7 +19,7 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of
 from qlearn.learners.loss_bound import loses_at_most
-from qlearn.learners.query_strategies import Candidates, Strategy, best, check_strategy, telling_violation
+from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
 from qlearn.learners.state_sweep import StateSweep
 from qlearn.mdp.backup import q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -36,9 +37,9 @@ class InteractiveValueIteration(Learner):
     than tolerance (1 - discount) / (4 discount) under every ordered scale, or after ``max_sweeps`` (default: twice what
     value iteration with known values can need; a tutor who errs anew each time can keep V moving for ever).
     ``max_loss`` stops after a sweep whose policy no plausible scale lets lose more (``Result.loss_bound``, computed
-    whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``rng`` only picks the audits.
-    Questions come in order of states, each asked as soon as what is known cannot settle it; with ``batch`` > 1 up to
-    that many at once.
+    whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``seed`` only picks the
+    audits. Questions come in order of states, each asked as soon as what is known cannot settle it; with ``batch`` > 1
+    up to that many at once.
 
     ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so that
     several runs side by side do not crowd each other; there is one, too, where somebody watches or answers by
@@ -47,6 +48,7 @@ class InteractiveValueIteration(Learner):
     pairs at a time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
     """
 
+    @takes_rng
     def __init__(
         self,
         mdp: OrdinalMDP,
@@ -54,7 +56,7 @@ class InteractiveValueIteration(Learner):
         *,
         tolerance: float = 0.001,
         max_sweeps: int | None = None,
-        rng: Seed = 0,
+        seed: Seed | None = 0,
         max_queries: int | None = None,
         indifference: float | None = None,
         audit: float = 0.0,
@@ -65,6 +67,7 @@ class InteractiveValueIteration(Learner):
         max_loss: float | None = None,
     ) -> None:
         check_problem(mdp, comparator)
+        self.seed = seed_of(seed)
         require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
         holds = max_sweeps is None or is_whole(max_sweeps, 1)
         require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
@@ -83,7 +86,8 @@ class InteractiveValueIteration(Learner):
             max_audits=max_audits,
             batch=batch,
             known=known,
-            seed=rng,
+            seed=self.seed,
+            labels=mdp.labels,
         )
         self._states = StateSweep(mdp, self._elicitation, int(jobs))
         self._candidates = self._elicitation.batch  # pairs to gather before some of them are asked about
@@ -129,7 +133,7 @@ class InteractiveValueIteration(Learner):
         pairs = []
         for i in chosen:
             s, a, b = int(heads[i]), int(challengers[i]), int(incumbents[i])
-            pairs.append(pair_of(left[i], right[i], s, a, b, self._states.judged[s]))
+            pairs.append(pair_of(self._mdp, left[i], right[i], s, a, b, self._states.judged[s]))
         queries = self._elicitation.open(pairs)
         self._asking = {query.id: int(heads[i]) for query, i in zip(queries, chosen, strict=True)}
         return queries
@@ -174,10 +178,10 @@ class LateValueIteration(InteractiveValueIteration):
     """
 
     def __init__(
-        self, mdp: OrdinalMDP, comparator: Comparator, *, strategy: Strategy = telling_violation, **settings: Any
+        self, mdp: OrdinalMDP, comparator: Comparator, *, strategy: Strategy | str = telling_violation, **settings: Any
     ) -> None:
         super().__init__(mdp, comparator, **settings)
-        self._strategy, self._patient = check_strategy(strategy), settings.get("max_sweeps") is None
+        self._strategy, self._patient = strategy_of(strategy), settings.get("max_sweeps") is None
         self._candidates = mdp.n_states
         self._elicitation.puts_off = True
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -108,17 +108,37 @@ def flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: b
     return array.astype(np.bool_)
 
 
-def names(given: Sequence[str]) -> tuple[str, ...]:
-    """The labels as plain strings. Raises TypeError, ValueError."""
-    if isinstance(given, str) or not all(isinstance(label, str) for label in given):
-        raise TypeError(f"labels must be a sequence of strings, worst level first, not {given!r}")
-    labels = tuple(str(label) for label in given)  # plain strings, also of a numpy array
-    if len(labels) < 2:
-        raise ValueError(f"labels must name at least 2 levels, not {labels}: with one, all policies are equal")
-    twice = next((label for i, label in enumerate(labels) if label in labels[:i]), None)
-    if twice is not None:
-        raise ValueError(f"labels must differ, but {twice!r} appears twice in {labels}")
-    return labels
+def labels(given: Sequence[str]) -> tuple[str, ...]:
+    """The levels' names as plain strings. Raises TypeError, ValueError."""
+    found = _strings("labels", given, "a sequence of strings, worst level first")
+    if len(found) < 2:
+        raise ValueError(f"labels must name at least 2 levels, not {found}: with one, all policies are equal")
+    return found
+
+
+def names(name: str, given: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
+    """What states or actions are called, as plain strings; None where they have numbers only. Raises TypeError,
+    ValueError."""
+    if given is None:
+        return None
+    found = _strings(name, given, "None or a sequence of strings")
+    if len(found) != count:
+        raise ValueError(f"{name} must be {count} names, one each, but there are {len(found)}")
+    return found
+
+
+def _strings(name: str, given: Sequence[str], wanted: str) -> tuple[str, ...]:
+    """Different plain strings, also of a numpy array."""
+    sized = isinstance(given, Iterable) and not isinstance(given, str)
+    found = tuple(given) if sized else ()
+    if not sized or not all(isinstance(one, str) for one in found):
+        raise TypeError(f"{name} must be {wanted}, not {given!r}")
+    seen: set[str] = set()
+    for one in found:
+        if one in seen:
+            raise ValueError(f"{name} must differ, but {str(one)!r} appears twice")
+        seen.add(one)
+    return tuple(map(str, found))
 
 
 def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -> None:

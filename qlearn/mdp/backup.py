@@ -25,9 +25,16 @@ class Model(NamedTuple):
 
 
 def model_of(mdp: OrdinalMDP) -> Model:
-    """The MDP's own arrays."""
-    p = mdp.transitions
-    return Model(p.indices, p.data, p.indptr, mdp.levels.reshape(-1), mdp.terminal, mdp.n_actions, mdp.discount)
+    """The MDP's own arrays, to read: whether they could be written to is chance, and would be compiled for anew."""
+    p, levels = mdp.transitions, mdp.levels.reshape(-1)
+    indices, data, ends = _to_read(p.indices), _to_read(p.data), _to_read(p.indptr)
+    return Model(indices, data, ends, _to_read(levels), _to_read(mdp.terminal), mdp.n_actions, mdp.discount)
+
+
+def _to_read(array: Any) -> Any:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 @compiled

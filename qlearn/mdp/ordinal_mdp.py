@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,19 @@ from qlearn.mdp.array_checks import Flags, Indices
 _DEFAULT: Any = None  # the fields below are never None once constructed, whatever was passed
 
 
+class _Parts(TypedDict, total=False):
+    """What every way to make an MDP takes."""
+
+    initial: ArrayLike | None
+    terminal: ArrayLike | None
+    state_names: Sequence[str] | None
+    action_names: Sequence[str] | None
+
+
+class _AllParts(_Parts, total=False):
+    admissible: ArrayLike | None
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class OrdinalMDP:
     """An MDP whose reward is one of k named levels, worst first; what a level is worth is unknown.
@@ -31,8 +44,10 @@ class OrdinalMDP:
     probabilities add. Shorter rows are padded with probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0,
     1), ``labels`` the k names. ``initial`` (S,) is where episodes start (default: uniform over the states that are not
     terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A) bool which actions
-    there are (default: all). Array-likes are accepted and copied, but for arrays of the stored type that are read-only
-    and own their memory; the stored arrays are read-only.
+    there are (default: all). ``state_names`` (S names) and ``action_names`` (A names) are for people: queries say them
+    in place of numbers; the ``fingerprint`` leaves them out, so that a log goes on when a name is corrected.
+    Array-likes are accepted and copied, but for arrays of the stored type that are read-only and own their memory; the
+    stored arrays are read-only.
 
     A terminal state's value is its level for ever, so its levels must agree over its admissible actions. What is never
     read needs no valid entries and is overwritten: the rows of a terminal state by a self-loop, those of an
@@ -51,6 +66,24 @@ class OrdinalMDP:
     initial: Floats = _DEFAULT
     terminal: Flags = _DEFAULT
     admissible: Flags = _DEFAULT
+    state_names: tuple[str, ...] | None = None
+    action_names: tuple[str, ...] | None = None
+
+    if TYPE_CHECKING:  # what may be given, which is more than what is stored; the dataclass writes it
+
+        def __init__(
+            self,
+            successors: ArrayLike,
+            probabilities: ArrayLike,
+            levels: ArrayLike,
+            discount: float,
+            labels: Sequence[str],
+            initial: ArrayLike | None = None,
+            terminal: ArrayLike | None = None,
+            admissible: ArrayLike | None = None,
+            state_names: Sequence[str] | None = None,
+            action_names: Sequence[str] | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         probabilities = checks.numbers("probabilities", self.probabilities)
@@ -61,7 +94,7 @@ class OrdinalMDP:
             )
         n, m, b = probabilities.shape
         targets = checks.numbers("successors", self.successors, (n, m, b), whole=True)
-        labels = checks.names(self.labels)
+        labels = checks.labels(self.labels)
         levels = checks.indices("levels", self.levels, (n, m), len(labels))
         holds = is_number(self.discount, 0) and float(self.discount) < 1
         require(holds, "discount", "a number in [0, 1)", self.discount)
@@ -84,7 +117,9 @@ class OrdinalMDP:
                 "initial", initial, terminal & (initial != 0), "must be 0: an episode cannot start in a terminal state"
             )
 
-        stored = (successors, probabilities, levels, discount, labels, initial, terminal, admissible)
+        states = checks.names("state_names", self.state_names, n)
+        actions = checks.names("action_names", self.action_names, m)
+        stored = (successors, probabilities, levels, discount, labels, initial, terminal, admissible, states, actions)
         for field, value in zip(fields(self), stored, strict=True):
             object.__setattr__(self, field.name, value)
         self._freeze()
@@ -105,10 +140,10 @@ class OrdinalMDP:
         levels: ArrayLike,
         discount: float,
         labels: Sequence[str],
-        **rest: ArrayLike | None,
+        **rest: Unpack[_AllParts],
     ) -> OrdinalMDP:
         """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``: initial, terminal,
-        admissible."""
+        admissible, state_names, action_names."""
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
     @classmethod
@@ -122,6 +157,8 @@ class OrdinalMDP:
         initial: ArrayLike | None = None,
         terminal: ArrayLike | None = None,
         admissible: ArrayLike | None = None,
+        state_names: Sequence[str] | None = None,
+        action_names: Sequence[str] | None = None,
     ) -> OrdinalMDP:
         """The same from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as
         in ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
@@ -134,8 +171,9 @@ class OrdinalMDP:
         ends = checks.flags("terminal", terminal, (n,), default=False)
         offered = checks.flags("admissible", admissible, (n, matrix.shape[0] // n), default=True)
         successors, probabilities = tables.padded(matrix, offered & ~ends[:, None])
-        stored: dict[str, Any] = {"levels": levels, "labels": labels, "initial": initial}
-        return cls(successors, probabilities, discount=discount, terminal=ends, admissible=offered, **stored)
+        return cls(
+            successors, probabilities, levels, discount, labels, initial, ends, offered, state_names, action_names
+        )
 
     @classmethod
     def from_pairs(
@@ -146,12 +184,13 @@ class OrdinalMDP:
         a_indices: ArrayLike,
         discount: float,
         labels: Sequence[str],
-        **rest: ArrayLike | None,
+        **rest: Unpack[_Parts],
     ) -> OrdinalMDP:
         """The same from its L state-action pairs, as QuantEcon's DiscreteDP takes them: ``levels`` (L,) in place of its
         rewards R, ``transitions`` (L, S) for its Q, sparse or not, and the state and the action of each pair,
-        ``s_indices`` and ``a_indices`` (L,), in any order; ``rest``: initial, terminal. A pair that is not listed is
-        inadmissible. Raises ValueError for pairs out of range or listed twice, and for a state without any.
+        ``s_indices`` and ``a_indices`` (L,), in any order; ``rest``: initial, terminal, state_names, action_names. A
+        pair that is not listed is inadmissible. Raises ValueError for pairs out of range or listed twice, and for a
+        state without any.
         """
         matrix, each, listed = tables.from_pairs(levels, transitions, s_indices, a_indices, len(labels))
         return cls.from_sparse(matrix, each, discount, labels, admissible=listed, **rest)
@@ -225,6 +264,14 @@ class OrdinalMDP:
         matrix.data.flags.writeable = False
         return matrix
 
+    def state_name(self, state: int) -> str:
+        """What a state is called: its name, or its number."""
+        return str(state) if self.state_names is None else self.state_names[state]
+
+    def action_name(self, action: int) -> str:
+        """What an action is called: its name, or its number."""
+        return str(action) if self.action_names is None else self.action_names[action]
+
     def normalise(self, values: ArrayLike) -> Floats:
         """values (k,), one a level and increasing, as a scale from 0 to 1. Raises ValueError."""
         scale = normalise(values)
@@ -249,7 +296,7 @@ class OrdinalMDP:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash (32 hex digits) of everything stored, the same on every machine and in every process."""
+        """Hash (32 hex digits) of all that is stored, but for names of states and actions: the same everywhere."""
         digest = hashlib.blake2b(repr((self.discount, self.labels)).encode(), digest_size=16)
         arrays = ("successors", "probabilities", "levels", "initial", "terminal", "admissible")
         for name, kind in zip(arrays, ("<i4", "<f8", "<i4", "<f8", "?", "?"), strict=True):

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.sparse.linalg import bicgstab, splu
 
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.model.scale import Floats
 from qlearn.mdp.array_checks import Flags, reject
@@ -27,6 +28,7 @@ _RESIDUAL = 1e-14  # leaves an error of at most this over 1 - discount
 _FLOOR = 2.0**-50  # a sweep's change below this is rounding
 
 
+@one_thread
 def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10) -> tuple[Floats, Actions]:
     """Optimal value v (S,) in shares and an optimal policy (S,), eq. (2), if the scale is ``values`` (k,).
 
@@ -54,6 +56,7 @@ def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
             )
 
 
+@one_thread
 def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     """Vector value of a policy, eq. (3), as shares (S, k): row s is how the discounted time of a
     run from s divides among the levels, and sums to 1.
@@ -74,6 +77,7 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     return shares
 
 
+@one_thread
 def policy_loss(
     mdp: OrdinalMDP, policy: ArrayLike, values: ArrayLike, tolerance: float = 1e-10, optimum: Floats | None = None
 ) -> Floats:
@@ -109,6 +113,7 @@ def _first_best(q: Floats) -> Actions:
     return best
 
 
+@one_thread
 def policy_iteration(
     mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Actions | None = None
 ) -> tuple[Floats, Actions]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed, key_of
+from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_number, require
 from elicit.model.scale import Floats
 from qlearn.mdp.array_checks import BLOCK
@@ -16,26 +17,29 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 _VALUES = 100  # hidden values are integers 0..99 (section 5)
 
 
-def draw_values(k: int, rng: Seed) -> Floats:
+@takes_rng
+def draw_values(k: int, seed: Seed | None) -> Floats:
     """Hidden values (k,) of a scale: distinct integers drawn uniformly from 0..99, increasing.
 
     Section 5 draws integers from 0..99; drawn without replacement, the k levels are worth k
-    different values, at least 1/99 of the range apart. Raises ValueError unless 2 <= k <= 100.
+    different values, at least 1/99 of the range apart. ``seed``: an int, a SeedSequence, a Generator, or None, which
+    gives others each time (``rng`` is the same). Raises ValueError unless 2 <= k <= 100.
     """
     _check("the number of levels", k, 2, _VALUES)
-    return _values(k, np.random.default_rng(key_of(rng)))
+    return _values(k, np.random.default_rng(key_of(seed_of(seed))))
 
 
+@takes_rng
 def random_mdp(
     n_states: int,
     n_actions: int,
     n_levels: int,
     discount: float = 0.95,
     *,
-    rng: Seed,
+    seed: Seed | None,
     weights: Literal["dirichlet", "gaussian"] = "dirichlet",
 ) -> tuple[OrdinalMDP, Floats]:
-    """A random instance of section 5, and hidden values (k,) for its scale as of ``draw_values``.
+    """A random instance of section 5, and hidden values (k,) for its scale, by a seed as of ``draw_values``.
 
     Each (s, a) has ceil(log2 |S|) distinct successors (at least 1), a uniform sample of the
     states. The paper leaves the rest open; here the probabilities are Dirichlet(1) and the level of
@@ -47,7 +51,7 @@ def random_mdp(
     _check("n_actions", n_actions, 1, 2**31 - 1)
     _check("n_levels", n_levels, 2, _VALUES)
     require(weights in ("dirichlet", "gaussian"), "weights", '"dirichlet" or "gaussian"', weights)
-    generator = np.random.default_rng(key_of(rng))
+    generator = np.random.default_rng(key_of(seed_of(seed)))
     b = max(1, (n_states - 1).bit_length())
     successors = _samples(n_states, b, (n_states, n_actions), generator)
     draw = generator.standard_exponential if weights == "dirichlet" else generator.standard_normal

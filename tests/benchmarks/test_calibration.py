@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.fitting import calibration
+from benchmarks.fitting import calibration, calibration_questions
 from benchmarks.fitting.calibration_tables import Row, report, summary
 
 
@@ -45,3 +45,23 @@ def test_every_setting_gives_a_row_for_each_rule_and_count(setting: calibration.
     assert values[0] == 0
     assert values[-1] == 1
     assert (np.diff(values) > 0).all()
+
+
+def test_who_calls_equal_what_is_close_flips_the_rest() -> None:
+    values, rng = np.array([0.0, 0.3, 1.0]), np.random.default_rng(0)
+    d = rng.dirichlet(np.ones(3), 200) - rng.dirichlet(np.ones(3), 200)
+    sure, blurred = (calibration.Blurred(values, 0.1, 3, equal).signs(d) for equal in (0.0, 0.05))
+    close = np.abs(d @ values) <= 0.05
+    assert 5 < close.sum() < 100
+    assert (blurred == np.where(close, 0, sure)).all()
+    assert 0.02 < (sure != np.sign(d @ values)).mean() < 0.2
+
+
+def test_questions_are_counted_with_the_lapse_learned_and_told() -> None:
+    size = calibration_questions.QUICK._replace(steps=300, states=5)
+    one = calibration_questions.run(0.1, 4, 0, size)
+    assert min(one.asked, one.asked_told) > 0
+    assert 0 < one.lapse < 1
+    head, table = calibration_questions.report(size, [4], [0.1], 1)
+    assert "2 seeds" in head[-1]
+    assert table[-1].startswith("| 4 | 10% | ")

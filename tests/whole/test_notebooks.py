@@ -167,7 +167,11 @@ def test_what_it_cannot_do_it_says(tmp_path, monkeypatch, capsys):
 def test_warnings_and_errors_are_complaints_and_that_something_was_compiled_is_none(tmp_path):
     """What the test of every notebook relies on."""
     once = "elicit: compiling, once on this machine: up to a minute ..."
-    words = (f"import sys; print({once!r}, file=sys.stderr)", f"print({once!r}, 'careful', sep='\\n', file=sys.stderr)")
+    over = "elicit: compiled, in 12 s"
+    words = (
+        f"import sys; print({once!r}, {over!r}, sep='\\n', file=sys.stderr)",
+        f"print({once!r}, 'careful', sep='\\n', file=sys.stderr)",
+    )
     told = notebook_of("print('fine')", *words, "import warnings\nwarnings.warn('warned')")
     ran = execute.execute(told, "small", tmp_path)
     assert ["careful" in complaint.text for complaint in complaints(ran)] == [True, False]

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -115,9 +116,53 @@ def test_importing_a_package_stays_light(package):
     assert run(code) == ["[]"]
 
 
-@pytest.mark.parametrize("name", ["exploration.Decay", "gym_environments.frozen_lake", "strategies.max_regret"])
-def test_what_the_readme_writes_with_dots_is_there_after_import_qlearn_alone(name):
-    run(f"import qlearn; qlearn.{name}")
+@pytest.mark.parametrize(
+    "name",
+    [
+        "elicit.graph.preference_graph",
+        "elicit.plot.polytope",
+        "elicit.testing.check_comparator",
+        "qlearn.ablation.ablate",
+        "qlearn.exploration.Decay",
+        "qlearn.gym_environments.frozen_lake",
+        "qlearn.strategies.max_regret",
+    ],
+)
+def test_what_the_readme_writes_with_dots_is_there_after_one_import_and_found_by_completion(name):
+    package, module, _ = name.split(".")
+    assert run(f"import {package}; print('{module}' in dir({package})); {name}") == ["True"]
+
+
+@pytest.mark.parametrize("package", ["elicit", "qlearn"])
+def test_the_version_is_that_of_the_installed_distribution_and_looked_up_when_touched(package):
+    code = (
+        f"import sys, {package} as p; print('elicit._support.distribution' in sys.modules, '__version__' in dir(p))\n"
+        "print(p.__version__)"
+    )
+    assert run(code) == ["False True", version("elicit-qlearn")]
+
+
+@pytest.mark.parametrize("package", ["elicit", "qlearn"])
+def test_where_nothing_is_installed_there_is_no_version(package):
+    code = (
+        "import importlib.metadata as m, sys\n"
+        "def version(name):\n    raise m.PackageNotFoundError(name)\n"
+        "m.version = version\n"
+        f"import {package}\n"
+        f"try:\n    {package}.__version__\nexcept AttributeError as error:\n    print(error)\n"
+    )
+    assert run(code) == [
+        "elicit-qlearn is not installed, so its version is not known; in a clone: pip install -e '.[all]'"
+    ]
+
+
+@pytest.mark.parametrize("package", ["pandas", "threadpoolctl"])
+def test_a_module_whose_extra_is_missing_says_what_installs_it(package):
+    code = (
+        f"import sys, qlearn; sys.modules[{package!r}] = None\n"
+        "try:\n    qlearn.ablation\nexcept ModuleNotFoundError as error:\n    print(error)\n"
+    )
+    assert run(code) == [f"{package} is not installed: pip install 'elicit-qlearn[ablation]'"]
 
 
 @pytest.mark.parametrize("package", ["elicit", "qlearn"])

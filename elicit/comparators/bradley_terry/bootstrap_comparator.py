@@ -22,6 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.hashing import Seed, key_of
+from elicit._support.seeds import seed_of
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
 from elicit.decision.comparator_rule import Rule, box, ensemble, silent
@@ -52,7 +54,7 @@ class BradleyTerryComparator:
     region          "ensemble": percentiles of d.theta over the m fits. "box": the paper's extremes
                     of d.theta over a percentile interval for each theta_i, which ignores how the
                     levels vary together and for k >= 10 decides next to nothing
-    seed            int, numpy SeedSequence or Generator (kept as an int)
+    seed            int, numpy SeedSequence or Generator (kept as an int), or None for a new one
     prior_strength  s of the prior -(s/2) sum_j ((k-1) (gamma_j / precision - centre_j))^2 on the gaps
                     gamma of theta: gaps stray from their centre by about s^-1/2 equal gaps. 0: no prior
     prior_shape     the centre is equal gaps for the point estimate, and for each resample a draw of
@@ -82,7 +84,7 @@ class BradleyTerryComparator:
     n_boot: int = 100
     level: float = 0.95
     region: Region = "ensemble"
-    seed: Seed = 0
+    seed: Seed | None = 0
     # Chosen by measurement: 40 tutors each, logits of spread 2 or 10% flips, k = 5..20, n = 10..400, true
     # gaps uniform or Dirichlet(.2): at most 3.6% of the decided fresh pairs wrong, 5.6% with 1.0 and (1, 1).
     prior_strength: float = 0.3
@@ -109,8 +111,9 @@ class BradleyTerryComparator:
         positive = is_range(self.prior_shape) and self.prior_shape[0] > 0
         require(positive, "prior_shape", "two numbers, 0 < low <= high", self.prior_shape)
         object.__setattr__(self, "prior_shape", tuple(self.prior_shape))
-        key = key_of(self.seed)  # a Generator is drawn from once, here
-        object.__setattr__(self, "seed", int(self.seed) if isinstance(self.seed, (int, np.integer)) else key)
+        seed = seed_of(self.seed)
+        key = key_of(seed)  # a Generator is drawn from once, here
+        object.__setattr__(self, "seed", int(seed) if isinstance(seed, (int, np.integer)) else key)
         object.__setattr__(self, "answers", Answers.none(self.k))
 
     def update(self, answers: Answers) -> BradleyTerryComparator:
@@ -158,6 +161,7 @@ class BradleyTerryComparator:
             lo, hi = (np.clip(end, least, greatest) for end in self._model.region.extremes(rows))
         return np.ldexp(lo, power), np.ldexp(hi, power)
 
+    @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e / e_k that hold for all rows of d (n, k) at once, and their nominal confidence: the
         greatest d.e over the fits, without the share 1 - ``level`` of them with the greatest d.e of any row. It is the
@@ -199,7 +203,7 @@ class BradleyTerryComparator:
         nothing = _Model(values_of(equal[0]))
         if n < self.min_answers or self.precision == 0:
             return nothing
-        t, y, key, m = tail_sums(self.answers.d[:n]), self.answers.y[:n], key_of(self.seed), self.n_boot
+        t, y, key, m = tail_sums(self.answers.d[:n]), self.answers.y[:n], key_of(seed_of(self.seed)), self.n_boot
         strength = self.prior_strength * p**2
         fitted = partial(fit, t, y, precision=self.precision, strength=strength, monotone=self.monotone, tie=self.tie)
         point = fitted(centre=equal)

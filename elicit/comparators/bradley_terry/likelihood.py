@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.hashing import fold, name_code
+from elicit._support.threads import one_thread
 from elicit.model.scale import Floats
 
 _TOLERANCE = 1e-12  # promised gain in log-likelihood below which a step is the last one
@@ -121,6 +122,7 @@ class _Problems:
         return np.maximum(u, 0.0) if self.monotone else u
 
 
+@one_thread
 @np.errstate(over="ignore", invalid="ignore")  # where logits exceed all bounds no step is acceptable
 def fit(
     t: Floats,

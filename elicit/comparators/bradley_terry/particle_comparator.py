@@ -21,6 +21,8 @@ from numpy.typing import ArrayLike
 from scipy.special import betaincinv, gammaln, logit, ndtri
 
 from elicit._support.hashing import Seed, fold, key_of
+from elicit._support.seeds import seed_of
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.mcmc import move
@@ -78,7 +80,7 @@ class PosteriorComparator:
                over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
     prior      inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or linear cvxpy
                constraints over ``elicit.scale_variable(k)``
-    seed       int, numpy SeedSequence or Generator (kept as an int)
+    seed       int, numpy SeedSequence or Generator (kept as an int), or None for a new one
 
     A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of
     n. Raises ValueError on bad settings.
@@ -93,7 +95,7 @@ class PosteriorComparator:
         particles: int = 1000,
         shape: tuple[float, float] | None = None,
         prior: PriorLike = None,
-        seed: Seed = 0,
+        seed: Seed | None = 0,
         tie: float = TIE,
     ) -> None:
         self.k = check_levels(k)
@@ -107,6 +109,7 @@ class PosteriorComparator:
             shape = (CONCENTRATION[0] / (self.k - 1), CONCENTRATION[1] / (self.k - 1))
         wanted = f"None or two numbers, {_SHAPES[0]:g} <= low <= high <= {_SHAPES[1]:g}"
         require(is_range(shape, *_SHAPES), "shape", wanted, shape)
+        seed = seed_of(seed)
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
         self.level, self.particles, self.shape, self.tie = float(level), int(particles), tuple(shape), check_tie(tie)
@@ -194,7 +197,8 @@ class PosteriorComparator:
     def probability(self, d: ArrayLike) -> Floats:
         """P(d.e > 0 | answers) (n,) for d (n, k)."""
         gaps, weights = self._gaps_and_weights
-        return np.array([weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_vectors(d, self.k))])
+        shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_vectors(d, self.k))]
+        return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may be a rounding more
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""
@@ -210,6 +214,7 @@ class PosteriorComparator:
         least, greatest = order_bounds(t, 0.0)
         return np.clip(low, least, greatest), np.clip(high, least, greatest)
 
+    @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the posterior probability of that:
         of the particles, those with the greatest d.e of any row are left out, up to the weight 1 - ``level``."""
@@ -222,6 +227,7 @@ class PosteriorComparator:
         return at[:, kept].max(axis=1), self.level
 
     @cached_property
+    @one_thread
     def values(self) -> Floats:
         """(k,) the posterior mean of the scale, from 0 to 1; read-only."""
         gaps, weights = self._gaps_and_weights
@@ -231,6 +237,7 @@ class PosteriorComparator:
         return values
 
     @property
+    @one_thread
     def precision(self) -> float:
         """The precision c: as given, or exp of the posterior mean of log c."""
         if self.given_precision is not None:

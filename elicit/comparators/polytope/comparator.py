@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
 from elicit.decision.verdicts import decide_by
@@ -78,6 +79,7 @@ class PolytopeComparator:
         values.flags.writeable = False
         return values
 
+    @one_thread
     def update(self, answers: Answers) -> PolytopeComparator:
         """K_t cut by these answers. Raises InconsistentAnswers, with a minimal contradictory set of rows
         of ``self.answers + answers``, where that leaves no scale."""
@@ -108,14 +110,17 @@ class PolytopeComparator:
         """What is known of K_t as plain arrays."""
         return self._set.rule
 
+    @one_thread
     def settle(self, d: Floats) -> Decisions:
         """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
         return self._set.settle(d)
 
+    @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over K_t, tight to 1e-9 |d|_1."""
         return self._set.bounds(as_vectors(d, self.k))
 
+    @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and with what confidence: 1, for they
         are proven of every scale in K_t (its support function), its ties taken twice as wide. Far cheaper than

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, null_space
 
+from elicit._support.threads import one_thread
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.plausible_set import PlausibleSet, tails_of_order_one
@@ -81,6 +82,7 @@ class RelaxedPolytopeComparator:
     def __repr__(self) -> str:
         return f"RelaxedPolytopeComparator(k={self.k}, slack={self.slack:g}, {len(self.answers)} answers)"
 
+    @one_thread
     def update(self, answers: Answers) -> RelaxedPolytopeComparator:
         """What is plausible given these answers too, consistent or not."""
         new = object.__new__(RelaxedPolytopeComparator)
@@ -108,14 +110,17 @@ class RelaxedPolytopeComparator:
         """What is known of the plausible scales as plain arrays."""
         return self._set.rule
 
+    @one_thread
     def settle(self, d: Floats) -> Decisions:
         """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
         return self._set.settle(d)
 
+    @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
         return self._set.bounds(as_vectors(d, self.k))
 
+    @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e over the plausible scales, for all rows of d (n, k) at once, and their confidence: 1
         while the answers are consistent; nan after that, for nothing says how likely the slack is to be enough."""
@@ -125,11 +130,13 @@ class RelaxedPolytopeComparator:
         return np.maximum(high, self._exact.simultaneous_bounds(rows)[0]) if (self.answers.y == 0).any() else high, 1.0
 
     @cached_property
+    @one_thread
     def draws(self) -> Draws:
         """Plausible scales, for questions that go by probability; no proof rests on them."""
         return self._set.draws
 
     @property
+    @one_thread
     def values(self) -> Floats:
         """(k,) the analytic centre of the plausible set, from 0 to 1; read-only. Where B > 0 it is that of the set
         of all scales together with a violation allowed for each answer, B in total."""
@@ -143,6 +150,7 @@ class RelaxedPolytopeComparator:
             return float(np.ldexp(self._least, self._hinges.exponent))
 
     @cached_property
+    @one_thread
     def violated(self) -> tuple[tuple[int, str], ...]:
         """The answers that do not fit the others, as (row, id): each that some least-violating scale violates, by
         more than 1e-7 of the largest answered difference. Usually there is one such scale; where there are several,

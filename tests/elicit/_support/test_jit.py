@@ -1,6 +1,7 @@
 """Compiled or not, the same numbers to the last bit; and the machine code on disk is that of today's sources."""
 
 import hashlib
+import re
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,17 @@ def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
     for summand, result in ((1, "4"), (10, "22"), (1, "4")):
         (tmp_path / "helper.py").write_text(HELPER.format(summand))
         assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), PYTHONDONTWRITEBYTECODE="1") == [result]
-    assert len(list((tmp_path / "kept").iterdir())) == 2
+    assert len({path.parent for path in (tmp_path / "kept").rglob("caller*.nbi")}) == 2
+
+
+def test_what_else_was_imported_before_makes_no_difference_to_where_ours_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    code = "from elicit._support.hashing import mix; import numpy as np; mix(np.uint64(1), np.uint64(2))"
+    run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    kept = set((tmp_path / "kept").rglob("*.nbi"))
+    run("import helper; " + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    assert len(kept) >= 1
+    assert set((tmp_path / "kept").rglob("*.nbi")) == kept
 
 
 def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
@@ -79,15 +90,42 @@ def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
     assert place("", tmp_path) == before
 
 
-def test_the_first_call_says_what_it_waits_for_and_numbas_settings_stay(tmp_path: Path) -> None:
+def test_the_first_call_on_a_machine_says_what_it_waits_for_and_that_it_is_over(tmp_path: Path) -> None:
+    """Neither other functions nor other processes say it again; and numba's settings stay as they were."""
     (tmp_path / "helper.py").write_text(HELPER.format(1))
     kept = str(tmp_path / "kept")
     code = "import sys, numba, helper; sys.stderr = sys.stdout; helper.helper(1); helper.helper(1.5)"
     show = "; print(numba.config.CACHE_DIR)"
-    said, settings = run(code + show, tmp_path, NUMBA_CACHE_DIR=kept)
-    assert "compiling" in said
+    began, settings, ended = run(code + show, tmp_path, NUMBA_CACHE_DIR=kept)
+    assert began.startswith("elicit: compiling, once on this machine")
     assert settings == kept
+    assert re.fullmatch(r"elicit: compiled, in \d+ s", ended)
     assert run(code, tmp_path, NUMBA_CACHE_DIR=kept) == []
+    assert run(code + "; helper.helper(1j)", tmp_path, NUMBA_CACHE_DIR=kept) == []
+
+
+def test_that_it_is_over_is_said_while_the_process_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    code = """
+import sys, time
+from elicit._support import jit
+from helper import helper
+sys.stderr = sys.stdout
+jit._Announcer._QUIET = 0.2
+helper(1)
+time.sleep(1.0)
+print("later")
+"""
+    began, ended, later = run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    assert (began.split(",")[0], ended.split(",")[0], later) == ("elicit: compiling", "elicit: compiled", "later")
+
+
+def test_of_processes_that_compile_beside_each_other_one_says_so(tmp_path: Path) -> None:
+    code = "from elicit._support.jit import first_on_this_machine as first; print(first(), first())"
+    both = [run(code, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
+    assert both == [["True False"], ["False False"]]
+    (tmp_path / "file").write_text("where no folder can be made")
+    assert run(code, NUMBA_CACHE_DIR=str(tmp_path / "file")) == ["True True"]  # it is compiled each time, too
 
 
 def test_where_nothing_can_be_written_it_works_all_the_same() -> None:

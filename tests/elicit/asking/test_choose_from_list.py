@@ -357,3 +357,10 @@ def test_the_callers_array_is_not_kept():
     vectors[:] = 0
     run(choice, TruthfulTutor(HIDDEN))
     assert choice.result().best == true_order(shares(0, 5))[0]
+
+
+def test_a_choice_is_short_to_read():
+    choice = choose(np.eye(3), Dominance(3), labels=["a", "b", "c"]).result()
+    assert repr(choice) == "Choice(best=2, label='c', status=FINISHED, asked=0)"
+    choice = choose(np.eye(3), Dominance(3), order=True).result()
+    assert repr(choice) == "Choice(best=2, order=(2, 1, 0), label='2', status=FINISHED, asked=0)"

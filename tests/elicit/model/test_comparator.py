@@ -6,7 +6,21 @@ import numpy as np
 import pytest
 
 from elicit import AlwaysAsk, Answers, Dominance, Verdict, decide
-from elicit.model.comparator import Comparator, Tier, check_levels, verdicts_from
+from elicit.decision.comparator_rule import nothing
+from elicit.model.comparator import (
+    AllowsLapses,
+    AllowsTies,
+    BoundsAllAtOnce,
+    Comparator,
+    Decisions,
+    Foretells,
+    Tier,
+    TrustsDraws,
+    check_levels,
+    draws_in,
+    simultaneous_bounds,
+    verdicts_from,
+)
 from elicit.model.scale import as_vectors, dominance, dot, tail_sums
 from elicit.testing import check_comparator, sample_differences
 
@@ -165,3 +179,99 @@ def test_the_sample_holds_the_hard_cases():
     assert codes.count(2) > 10
     assert np.abs(d.sum(axis=1)).max() < 1e-9
     assert sample_differences(2).shape[1] == 2
+
+
+def even(self):
+    """Three draws of the gaps of OneScale, all the same."""
+    g = np.diff(self.values)
+    return np.tile(g[:, None], 3), np.full(3, 1 / 3), np.full(3, 10.0)
+
+
+GOOD_PARTS = {
+    "simultaneous_bounds": lambda self, d: (self.product(d), 0.9),
+    "draws": property(even),
+    "level": 0.9,
+    "lapse": 0.1,
+    "tie": 0.01,
+    "probability": lambda self, d: (np.zeros(len(d)), np.where(self.product(d) > 0, 0.9, 0.1)),
+}
+
+
+def test_a_comparator_with_all_optional_parts_conforms():
+    full = type("Full", (OneScale,), GOOD_PARTS)()
+    for protocol in (BoundsAllAtOnce, TrustsDraws, AllowsLapses, AllowsTies, Foretells):
+        assert isinstance(full, protocol)
+    check_comparator(full)
+    check_comparator(type("NotYet", (OneScale,), {"draws": None})())
+
+
+def drawn(change):
+    """Its ``draws``, one of the three parts changed."""
+    return {"draws": property(lambda self: change(*even(self)))}
+
+
+@pytest.mark.parametrize(
+    ("bad", "complaint"),
+    [
+        ({"simultaneous_bounds": lambda self, d: self.product(d)}, r"Bad\.simultaneous_bounds\(d\) must return upper"),
+        ({"simultaneous_bounds": lambda self, d: (self.product(d)[:-1], 1.0)}, r"must return upper bounds \(n,\)"),
+        ({"simultaneous_bounds": lambda self, d: (self.product(d), 95)}, "confidence .* must be in 0..1, or nan"),
+        ({"simultaneous_bounds": lambda self, d: (self.product(d) - 0.1, 1.0)}, "leave room for some scale"),
+        ({"level": 95, "draws": property(even)}, "level, .* must lie between 0 and 1, not 95"),
+        ({"lapse": 1.5}, "lapse, .* not 1.5"),
+        ({"tie": "1%"}, "tie, .* not '1%'"),
+        ({"answers": [1]}, r"answers must be elicit\.Answers over k = 4 levels, not \[1\]"),
+        ({"probability": lambda self, d: np.full(len(d), 1.5)}, r"probability .* numbers in 0\.\.1"),
+        ({"probability": lambda self, d: np.full(len(d), 0.9)}, "total 1 at most"),
+        ({"rule": 1, "compare": OneScale.compare}, "rule must be .*Rule, not int"),
+        ({"draws": np.ones((3, 5))}, r"Bad\.draws must be None or a tuple.*, but it is ndarray"),
+        (drawn(lambda g, w, c: (g.T, w, c[:2])), r"their shapes are \(3, 3\), \(3,\), \(2,\)"),
+        (drawn(lambda g, w, c: (2 * g, w, c)), "the gaps of draw 0 do not total 1"),
+        (drawn(lambda g, w, c: (g * np.nan, w, c)), "the gaps of draw 0 do not total 1"),
+        (drawn(lambda g, w, c: (g, 2 * w, c)), "the weights range from .* and total 2"),
+        (drawn(lambda g, w, c: (g, w, -c)), "the least precision is -10"),
+        (drawn(lambda g, w, c: (g.astype(np.float32), w, c)), "their types are float32"),
+        (drawn(lambda g, w, c: (np.array([[2.0, 2, 2], [-1, -1, -1], [0, 0, 0]]), w, c)), "must not be negative"),
+    ],
+)
+def test_bad_optional_parts_are_found_out(bad, complaint):
+    with pytest.raises(AssertionError, match=complaint):
+        check_comparator(type("Bad", (OneScale,), bad)())
+
+
+def test_answers_are_kept_in_full():
+    with pytest.raises(AssertionError, match="answers must be all that it was told, in order"):
+        check_comparator(type("Bad", (Dominance,), {"answers": Answers.none(4)})(4))
+
+
+def test_a_rule_that_leaves_differences_open_needs_settle():
+    class Half(OneScale):
+        rule = nothing()
+
+        def compare(self, d):
+            return decide(self, d).verdicts
+
+        def settle(self, d):
+            return Decisions(OneScale.compare(self, d), np.full(len(d), Tier.MODEL, np.int8))
+
+    class Ruled(Half):
+        rule = nothing()
+        compare = Half.compare
+
+    check_comparator(Ruled())
+    for settle, complaint in (
+        (lambda self, d: Decisions(OneScale.compare(self, d), np.full(len(d), 99, np.int8)), "a tier, of elicit.Tier"),
+        (lambda self, d: Decisions(np.full(len(d), 3, np.int8), np.full(len(d), 6, np.int8)), "verdicts must be those"),
+    ):
+        with pytest.raises(AssertionError, match=complaint):
+            check_comparator(type("Bad", (Ruled,), {"settle": settle})())
+
+
+def test_broken_parts_are_named_where_a_learner_meets_them():
+    bad = type("Mine", (OneScale,), {"draws": (1, 2)})()
+    with pytest.raises(TypeError, match=r"Mine\.draws must be None or a tuple.* but it is tuple"):
+        draws_in(bad)
+    assert draws_in(OneScale()) is None
+    bad = type("Mine", (OneScale,), {"simultaneous_bounds": lambda self, d: None})()
+    with pytest.raises(TypeError, match=r"Mine\.simultaneous_bounds\(d\) must return .* but of 1 differences .* None"):
+        simultaneous_bounds(bad, [1, -2, 1, 0])

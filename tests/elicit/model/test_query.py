@@ -1,6 +1,7 @@
 """What passes between learner, tutor and comparator keeps its meaning, and cannot be changed."""
 
 import io
+import json
 
 import numpy as np
 import pytest
@@ -21,6 +22,17 @@ def test_verdicts():
     assert Verdict.BETTER.flipped is Verdict.WORSE
     assert Verdict.EQUAL.flipped is Verdict.EQUAL
     assert Verdict.UNKNOWN.flipped is Verdict.UNKNOWN
+
+
+def test_a_verdict_prints_as_its_name_and_is_stored_as_its_number():
+    better = Verdict.BETTER
+    assert str(better) == f"{better}" == f"{better:s}" == "%s" % better == "BETTER"  # noqa: UP031
+    assert f"{better:>8}|{better:d}|{better:+d}" == "  BETTER|1|+1"
+    assert repr(better) == "<Verdict.BETTER: 1>"
+    assert json.dumps({"verdict": [better, Verdict.WORSE]}) == '{"verdict": [1, -1]}'
+    file = io.StringIO(newline="")
+    Answers([[1, -1, 0]], [better], ["a"]).to_csv(file)
+    assert file.getvalue() == "id,d_1,d_2,d_3,answer\r\na,1.0,-1.0,0.0,1\r\n"
 
 
 def test_queries_and_answers_keep_their_own_copy():
@@ -58,7 +70,34 @@ def test_ids_depend_on_all_that_makes_a_query():
     numbers = {Query.make("problem", number, LEFT, RIGHT).id for number in (0, 1, 10)}
     others = [("other", 0, LEFT, RIGHT), ("problem", 0, RIGHT, LEFT), ("problem", 0, LEFT, LEFT)]
     assert len(numbers | {Query.make(*one).id for one in others}) == 6
-    assert Query.make("problem", 0, np.array(LEFT), np.array(RIGHT), "about").id in numbers
+    assert Query.make("problem", 0, np.array(LEFT), np.array(RIGHT), "about", ["a", "b", "c"]).id in numbers
+
+
+def test_a_query_is_printed_as_a_person_would_read_it():
+    query = Query("q", [0.12, 0.5, 0.38], [0.0, 1.0, 0.0], "ward: operate or wait?", ["critical", "stable", "well"])
+    assert str(query).splitlines() == [
+        "ward: operate or wait?",
+        "  left:  12% critical, 50% stable, 38% well",
+        "  right: 100% stable",
+    ]
+    assert query.labels == ("critical", "stable", "well")
+    assert str(Query("q", [1, 0], [0, 1])).splitlines() == [
+        "Which is better, left or right?",
+        "  left:  100% level 1",
+        "  right: 100% level 2",
+    ]
+    near = Query("q", [0.5, 0.25, 0.25], [0.4999, 0.2502, 0.2499])
+    assert str(near).splitlines()[2] == "  right: 49.990% level 1, 25.020% level 2, 24.990% level 3"
+    hours = Query("q", [8, 0, 16.5], [0, 0, 0])
+    assert str(hours).splitlines()[1:] == [
+        "  left:  8 level 1, 16 level 3",
+        "  right: nothing",
+        "  totals differ, 24.5 and 0: level 1 is taken to be worth nothing",
+    ]
+    assert "50% level 1, 50% level 2" in str(Query("q", [0.5, 0.5], [0.5, 0.5]))
+    for bad in (["a", "b"], "abc"):
+        with pytest.raises(ValueError, match=r"labels must be 3 names, one a level, not"):
+            Query("q", LEFT, RIGHT, labels=bad)
 
 
 def test_answers_to_one_query():
@@ -100,6 +139,27 @@ def test_rows_of_answers():
 def test_bad_answers(d, y, ids, complaint):
     with pytest.raises(ValueError, match=complaint):
         Answers(d, y, ids)
+
+
+def test_answers_are_read_one_by_one():
+    answers = Answers([[1, -1, 0], [0, 1, -1], [2, -2, 0]], [1, -1, 0], ["a", "b", "c"])
+    d, y, name = answers[1]
+    assert (d.tolist(), y, name) == ([0, 1, -1], Verdict.WORSE, "b")
+    assert answers[-1].y is Verdict.EQUAL
+    assert answers[np.int64(0)].id == "a"
+    assert [(row.d.tolist(), row.y, row.id) for row in answers] == [
+        (answers.d[i].tolist(), answers.y[i], answers.ids[i]) for i in range(3)
+    ]
+    assert parts(answers[::-2]) == (("c", "a"), [0, 1], [[2, -2, 0], [1, -1, 0]])
+    assert list(Answers.none(3)) == []
+    for bad in (3, -4):
+        with pytest.raises(IndexError, match=f"there is no answer {bad}: there are 3"):
+            answers[bad]
+    with pytest.raises(TypeError):
+        answers["a"]
+    with pytest.raises(ValueError, match="read-only"):
+        d[0] = 1
+    assert repr(answers) == "Answers(3 answers, k=3)"
 
 
 def test_gathering_answers_drops_the_undecided():

@@ -691,3 +691,18 @@ def test_bad_arguments():
         with pytest.raises(ValueError, match=complaint):
             log.append(answer(), **more)
     assert (len(log), log.k) == (0, None)
+
+
+def test_a_log_is_read_like_a_list(path):
+    log = AnswerLog(path)
+    for name in "abc":
+        log.append(answer(name))
+    log.retract("b")
+    assert (log[0].answer.query.id, log[-1].answer.query.id, log[1].retracted) == ("a", "c", True)
+    assert [entry.answer.query.id for entry in log[1:]] == ["b", "c"]
+    assert type(log[:0]) is tuple
+    with pytest.raises(IndexError, match="there is no answer 3: the log has 3"):
+        log[3]
+    assert repr(log) == f"AnswerLog(3 answers, 1 of them retracted, k=3, path={str(path)!r})"
+    assert repr(AnswerLog.read(path)).endswith(", read only)")
+    assert repr(AnswerLog()) == "AnswerLog(0 answers, k=None)"

@@ -3,18 +3,20 @@
 import builtins
 from concurrent.futures import BrokenExecutor
 from dataclasses import fields
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 from qlearn import ablation
 from qlearn.cli import main as cli
 from qlearn.experiments.ablation import KEYS
 from qlearn.experiments.settings import AblationSettings, FiguresSettings, Settings
 from qlearn.paper import figure_runs as series
-from tests.interpreter import run
+from tests.interpreter import ROOT, run
 
 
 @pytest.mark.parametrize(("command", "settings"), [("ablate", AblationSettings), ("figures", FiguresSettings)])
@@ -37,6 +39,13 @@ def test_the_help_says_every_option_with_its_default(
         assert "".join(text.split()) in shown
 
 
+def test_it_says_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"qlearn {version('elicit-qlearn')}\n"
+
+
 def test_help_imports_nothing_heavy() -> None:
     code = (
         "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['ablate', '--help'])\nexcept SystemExit:\n"
@@ -57,6 +66,13 @@ def test_help_imports_nothing_heavy() -> None:
         ("ablate --error-rates 0 0.5", "'0.5' is not a number of at least 0 and below 0.5"),
         ("ablate --tolerance nan", "'nan' is not a number above 0"),
         ("ablate --comparators ellipsoid", "invalid choice: 'ellipsoid' (choose from "),
+        ("ablate --comparators polytope nowhere:f", "'nowhere:f': there is no module 'nowhere'"),
+        (
+            "ablate --problems tests.own_cases:missing",
+            "--problems: 'tests.own_cases:missing': module tests.own_cases has",
+        ),
+        ("ablate --learners tests.own_cases:NUMBER", "is no factory: 5 cannot be called"),
+        ("ablate --tutors flip", "invalid choice: 'flip' (choose from or your own, as package.module:factory)"),
         ("ablate --comparators", "expected at least one argument"),
         ("ablate --colour red", "--colour"),
         ("ablate --quick --paper", "not allowed with"),
@@ -73,7 +89,7 @@ def test_bad_options_end_in_2_and_say_the_value(options: str, said: str, capsys:
     assert said in capsys.readouterr().err
 
 
-ABLATE = "ablate --quick --seeds 1 --learners q-learning --comparators polytope --error-rates 0 0.15 --steps 60"
+ABLATE = "ablate --quick --seeds 1 --learners q-learning --comparators polytope --audit 0.05 --steps 60"
 FIGURES = (
     "figures --levels 3 4 --at-states 6 --states 6 9 --at-levels 4 --actions 2 --seeds 2 --steps 60 --n-boot 5 "
     "--particles 20"
@@ -84,7 +100,7 @@ FIGURE_FILES = ["claims.csv", "claims.md", *(f"figure{i}.{kind}" for i in (2, 3,
 @pytest.mark.parametrize(
     ("command", "files", "keys", "rows", "said"),
     [
-        (ABLATE, ["ablation.png"], KEYS, 5, "random MDP (15 states, 3 actions, 4 levels), Q-learning"),
+        (ABLATE, ["ablation.png"], KEYS, 5, "random MDP (10 states, 3 actions, 5 levels), Q-learning"),
         (FIGURES, FIGURE_FILES, series.KEYS, 30, "| below 1% ("),
     ],
     ids=["ablate", "figures"],
@@ -181,7 +197,95 @@ def test_ctrl_c_keeps_what_has_finished(
     assert cli.main([*command.split(), "--out", str(tmp_path)]) == 130
     kept = pd.read_csv(tmp_path / "runs.csv")
     assert len(kept) == 2
-    assert {*KEYS, "asked", "loss"} <= {*kept.columns}
+    assert {*module.KEYS, "asked", "loss"} <= {*kept.columns}
+
+
+def test_a_partial_table_and_picture_say_what_is_incomplete(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    real, titles = ablation.ablate, []
+
+    def stopped(settings: Settings, progress: Any, **how: Any) -> pd.DataFrame:
+        def stop(done: int, total: int) -> None:
+            if done == 4:
+                raise KeyboardInterrupt
+
+        return real(settings, progress=stop, **how)
+
+    def drawn(figure: Figure, *_: Any, **__: Any) -> None:
+        titles.append(figure.get_suptitle())
+
+    monkeypatch.setattr(ablation, "ablate", stopped)
+    monkeypatch.setattr(Figure, "savefig", drawn)
+    command = [*ABLATE.replace("--seeds 1", "--seeds 3").split(), "--jobs", "1", "--out", str(tmp_path)]
+    assert cli.main(command) == 130
+    lines = capsys.readouterr().out.splitlines()
+    (oracle,) = (line for line in lines if line.startswith("always"))
+    (polytope,) = (line for line in lines if line.startswith("polytope"))
+    assert oracle.split()[1:3] == ["0%", "3"]
+    assert "1 of 3" in polytope
+    assert "INCOMPLETE: 4 of 15 runs; of 3 rows there are none yet" in lines
+    assert titles[0].splitlines()[-1] == "INCOMPLETE: of 3 seeds some means have 1 only"
+
+    monkeypatch.setattr(ablation, "ablate", real)
+    assert cli.main(command) == 0
+    text = capsys.readouterr().out
+    assert "INCOMPLETE" not in text
+    assert " of 3 " not in text
+    assert titles[1].splitlines()[-1] == "means over 3 seeds, with 95% intervals"
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_parts_of_the_users_go_in_from_the_current_directory(jobs: str, tmp_path: Path) -> None:
+    (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef exact(k, seed):\n"
+                                           "    return Exact(tiny(seed)[1])\n")  # fmt: skip
+    options = (
+        "ablate --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --learners ivi "
+        "certified=tests.own_cases:certified --tutors tests.own_cases:careless --error-rates 0 --seeds 1 "
+        f"--tolerance 0.05 --audit 0 --jobs {jobs}"
+    ).split()
+    start = "import sys; sys.path = [p for p in sys.path if p]; from qlearn.cli.main import main; "
+    lines = run(f"{start}raise SystemExit(main({options!r}))", tmp_path, PYTHONPATH=str(ROOT), PYTHONWARNINGS="ignore")
+    heads = [line for line in lines if line.startswith("box, ")]
+    assert heads == ["box, value iteration", "box, certified"]
+    rows = pd.read_csv(tmp_path / "results" / "ablation" / "runs.csv").set_index(
+        ["learner", "comparator", "error_rate"]
+    )
+    assert len(rows) == 9
+    careless = "tests.own_cases:careless"
+    for learner in ("ivi", "certified"):
+        for tutor in ("0.0", careless):
+            assert rows.asked[learner, "exact", tutor] == 0
+            assert rows.loss[learner, "exact", tutor] < 0.05
+            assert rows.asked[learner, "polytope", tutor] > 0
+        assert rows.realised_error_rate[learner, "polytope", careless] > 0.9
+
+
+def test_what_a_factory_returned_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, said in (
+        ("three", "returned no comparator: a comparator is wanted, such as PolytopeComparator(k=5), not 3"),
+        ("two", "returned a comparator of k = 2: it must be made for 5"),
+    ):
+        options = [*ABLATE.split(), "--comparators", f"mine=tests.own_cases:{name}", "--out", str(tmp_path)]
+        assert cli.main(options) == 1
+        assert f"qlearn: 'mine': the factory, called with k = 5, seed = 0, {said}" in capsys.readouterr().err
+
+
+def test_quick_has_enough_seeds_for_its_picture_to_tell_the_comparators_apart(tmp_path: Path) -> None:
+    assert cli.main(["ablate", "--quick", "--jobs", "1", "--out", str(tmp_path)]) == 0
+    times = pd.read_csv(tmp_path / "times.csv")
+    assert times.seconds.sum() < 60  # some 3 seconds where nothing has to be compiled, and nobody else computes
+    cells = pd.read_csv(tmp_path / "summary.csv").set_index(["learner", "comparator", "error_rate"])
+    assert (cells.runs >= 8).all()
+    for learner in ("q-learning", "ivi"):
+        here = cells.loc[learner]
+        for name in ("polytope", "posterior", "ensemble"):  # all ask far less than always, beyond their intervals
+            few, most = here.loc[name, 0.0], here.loc["always", 0.0]
+            assert few.asked + few.asked_half < most.asked - most.asked_half
+            assert few.excess_loss <= 0.001
+        wrong, right = here.loc["polytope", 0.15], here.loc["posterior", 0.15]
+        assert wrong.asked + wrong.asked_half < right.asked - right.asked_half
+        assert wrong.excess_loss > right.excess_loss + right.excess_loss_half
 
 
 def test_a_missing_extra_is_named(

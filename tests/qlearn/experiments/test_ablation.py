@@ -15,7 +15,7 @@ from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import KEYS, ablate, summarise
 from qlearn.experiments.ablation_plot import LEGEND, table
 from qlearn.experiments.metrics import MEASURES
-from qlearn.experiments.palette import NAMES, STYLES
+from qlearn.experiments.palette import NAMES, STYLES, styles
 from qlearn.experiments.run import Run, run
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.exploration import EXPLORATIONS
@@ -45,7 +45,7 @@ def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(frame
     journal.write_bytes(b"".join(kept[4:]) + kept[0][:-30])
     seen.clear()
     # an oracle is among the missing; and a default is the same setting, named or not
-    resumed = ablate(**TINY, lapse=0.1, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
+    resumed = ablate(**TINY, particles=1000, jobs=1, journal=journal, progress=lambda *now: seen.append(now))
     assert seen == [(done, len(frame)) for done in range(len(frame) - 4, len(frame) + 1)]
     assert text_of(resumed) == text_of(frame)
 
@@ -162,6 +162,11 @@ def test_every_name_has_something_that_it_stands_for() -> None:
     looks = [(style["color"], style["marker"]) for style in STYLES.values()]
     assert {*STYLES} == {*ORDER["comparator"]}
     assert all(len(set(look)) == len(STYLES) for look in zip(*looks, strict=True))  # no two have one in common
+    more = styles([*(f"mine {i}" for i in range(6)), *STYLES])  # nor one of the first six of the user's
+    assert {name: more[name] for name in STYLES} == STYLES
+    looks = [(style["color"], style["marker"], str(style["linestyle"])) for style in more.values()]
+    assert all(len(set(look)) == len(STYLES) + 6 for look in zip(*looks, strict=True))
+    assert [*styles(f"mine {i}" for i in range(30))] == [f"mine {i}" for i in range(30)]
     choices = {one.name: one.metadata["check"] for one in fields(Settings)}
     assert {*choices["exploration"].names} == {*EXPLORATIONS}
     assert {*choices["noise"].names} == {*runs.TUTORS}

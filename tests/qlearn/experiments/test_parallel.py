@@ -184,6 +184,26 @@ def test_a_finished_row_is_never_computed_again(jobs: int, tmp_path: Path) -> No
     assert lines(journal) == len(CELLS)
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_cell_may_have_functions_of_its_own_and_its_row_is_known_by_what_they_are_said_to_be(
+    jobs: int, tmp_path: Path
+) -> None:
+    def apply(cell: dict[str, Any], plus: int, function: Callable[[int], int] = abs) -> int:
+        return plus + function(cell["x"])
+
+    def rows(version: str, factor: int) -> list[Any]:
+        own = {1: ({"of": version}, {"function": lambda x: factor * x})}
+        how: dict[str, Any] = {"shared": {"plus": 1}, "journal": tmp_path / "journal", "jobs": jobs}
+        return sweep(apply, CELLS[:4], own=lambda cell: own.get(cell["x"], (None, {})), **how)
+
+    assert rows("one", 10) == [1, 11, 3, 4]
+    assert rows("one", 20) == [1, 11, 3, 4]  # the same, it is said
+    assert rows("two", 20) == [1, 21, 3, 4]
+    assert lines(tmp_path / "journal") == 5
+    sweep(apply, CELLS[:4], shared={"plus": 1}, journal=tmp_path / "journal", jobs=jobs)
+    assert lines(tmp_path / "journal") == 6  # what has nothing of its own is looked up as ever
+
+
 def test_rows_of_other_settings_and_functions_are_kept_apart(tmp_path: Path) -> None:
     journal = tmp_path / "journal"
     one = sweep(row, CELLS, journal=journal, jobs=1)

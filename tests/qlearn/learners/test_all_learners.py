@@ -82,7 +82,7 @@ def test_a_setting_that_makes_no_sense_is_refused_by_name(learner: Make, name: s
 
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_learners_have_few_settings_and_check_the_levels(learner: Make) -> None:
-    assert len(settings_of(learner)) <= 11
+    assert len(settings_of(learner)) <= 13
     mdp, _ = random_mdp(4, 2, 3, rng=0)
     with pytest.raises(TypeError, match="unexpected keyword argument 'stpes'"):
         learner(mdp, PolytopeComparator(3), stpes=10)

@@ -1,5 +1,6 @@
 """Question strategies against their formulas written out, and learners that put questions off."""
 
+import inspect
 import math
 from functools import partial
 
@@ -279,3 +280,29 @@ def test_late_answers_of_q_learning_settle_their_own_pair_alone():
         assert after.compared == before.compared + 1
         assert (after.policy == before.policy).all()
     assert learner.result().status is Status.DONE
+
+
+@pytest.mark.parametrize(
+    "learner",
+    [InteractivePolicyIteration, LateValueIteration, partial(LateQLearning, steps=200, epsilon=1.0)],
+)
+def test_a_strategy_goes_by_its_name(learner):
+    mdp, values = random_mdp(12, 3, 8, discount=0.9, seed=2)
+    asked = {}
+    for name in ("first_come", "max_regret"):
+        by_name, itself = (
+            drive(learner(mdp, PolytopeComparator(8), strategy=strategy), TruthfulTutor(values)).answers.ids
+            for strategy in (name, getattr(strategies, name))
+        )
+        assert by_name == itself
+        asked[name] = by_name
+    assert asked["first_come"] != asked["max_regret"]
+    with pytest.raises(ValueError, match=r"strategy must be .* one of the names first_come, .*, not 'max regret'"):
+        learner(mdp, PolytopeComparator(8), strategy="max regret")
+
+
+def test_every_strategy_has_its_name():
+    functions = {name: made for name, made in vars(strategies).items() if inspect.isfunction(made)}
+    takes = {name: [*inspect.signature(made).parameters] for name, made in functions.items()}
+    assert {name for name in functions if takes[name] == ["candidates"]} == set(strategies.STRATEGIES)
+    assert all(strategies.strategy_of(name) is functions[name] for name in strategies.STRATEGIES)

@@ -232,6 +232,12 @@ P = parts()["probabilities"]
         ({"labels": ("a", "b", "a")}, ValueError, "'a' appears twice"),
         ({"labels": "abc"}, TypeError, "sequence of strings"),
         ({"labels": (1, 2, 3)}, TypeError, "sequence of strings"),
+        ({"labels": None}, TypeError, "labels must be a sequence of strings, worst level first, not None"),
+        ({"state_names": ("a", "b")}, ValueError, "state_names must be 3 names, one each, but there are 2"),
+        ({"state_names": "abc"}, TypeError, "state_names must be None or a sequence of strings, not 'abc'"),
+        ({"action_names": ("go", "go")}, ValueError, "action_names must differ, but 'go' appears twice"),
+        ({"action_names": (0, 1)}, TypeError, "action_names must be None or a sequence of strings"),
+        ({"action_names": 2}, TypeError, "action_names must be None or a sequence of strings, not 2"),
         ({"initial": [0.5, 0.6, 0]}, ValueError, "initial sums to 1.1"),
         ({"initial": [-0.5, 1.5, 0]}, ValueError, r"initial\[0\] is -0.5"),
         ({"initial": [0.5, 0.4, 0.1]}, ValueError, r"initial\[2\] is 0.1.*terminal"),
@@ -250,3 +256,40 @@ def test_errors_name_the_place(changed: dict[str, Any], error: type[Exception], 
 def test_a_terminal_state_may_disagree_where_it_is_inadmissible() -> None:
     mdp = small(levels=[[0, 1], [1, 0], [2, 1]], admissible=[[1, 1], [1, 0], [1, 0]])
     assert mdp.final_level[2] == 2
+
+
+STATES, ACTIONS = ("ward", "home", "end"), ("operate", "wait")
+
+
+def test_states_and_actions_may_have_names() -> None:
+    plain, named = small(), small(state_names=list(STATES), action_names=np.array(ACTIONS))
+    assert (plain.state_names, plain.action_names) == (None, None)
+    assert (plain.state_name(1), plain.action_name(0)) == ("1", "0")
+    assert (named.state_names, named.action_names) == (STATES, ACTIONS)
+    assert (named.state_name(1), named.action_name(0)) == ("home", "operate")
+    assert {type(name) for name in (*named.state_names, *named.action_names)} == {str}
+    assert named.fingerprint == plain.fingerprint, "they are for people"
+    assert pickle.loads(pickle.dumps(named)).state_names == STATES
+    assert replace(named, discount=0.5).action_names == ACTIONS
+
+
+def test_names_are_kept_however_an_mdp_is_made() -> None:
+    mdp = small()
+    names: dict[str, Any] = {"state_names": STATES, "action_names": ACTIONS, "terminal": mdp.terminal}
+    made = [
+        OrdinalMDP.from_dense(
+            mdp.transitions.toarray().reshape(3, 2, 3), mdp.levels, 0.9, LABELS, admissible=mdp.admissible, **names
+        ),
+        OrdinalMDP.from_sparse(mdp.transitions, mdp.levels, 0.9, LABELS, admissible=mdp.admissible, **names),
+        OrdinalMDP.from_pairs(
+            mdp.levels[mdp.admissible],
+            mdp.transitions[mdp.admissible.ravel()],
+            *np.nonzero(mdp.admissible),
+            0.9,
+            LABELS,
+            **names,
+        ),
+    ]
+    for again in made:
+        assert (again.state_names, again.action_names) == (STATES, ACTIONS)
+        assert np.array_equal(again.transitions.toarray(), mdp.transitions.toarray())

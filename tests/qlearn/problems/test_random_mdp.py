@@ -49,7 +49,7 @@ def test_the_seed_decides() -> None:
     assert first != second
     assert random_mdp(20, 3, 5, rng=np.random.SeedSequence(7))[0].fingerprint == one.fingerprint
     with pytest.raises(TypeError, match="seed"):
-        random_mdp(20, 3, 5, rng=None)  # type: ignore[arg-type]
+        random_mdp(20, 3, 5, rng=-7)
 
 
 def test_a_series_over_k_keeps_its_transitions() -> None:

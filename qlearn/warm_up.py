@@ -1,0 +1,34 @@
+"""Compile now all that learners and comparators need, as a step of setting up: ``python -m qlearn.warm_up``. Without it
+the first calls do, once on a machine."""
+
+from __future__ import annotations
+
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from time import monotonic
+
+from elicit._support import jit
+from qlearn.experiments.compile_ahead import ALL
+
+
+def main() -> None:
+    """Run the small examples that leave the machine code behind, as many at once as there are cores; a moment where it
+    is there already."""
+    jobs, begun = min(len(ALL), _cores()), monotonic()
+    jit.first_on_this_machine()  # so that the processes leave it to this one to say what they do
+    print(f"qlearn: compiling with {jobs} processes, some two minutes of computing ...", file=sys.stderr, flush=True)
+    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+        for part in [pool.submit(each) for each in ALL]:
+            part.result()
+    print(f"qlearn: compiled, in {monotonic() - begun:.0f} s", file=sys.stderr)
+
+
+def _cores() -> int:
+    """How many this process may use."""
+    return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,54 @@
+"""Linear algebra has one thread inside a block, and as many as before after it, whoever else is in one."""
+
+import pytest
+
+from tests.interpreter import run
+
+TWO = {"OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+BEGIN = """
+from concurrent.futures import ThreadPoolExecutor
+from threadpoolctl import threadpool_info, threadpool_limits
+from elicit._support.threads import one_thread
+
+def now():
+    print(*{pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"})
+
+@one_thread
+def decorated():
+    now()
+
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "threads"),
+    [
+        ("now()\ndecorated()\nnow()", "2 1 2"),
+        ("with one_thread:\n    with one_thread:\n        now()\n    decorated()\n    now()\nnow()", "1 1 1 2"),
+        ("try:\n    with one_thread:\n        1 / 0\nexcept ZeroDivisionError:\n    now()", "2"),
+        ("with threadpool_limits(1):\n    decorated()\n    now()\nnow()", "1 1 2"),
+        ("with one_thread:\n    pass\nwith threadpool_limits(1):\n    now()\nnow()\ndecorated()\nnow()", "1 2 1 2"),
+        ("import scipy.optimize, clarabel, sys\nassert len(threadpool_info()) > 1\ndecorated()", "1"),
+    ],
+)
+def test_a_block_has_one_thread_and_leaves_as_many_as_there_were(code: str, threads: str) -> None:
+    assert " ".join(run(BEGIN + code, **TWO)) == threads
+
+
+def test_the_last_of_several_threads_to_leave_lifts_the_limit() -> None:
+    """OpenBLAS has one limit for the process, and threadpoolctl lets only the thread that set it lift it."""
+    code = """
+with ThreadPoolExecutor(1) as first, ThreadPoolExecutor(1) as second:
+    for _ in range(2):
+        first.submit(one_thread.__enter__).result()
+        second.submit(one_thread.__enter__).result()
+        first.submit(one_thread.__exit__, None, None, None).result()
+        second.submit(now).result()
+        second.submit(one_thread.__exit__, None, None, None).result()
+        now()
+    with threadpool_limits(2):  # by a thread that holds the limit, while another one computes
+        first.submit(decorated).result()
+        now()
+now()
+"""
+    assert run(BEGIN + code, **TWO) == ["1", "2", "1", "2", "1", "2", "2"]

@@ -1,0 +1,72 @@
+"""What learners and comparators come to, as hashes to the last bit, at sizes where BLAS would share work out."""
+
+import hashlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import elicit
+import qlearn
+from elicit.asking.bags import Bags
+from elicit.model.comparator import bounds_of, simultaneous_bounds
+
+LEARNERS: dict[str, tuple[Any, dict[str, Any]]] = {
+    "policy iteration": (qlearn.InteractivePolicyIteration, {}),
+    "policy iteration, bags": (qlearn.InteractivePolicyIteration, {"bags": Bags(days=10)}),
+    "value iteration": (qlearn.InteractiveValueIteration, {"tolerance": 0.05}),
+    "late value iteration": (qlearn.LateValueIteration, {"tolerance": 0.05}),
+    "Q-learning": (qlearn.InteractiveQLearning, {"steps": 4000}),
+    "late Q-learning": (qlearn.LateQLearning, {"steps": 4000}),
+}
+
+
+def comparators(k: int) -> dict[str, Any]:
+    return {
+        "polytope": elicit.PolytopeComparator(k),
+        "relaxed": elicit.RelaxedPolytopeComparator(k, slack=0.05),
+        "posterior": elicit.PosteriorComparator(k, seed=1),
+        "ensemble": elicit.BradleyTerryComparator(k, seed=1),
+    }
+
+
+def digest(*parts: Any) -> str:
+    return hashlib.blake2b(b"".join(np.asarray(part).tobytes() for part in parts), digest_size=8).hexdigest()
+
+
+def learned() -> Iterator[str]:
+    """One line a learner and comparator: questions asked, and a hash of questions, answers, policy and bound."""
+    large = mdp, values = qlearn.random_mdp(100, 5, 10, rng=3)
+    small = qlearn.random_mdp(20, 3, 10, rng=3)  # value iteration compares thousands of pairs
+    for name, (learner, settings) in LEARNERS.items():
+        for of, comparator in comparators(10).items():
+            problem, hidden = small if "value iteration" in name else large
+            tutor = elicit.TruthfulTutor(hidden) if of == "polytope" else elicit.FlippingTutor(hidden, 0.1, 1)
+            result = qlearn.drive(learner(problem, comparator, max_queries=12, **settings), tutor)
+            known = result.answers
+            found = digest(known.d, known.y, result.policy, result.q, result.loss_bound, result.comparator.values)
+            yield f"{name}, {of}: {result.asked} {found}"
+    policy = qlearn.value_iteration(mdp, values)[1]
+    yield f"planning {digest(qlearn.evaluate_policy(mdp, policy), qlearn.policy_loss(mdp, 0 * policy, values))}"
+
+
+def compared() -> Iterator[str]:
+    """One line a comparator and what it says after sixty answers, some of them wrong."""
+    rng, k = np.random.default_rng(0), 12
+    d = np.subtract(*rng.dirichlet(np.ones(k), size=(2, 60)))
+    truth = elicit.TruthfulTutor(np.arange(k)).signs(d)
+    y = elicit.FlippingTutor(np.arange(k), 0.1, 1).signs(d)
+    asked = np.subtract(*rng.dirichlet(np.ones(k), size=(2, 400)))
+    for name, comparator in comparators(k).items():
+        knows = comparator.update(elicit.Answers(d, truth if name == "polytope" else y))
+        says = {
+            "values": digest(knows.values),
+            "verdicts": digest(knows.compare(asked)),
+            "bounds": digest(*bounds_of(knows, asked[:20]), simultaneous_bounds(knows, asked)[0]),
+            "draws": digest(*knows.draws),
+        }
+        yield f"{name} {says}"
+
+
+def report() -> list[str]:
+    return [*learned(), *compared()]
