@@ -83,6 +83,19 @@ class Shown:
         rows = [Row(label, level, a - both, b - both) for label, level, a, b, both in every]
         return tuple(row for row in reversed(rows) if row.a or row.b)
 
+    def sentence(self, verdict: Verdict | None) -> str:
+        """What was answered, in words: "10 moderate rather than 4 recovered and 6 died"."""
+        said = []
+        for side in (self.left, self.right):
+            rest = [n - both for n, both in zip(side, self.common, strict=True)]
+            parts = [f"{n:,} {label}" for n, label in zip(rest, self.labels, strict=True) if n]
+            said.append(" and ".join(reversed(parts)) or "nothing")
+        if verdict is None:
+            return f"cannot tell {said[0]} from {said[1]}"
+        if verdict is Verdict.EQUAL:
+            return f"{said[0]} as good as {said[1]}"
+        return " rather than ".join(said if verdict is Verdict.BETTER else reversed(said))
+
     @property
     def vectors(self) -> tuple[Floats, Floats]:
         """What is shown as the left and the right vector (k,) of a query: the query's own, if ``exact``."""
@@ -154,12 +167,15 @@ class Shown:
                 )
 
 
-def show(query: Query, words: Words = Words(), of: int = 10, seed: int = 0) -> Shown:
+def show(
+    query: Query, words: Words = Words(), of: int = 10, seed: int = 0, labels: Sequence[str] | None = None
+) -> Shown:
     """A query in whole numbers. Shares are counted out of ``of`` where that is exact, else out of 10, of 100, or of the
     least number up to 1,000 that is; vectors that are whole already are taken as they are. What no such number gives is
     rounded, to the same totals, out of so many that no difference changes by more than a tenth of the greatest, and
-    not ``exact``. ``seed`` and the query's id decide which side is A. Raises ValueError where the two totals differ, or
-    a number is below 0: such are no counts."""
+    not ``exact``. ``seed`` and the query's id decide which side is A. ``labels``: the k levels' names, worst first,
+    where the query has none. Raises ValueError where the two totals differ, or a number is below 0: such are no counts.
+    """
     require(is_whole(of, 1), "of, how many are shown a side,", "a whole number of at least 1", of)
     both = np.stack([query.left, query.right])
     total = float(both[0].sum())
@@ -169,10 +185,11 @@ def show(query: Query, words: Words = Words(), of: int = 10, seed: int = 0) -> S
             f"{query.right} (query {query.id})"
         )
     scale, counts, exact = _whole(both, of, shares=abs(total - 1.0) <= 1e-9)
-    labels = query.labels or tuple(f"level {i + 1}" for i in range(both.shape[1]))
+    names = query.labels or labels or [f"level {i + 1}" for i in range(both.shape[1])]
+    require(len(names) == both.shape[1], "labels", f"{both.shape[1]} names, one a level", labels)
     digest = hashlib.blake2b(f"{seed}/{query.id}".encode(), digest_size=1).digest()
     left, right = (tuple(int(n) for n in side) for side in counts)
-    return Shown(query.id, left, right, tuple(map(_printable, labels)), words, scale, exact, bool(digest[0] & 1))
+    return Shown(query.id, left, right, tuple(map(_printable, names)), words, scale, exact, bool(digest[0] & 1))
 
 
 def practice(labels: Sequence[str], words: Words = Words(), of: int = 10, seed: int = 0) -> Shown:

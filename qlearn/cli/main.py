@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from qlearn.cli import ablate, figures
+from qlearn.cli import ablate, figures, teach
 from qlearn.cli.options import without
 
 
@@ -16,7 +16,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     ablate.add_to(commands)
     figures.add_to(commands)
+    teach.add_to(commands)
     options = vars(parser.parse_args(argv))
+    if "settings" not in options:
+        return int(options.pop("command")(**options))
     command, settings, preset = (options.pop(name) for name in ("command", "settings", "preset"))
     where = {name: options.pop(name) for name in ("out", "jobs", "fresh")}
     try:

@@ -170,3 +170,13 @@ def test_bad_arguments_are_refused() -> None:
         show(Query("a", [0, 1], [1, 0]), of=0)
     with pytest.raises(ValueError, match="not 'left'"):
         show(Query("a", [0, 1], [1, 0])).verdict("left")  # type: ignore[arg-type]
+
+
+def test_an_answer_in_words() -> None:
+    shown = show(Query("a", [0.1, 0.2, 0.7], [0.2, 0.8, 0]), of=10, labels=("died", "ill", "well"))
+    assert shown.sentence(Verdict.BETTER) == "7 well rather than 6 ill and 1 died"
+    assert shown.sentence(Verdict.WORSE) == "6 ill and 1 died rather than 7 well"
+    assert shown.sentence(Verdict.EQUAL) == "7 well as good as 6 ill and 1 died"
+    assert shown.sentence(None) == "cannot tell 7 well from 6 ill and 1 died"
+    with pytest.raises(ValueError, match="labels must be 3 names"):
+        show(Query("a", [0, 0, 1], [1, 0, 0]), labels=("one",))
