@@ -47,6 +47,7 @@ _LATER = {name: place for place, names in _PLACES.items() for name in names}
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
     "plot": "elicit.plot",
+    "showing": "elicit.showing",
     "testing": "elicit.testing",
 }
 

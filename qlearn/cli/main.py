@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 
-from qlearn.cli import ablate, figures, log
+from qlearn.cli import ablate, figures, log, teach
 from qlearn.cli.options import without
 
 
@@ -17,6 +17,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     ablate.add_to(commands)
     figures.add_to(commands)
     log.add_to(commands)
+    teach.add_to(commands)
     options = vars(parser.parse_args(argv))
     if "settings" not in options:
         return int(options.pop("command")(**options))

@@ -34,7 +34,11 @@ def add_command(command: Any, run: Callable[..., int], settings: type[Settings],
         "--out", type=Path, default=Path(folder), metavar="DIR", help="directory to write to [%(default)s]"
     )
     command.add_argument(
-        "--jobs", type=_parser(COUNT), default=-1, metavar="N", help="number of processes, one thread each [one a core]"
+        "--jobs",
+        type=number_parser(COUNT),
+        default=-1,
+        metavar="N",
+        help="number of processes, one thread each [one a core]",
     )
     command.add_argument("--fresh", action="store_true", help="forget the runs that have finished, and start over")
     presets = command.add_mutually_exclusive_group()
@@ -105,14 +109,14 @@ def _keywords(one: Field[Any]) -> dict[str, Any]:
     check = one.metadata["check"]
     many = {"nargs": "+"} if isinstance(one.default, tuple) else {}
     if isinstance(check, Number):
-        return {"type": _parser(check), "metavar": "X" if check.kind is float else "N", **many}
+        return {"type": number_parser(check), "metavar": "X" if check.kind is float else "N", **many}
     if isinstance(check, NameOrOwn):
         choices = ",".join([*check.names, "package.module:factory"])
-        return {"type": _part_parser(check), "metavar": f"{{{choices}}}", **many}
+        return {"type": part_parser(check), "metavar": f"{{{choices}}}", **many}
     return {"action": "store_true"} if one.default is False else {"choices": check.names, **many}
 
 
-def _parser(check: Number) -> Callable[[str], float]:
+def number_parser(check: Number) -> Callable[[str], float]:
     """An argparse type."""
 
     def parse(text: str) -> float:
@@ -127,7 +131,7 @@ def _parser(check: Number) -> Callable[[str], float]:
     return parse
 
 
-def _part_parser(check: NameOrOwn) -> Callable[[str], Any]:
+def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
     """An argparse type: a name of ours, or the user's own, whose module is looked for in the current directory too."""
 
     def parse(text: str) -> Any:

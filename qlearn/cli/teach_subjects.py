@@ -1,0 +1,223 @@
+"""What a person can teach: an MDP's scale, or the choice among the alternatives of a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import textwrap
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from elicit.asking.bags import Bags
+from elicit.asking.choose_from_list import Choice, ChoiceStatus, choose
+from elicit.asking.session import MakeAsker
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import Comparator, TrustsDraws, best_guess, bounds_of
+from elicit.model.scale import Floats
+from elicit.showing import Words
+from qlearn.experiments.factories import Own
+from qlearn.learners.learner import Result, Status
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import optimal_policy
+from qlearn.problems.icu_sepsis import icu_sepsis
+from qlearn.problems.random_mdp import random_mdp
+
+_RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
+_MOST_STATES = 12  # that are listed
+_BAR = 40  # columns of an interval, at most
+_LEAST_BAR = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is taught. labels: the levels, worst first; of: how many outcomes to show on a side; header: what the log
+    must say; make: makes whoever asks, from what it is to know; report: says in lines what has come out; finer: what to
+    do where the next question is not one of whole numbers."""
+
+    labels: tuple[str, ...]
+    words: Words
+    of: int
+    header: dict[str, Any]
+    make: MakeAsker
+    report: Callable[[Any], list[str]] = field(repr=False)
+    finer: str
+
+
+def subject_of(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int) -> Subject:
+    """The subject of a problem: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
+    ValueError, ImportError and OSError that say what is wrong with it."""
+    if isinstance(problem, str) and problem.endswith(".csv"):
+        return _choice(Path(problem), comparator, days, unit, seed)
+    mdp, words = _mdp(problem, seed)
+    words = words if unit is None else replace(words, unit=unit)
+    header = _header(mdp.labels, mdp.fingerprint, words, discount=mdp.discount)
+
+    def make(known: Any) -> InteractivePolicyIteration:
+        knows = _comparator(comparator, mdp.k, seed)
+        return InteractivePolicyIteration(mdp, knows, bags=Bags(days=days), known=known, seed=seed)
+
+    finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
+    return Subject(mdp.labels, words, days, header, make, partial(_policy_report, mdp), finer)
+
+
+def scale_report(comparator: Comparator, labels: tuple[str, ...], width: int) -> list[str]:
+    """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with its interval."""
+    ends = np.eye(len(labels)) - np.eye(len(labels))[0]
+    low, high = bounds_of(comparator, ends)
+    values = 100.0 * best_guess(comparator)
+    # rounded outwards: what is said holds
+    low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
+    high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
+    low[-1] = 100.0
+    high[0] = 0.0
+    name = min(max(map(len, labels)), width - 20)
+    bar = min(_BAR, width - name - 22)
+    level = f", each with {comparator.level:.0%} probability" if isinstance(comparator, TrustsDraws) else ""
+    lines = textwrap.wrap(f"What the levels are worth, from 0 to 100 (best guess, interval{level}):", width)
+    for j in reversed(range(len(labels))):
+        known = "" if low[j] == high[j] else f"{low[j]:.0f} to {high[j]:.0f}"
+        line = f"  {labels[j][:name]:{name}} {values[j]:5.0f}  {known:9}"
+        lines.append(f"{line}  {_bar(low[j], values[j], high[j], bar) if bar >= _LEAST_BAR else ''}".rstrip())
+    return lines
+
+
+def _bar(low: float, value: float, high: float, width: int) -> str:
+    """An interval of 0..100 as a line: "....--*---....."."""
+    at = [min(width - 1, int(x / 100.0 * width)) for x in (low, value, high)]
+    return "".join("*" if i == at[1] else "-" if at[0] <= i <= at[2] else "." for i in range(width))
+
+
+def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
+    return {"labels": list(labels), "unit": words.unit, "problem": fingerprint, **more}
+
+
+def _comparator(name: str, k: int, seed: int) -> Comparator:
+    return PolytopeComparator(k) if name == "polytope" else PosteriorComparator(k, seed=seed)
+
+
+def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
+    if isinstance(problem, Own):
+        made = problem.made(seed)
+        parts = made if isinstance(made, tuple) and made else (made,)
+        if not isinstance(parts[0], OrdinalMDP):
+            raise ValueError(
+                f"{problem.name!r}: the function, called with seed = {seed}, must return an OrdinalMDP, or a tuple "
+                f"(mdp, elicit.showing.Words), not {made!r}"
+            )
+        words = next((part for part in parts if isinstance(part, Words)), Words(title=problem.name))
+        return parts[0], words
+    if problem == "random":
+        states, actions, levels, discount = _RANDOM
+        mdp, _ = random_mdp(states, actions, levels, discount, seed=seed)
+        return mdp, Words(title="A random problem", preamble="Level 1 is the worst. There is no right or wrong answer.")
+    preamble = (
+        "The patients are alike at the start. Choose the course that you would rather see for the group as a whole. "
+        "There is no right or wrong answer. For research on algorithms; not medical advice."
+    )
+    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble)
+
+
+def _policy_report(mdp: OrdinalMDP, result: Result) -> list[str]:
+    """What the policy can lose, and where it does not act as with equal gaps between the levels."""
+    bound = f"{_percent(result.loss_bound)} of the value range ({_sure(result.confidence)})"
+    status = "not finished: more could be asked" if result.status is Status.WAITING else result.status.value
+    lines = [f"The policy loses at most {bound}.", f"It is {status}."]
+    equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
+    states = np.flatnonzero((equal != result.policy) & ~mdp.terminal).tolist()
+    live = int(np.count_nonzero(~mdp.terminal))
+    if not states:
+        return [*lines, "It acts as with equal steps between the levels."]
+    lines.append(f"In {len(states)} of {live} states it does not act as with equal steps between the levels:")
+    for s in states[:_MOST_STATES]:
+        one, other = (mdp.action_name(int(actions[s])) for actions in (result.policy, equal))
+        lines.append(f"  state {mdp.state_name(s)}: action {one}, not {other}")
+    more = len(states) - _MOST_STATES
+    return [*lines, f"  and {more} more"] if more > 0 else lines
+
+
+def _percent(share: float) -> str:
+    """Rounded up, so that it still bounds."""
+    return f"{max(0.0, np.ceil(share * 1e4 - 1e-9)) / 100:g}%"
+
+
+def _sure(confidence: float) -> str:
+    """How certain a bound is; both comparators say."""
+    return "if your answers are right" if confidence == 1.0 else f"with {confidence:.0%} probability"
+
+
+def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Subject:
+    labels, names, vectors = read_alternatives(path)
+    words = Words(unit or "outcomes", title=path.stem, preamble="There is no right or wrong answer.")
+    content = json.dumps([labels, names, vectors.tolist()]).encode()
+    header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
+
+    def make(known: Any) -> Any:
+        return choose(vectors, _comparator(comparator, len(labels), seed), labels=names, known=known)
+
+    finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
+    return Subject(labels, words, days, header, make, _choice_report, finer)
+
+
+def _choice_report(result: Choice) -> list[str]:
+    bound = f"{_percent(result.loss_bound)} of the value range ({_sure(result.confidence)})"
+    finished = result.status is not ChoiceStatus.WAITING
+    status = result.status.value if finished else "Not finished: more could be asked."
+    return [f"Your choice: {result.label}.", status, f"Another one is better by at most {bound}."]
+
+
+def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
+    """The labels (k) of the levels, worst first, the names (n) and the vectors (n, k) of the alternatives in a CSV
+    file: a header of whatever stands over the names and the k labels, then a row each. Raises ValueError that names the
+    line, also where the totals differ or a number is below 0; OSError."""
+    with open(path, encoding="utf-8-sig", newline="") as text:
+        try:
+            rows = [(n, cells) for n, cells in _rows(csv.reader(text, strict=True)) if any(cells)]
+        except csv.Error as error:
+            raise ValueError(f"{path} is no CSV: {error}") from None
+        except UnicodeDecodeError as error:
+            raise ValueError(f"{path} is not in UTF-8 ({error}): save it as such") from None
+    header = rows[0][1] if rows else []
+    if len(header) < 3 or not all(header[1:]):
+        raise ValueError(
+            f"the first line of {path} must name a column of names and then at least two levels, worst first, such as "
+            f"name,died,ill,well; it is {','.join(header)!r}"
+        )
+    if len(rows) < 2:
+        raise ValueError(f"{path} names levels, but no alternative to choose from: add a line for each")
+    vectors = []
+    for number, cells in rows[1:]:
+        where = f"line {number} of {path}"
+        if len(cells) != len(header):
+            raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}")
+        vectors.append([_number(cell, where) for cell in cells[1:]])
+        total, first = sum(vectors[-1]), sum(vectors[0])
+        if not first > 0 or abs(total - first) > 1e-9 * first:
+            raise ValueError(
+                f"{where} has the total {total:g}, and the first alternative {first:g}: give all the same total, above "
+                "0, such as shares of 1, or counts of the same number of people"
+            )
+    return tuple(header[1:]), [cells[0] for _, cells in rows[1:]], np.array(vectors)
+
+
+def _rows(reader: Any) -> Iterator[tuple[int, list[str]]]:
+    """The number of each line, and its cells."""
+    for cells in reader:
+        yield reader.line_num, [cell.strip() for cell in cells]
+
+
+def _number(cell: str, where: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = float("nan")
+    if not 0 <= value < float("inf"):
+        raise ValueError(f"{where}: {cell!r} is no number of at least 0")
+    return value

@@ -1,0 +1,170 @@
+"""A session in the terminal: questions as plain text, answers as lines."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+import textwrap
+from typing import Literal
+
+from elicit.asking.session import Compares, Session
+from elicit.model.query import Query
+from elicit.showing import NARROWEST, Choice, Shown, practice, show
+from elicit.tutors.log_lines import BadLog
+from qlearn.cli.options import fail
+from qlearn.cli.teach_subjects import Subject, scale_report
+
+_Key = Choice | Literal["undo", "quit"]
+_MEANS: dict[str, _Key] = {
+    **dict.fromkeys(("a", "left", "1"), "a"),
+    **dict.fromkeys(("b", "right", "2"), "b"),
+    **dict.fromkeys(("e", "=", "equal", "same"), "equal"),
+    **dict.fromkeys(("?", "cannot tell", "unknown"), "cannot tell"),
+    **dict.fromkeys(("u", "undo"), "undo"),
+    **dict.fromkeys(("q", "quit", "exit"), "quit"),
+}
+_KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; q: quit"
+_WIDEST = 100
+
+
+class Terminal:
+    """A session with the person at standard input. again: the command that goes on."""
+
+    def __init__(self, session: Session, subject: Subject, seed: int, again: str) -> None:
+        self._session, self._subject, self._seed, self._again = session, subject, seed, again
+        self._width = min(max(shutil.get_terminal_size().columns, NARROWEST), _WIDEST)
+        for stream in (sys.stdin, sys.stdout):  # a name that the terminal cannot write, or a key that is no letter
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="replace")
+
+    def converse(self) -> int:
+        """Ask until there is no question left, or the person leaves; returns the exit code."""
+        try:
+            code = self._ask_all()
+        except KeyboardInterrupt:
+            self._say("")
+            code = self._leave(130)
+        except (OSError, BadLog) as error:
+            return fail(f"this could not be kept: {error}. What was answered before is; to go on: {self._again}")
+        return code
+
+    def _ask_all(self) -> int:
+        session, words = self._session, self._subject.words
+        for part in (words.title, words.preamble):
+            if part:
+                self._say(part)
+        answered = self._answered()
+        if answered:
+            self._say(f"Going on after {answered} answers.")
+        elif not self._practised():
+            return self._leave(0)
+        while True:
+            query = session.question()
+            shown = None if query is None else self._shown(query)
+            if shown is not None and shown.exact:
+                key = self._put(shown)
+            else:  # an answer to rounded numbers could make what is said at the end untrue
+                open_still = "" if shown is None else f" of whole numbers. {self._subject.finer}"
+                self._say(f"\nThere are no more questions{open_still or '.'}")
+                self._say("Enter: what was learned; u: undo; q: quit")
+                key = self._read({"": "done"}, "done")
+                if key == "done":
+                    self._report()
+                    return 0
+            if key == "quit":
+                return self._leave(0)
+            if key == "undo":
+                self._undo()
+
+    def _practised(self) -> bool:
+        """Put the practice question until it is answered; False where the person leaves."""
+        subject = self._subject
+        shown = practice(subject.labels, subject.words, subject.of, self._seed)
+        obvious = "A" if not shown.swapped else "B"
+        self._say("\nFirst one to practise, whose answer does not count.\n")
+        self._print(shown)
+        key = self._read({}, "quit")
+        if key == "quit":
+            return False
+        if key == obvious.lower():
+            self._say("Just so. Now the questions that count.")
+        else:
+            self._say(f"Most would say {obvious}: all there are at the best level. Now the questions that count.")
+        return True
+
+    def _put(self, shown: Shown) -> str:
+        """Put a question, and take its answer; what else the person wants is returned."""
+        self._session.shown(shown.id, shown.swapped, shown=shown.record())
+        self._say(f"\nQuestion {self._answered() + 1}\n")
+        self._print(shown)
+        key = self._read({}, "quit")
+        if key in ("undo", "quit"):
+            return key
+        self._session.answer(shown.id, shown.verdict(key))  # type: ignore[arg-type]  # it is a Choice now
+        return key
+
+    def _undo(self) -> None:
+        if not self._answered():
+            self._say("There is no answer to undo.")
+            return
+        self._session.undo()
+        self._say("Taken back.")
+
+    def _report(self) -> None:
+        session, subject = self._session, self._subject
+        status = session.status()
+        counts = (status.equal, "equal"), (status.cannot_tell, "cannot tell"), (status.unused, "not used")
+        among = ", ".join(f"{n} {name}" for n, name in (*counts, (status.withdrawn, "taken back besides")) if n)
+        self._say(f"\n{status.answered} answers{f' ({among})' if among else ''}\n")
+        if isinstance(session.asker, Compares):
+            for line in scale_report(session.asker.comparator, subject.labels, self._width):
+                print(line)
+        self._say("")
+        for line in subject.report(session.result()):
+            self._say(line)
+        for conflict in session.conflicts():
+            self._say(f"\nThese {len(conflict)} answers do not go together; to change any one of them would mend it:")
+            for entry in conflict:
+                self._say(f"  {self._shown(entry.answer.query).sentence(entry.answer.verdict)}")
+        self._say(f"\nAll answers are in {session.log.path}.")
+
+    def _leave(self, code: int) -> int:
+        self._say(f"{self._answered()} answers are kept. To go on:")
+        print(f"  {self._again}", flush=True)
+        return code
+
+    def _read(self, more: dict[str, str], at_end: str) -> str:
+        """The next line that means something; ``at_end`` where there are no more."""
+        while True:
+            print("> ", end="", flush=True)
+            line = sys.stdin.readline()
+            if not line:
+                print()
+                return at_end
+            said = " ".join(line.lower().split())
+            if not sys.stdin.isatty():
+                print(said[:40])  # as a terminal would have shown it
+            meant = more.get(said) or _MEANS.get(said)
+            if meant is not None and (not more or meant in ("undo", "quit", *more.values())):
+                return meant
+            if said:
+                self._say(f"{said[:40]!r} is no answer. {_KEYS}")
+
+    def _shown(self, query: Query) -> Shown:
+        subject = self._subject
+        return show(query, subject.words, subject.of, self._seed, subject.labels)
+
+    def _answered(self) -> int:
+        return sum(not entry.retracted for entry in self._session.log)
+
+    def _print(self, shown: Shown) -> None:
+        print(shown.text(self._width))
+        self._say(f"\n{_KEYS}")
+
+    def _say(self, text: str) -> None:
+        """A paragraph, wrapped; empty lines at its ends stay."""
+        before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
+        indent = "  " if text.startswith("  ") else ""
+        wrapped = textwrap.fill(text.strip(), self._width, initial_indent=indent, subsequent_indent=indent)
+        print(f"{before * chr(10)}{wrapped}{after * chr(10) if wrapped else ''}", flush=True)

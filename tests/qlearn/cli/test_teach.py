@@ -1,0 +1,388 @@
+"""A person at the terminal: what she answers is kept, and what comes out is what she said."""
+
+import io
+import random
+import re
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elicit import AnswerLog, Bags, PolytopeComparator, Verdict
+from elicit.showing import Words
+from qlearn import InteractivePolicyIteration, OrdinalMDP, draw_values, icu_sepsis, policy_loss, random_mdp
+from qlearn.cli.main import main
+from qlearn.cli.teach_subjects import read_alternatives
+from tests.interpreter import run
+from tests.scripted_person import Teach, answer_all, truthful
+
+LEVELS = [f"level {i}" for i in range(1, 6)]
+VALUES = dict(zip(LEVELS, draw_values(5, 7).tolist(), strict=True))
+TABLE = "name,died,ill,well\nold,2,3,5\nnew,3,1,6\nnone,1,8,1\n"
+ILL = {"died": 0.0, "ill": 0.3, "well": 1.0}
+
+
+def own(seed: int) -> tuple[OrdinalMDP, Words]:
+    """A problem of a user, with his words."""
+    return random_mdp(6, 2, 3, discount=0.8, seed=seed)[0], Words("weeks", "go", "Mine", "What matters to me.")
+
+
+def number(seed: int) -> int:
+    """No problem."""
+    return seed
+
+
+def taught(
+    typed: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *options: str, columns: int = 80
+) -> tuple[int, str, str]:
+    """The exit code, output and errors of the command in this process, with these lines for input."""
+    monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
+    monkeypatch.setenv("COLUMNS", f"{columns}")
+    code = main(["teach", *options])
+    shown = capsys.readouterr()
+    return code, shown.out, shown.err
+
+
+@pytest.fixture
+def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Alternatives to choose from, in the current directory."""
+    (tmp_path / "care.csv").write_text(TABLE)
+    monkeypatch.chdir(tmp_path)
+    return "--problem=care.csv"
+
+
+def report(shown: str) -> str:
+    """What was learned."""
+    return shown[shown.index("What the levels are worth") : shown.index("All answers are in")]
+
+
+def told(log: Path) -> list[tuple[str, Verdict | None]]:
+    """The answers of a log that stand."""
+    return [(e.answer.query.id, e.answer.verdict) for e in AnswerLog.read(log) if not e.retracted]
+
+
+@pytest.mark.parametrize("comparator", ["polytope", "posterior"])
+def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: Path) -> None:
+    with Teach(tmp_path, "--problem", "random", "--comparator", comparator, "--seed", "3") as teach:
+        keys = answer_all(teach, VALUES)
+        code, errors = teach.leave()
+    assert (code, errors) == (0, "Getting ready ...\n")
+    assert len(keys) > 3
+    assert {"a", "b"} <= {*keys}  # left and right are at random
+    log = AnswerLog.read(tmp_path / "answers-random.jsonl")
+    mdp, _ = random_mdp(30, 3, 5, 0.9, seed=3)
+    assert log.header["problem"] == mdp.fingerprint
+    assert (log.k, log.header["labels"], log.header["unit"], log.header["discount"]) == (5, LEVELS, "days", 0.9)
+    values = np.array([*VALUES.values()])
+    assert len(log) == len(keys) - 1  # but for practice
+    for entry, key in zip(log, keys[1:], strict=True):
+        query = entry.answer.query
+        assert entry.answer.verdict == np.sign(round(10 * query.d @ values))  # of whole numbers
+        shown = next(asked for asked in log.asked if asked.query.id == query.id)
+        said = shown.metadata["shown"]
+        left, right = ("b", "a") if shown.swapped else ("a", "b")
+        assert said["exact"]
+        assert (np.array(said[left]) / 10).tolist() == query.left.tolist()
+        assert (np.array(said[right]) / 10).tolist() == query.right.tolist()
+        assert entry.answer.swapped == shown.swapped
+        assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
+    said = report(teach.shown)
+    sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
+    bound = re.search(rf"The policy loses at most ([\d.]+)% of the value range \({sure}\)", " ".join(said.split()))
+    assert bound
+    assert float(bound[1]) < 1
+    policy = InteractivePolicyIteration(mdp, PolytopeComparator(5), bags=Bags(10), known=log).result().policy
+    assert comparator == "posterior" or policy_loss(mdp, policy, values).max() <= float(bound[1]) / 100
+    for name, value in VALUES.items():
+        interval = re.search(rf"  {name} +\d+  (?:(\d+) to (\d+))?", said)
+        assert interval
+        low, high = (float(interval[1]), float(interval[2])) if interval[1] else (0.0, 100.0)
+        true = 100 * (value - min(VALUES.values())) / (max(VALUES.values()) - min(VALUES.values()))
+        assert comparator == "posterior" or low <= true <= high
+
+
+def test_where_the_policy_differs_from_equal_gaps_is_said_of_named_states(tmp_path: Path) -> None:
+    with Teach(tmp_path, "--problem", "random", "--seed", "3") as teach:
+        answer_all(teach, VALUES)
+        teach.leave()
+    found = re.search(r"In (\d+) of 30 states it does not act as with equal steps", " ".join(teach.shown.split()))
+    listed = re.findall(r"  state (\d+): action (\d), not (\d)", teach.shown)
+    assert len(listed) == min(12, int(found[1]) if found else 0)
+    assert listed
+    assert all(one != other for _, one, other in listed)
+
+
+def test_where_no_whole_numbers_tell_more_finer_ones_go_on(tmp_path: Path) -> None:
+    bounds, answered = [], 0
+    for days in ("10", "20"):
+        with Teach(tmp_path, "--problem", "random", "--seed", "3", "--days", days) as teach:
+            assert ("Going on after" in teach.prompted()) == (answered > 0)
+            answer_all(teach, VALUES)
+            assert teach.leave()[0] == 0
+        said = " ".join(teach.shown.split())
+        assert f"no more questions of whole numbers. For finer ones start again with --days {2 * int(days)}: " in said
+        assert "It is not finished: more could be asked." in said
+        assert "(Rounded" not in said  # else what is certified could be untrue
+        bounds += [float(found) for found in re.findall(r"loses at most ([\d.]+)%", said)]
+        before, answered = answered, len(told(tmp_path / "answers-random.jsonl"))
+        assert answered > before
+    assert bounds[1] < bounds[0]
+
+
+def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_path: Path) -> None:
+    with Teach(tmp_path, "--problem", "random", "--log", "whole.jsonl") as teach:
+        keys = answer_all(teach, VALUES)
+        teach.leave()
+    undisturbed = report(teach.shown)
+    chance, log, kept = random.Random(1), tmp_path / "killed.jsonl", 0
+    for _ in range(4):
+        with Teach(tmp_path, "--problem", "random", "--log", "killed.jsonl") as teach:
+            first = teach.prompted()
+            assert (f"Going on after {kept} answers." in first) == (kept > 0)
+            practised = int(not kept)
+            acknowledged = kept + len(answer_all(teach, VALUES, practised + chance.randint(0, 2))) - practised
+            assert teach.process.stdin is not None
+            teach.process.stdin.write(f"{truthful(teach.since, VALUES)}\n".encode())  # perhaps kept, perhaps not
+            teach.process.stdin.flush()
+            time.sleep(chance.uniform(0, 0.1))
+        kept = len(told(log))
+        assert acknowledged <= kept <= acknowledged + 1
+    with Teach(tmp_path, "--problem", "random", "--log", "killed.jsonl") as teach:
+        answer_all(teach, VALUES)
+        assert teach.leave()[0] == 0
+    assert report(teach.shown) == undisturbed
+    assert told(log) == told(tmp_path / "whole.jsonl")
+    assert len(keys) - 1 == len(told(log))
+
+
+def test_a_choice_from_a_csv(tmp_path: Path) -> None:
+    (tmp_path / "care.csv").write_text(TABLE)
+    with Teach(tmp_path, "--problem", "care.csv", "--unit", "patients") as teach:
+        answer_all(teach, ILL)
+        code, _ = teach.leave()
+    assert code == 0
+    assert "Of 10 patients, which would you rather have?" in teach.shown
+    assert re.search("of 10 patients are the same: [1-9] (well|ill|died)", teach.shown)
+    assert "Your choice: new.\nFinished: " in teach.shown  # 6.3, and the others 5.9 and 3.4
+    assert "(Rounded" not in teach.shown
+    assert AnswerLog.read(tmp_path / "answers-care.jsonl").header["unit"] == "patients"
+
+
+def test_words_for_keys_undo_and_quit(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = "LEFT\n\nwhat\n=\nu\nu\n?\nright\nundo\nquit\nnever read\n"
+    code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
+    assert code == 0
+    assert "'what' is no answer. a or b: that one; e: equal; ?: cannot tell; u: undo; q: quit" in " ".join(
+        shown.split()
+    )
+    assert shown.count("Taken back.") == 2
+    assert shown.count("There is no answer to undo.") == 1
+    assert "never read" not in shown
+    assert shown.endswith(
+        "1 answers are kept. To go on:\n  qlearn teach --problem care.csv --comparator posterior "
+        "--log answers-care.jsonl --days 10 --seed 0\n"
+    )
+    log = AnswerLog.read("answers-care.jsonl")
+    assert [(entry.answer.verdict, entry.retracted) for entry in log] == [
+        (Verdict.EQUAL, True),
+        (None, False),
+        (log[2].answer.verdict, True),
+    ]
+
+
+def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, shown, _ = taught("", monkeypatch, capsys, table)
+    assert code == 0
+    assert "First one to practise" in shown
+    assert "0 answers are kept. To go on:" in shown
+    code, shown, _ = taught("a\n" * 2, monkeypatch, capsys, table, columns=39)
+    assert "1 answers are kept." in shown
+    assert max(len(line) for line in shown.splitlines() if not line.startswith("  qlearn teach")) <= 39
+    code, shown, _ = taught("a\na\na\na\na\n", monkeypatch, capsys, table)
+    assert "First one to practise" not in shown
+    assert "Going on after 1 answers." in shown
+    assert "There are no more questions" in shown
+    assert "Your choice: " in shown
+    before = told(Path("answers-care.jsonl"))
+    code, shown, _ = taught("u\nq\n", monkeypatch, capsys, table)
+    assert told(Path("answers-care.jsonl")) == before[:-1]
+
+
+def test_the_practice_question_says_what_most_would_say(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = [taught(f"{key}\n", monkeypatch, capsys, table)[1] for key in "ab"]
+    assert sum("Just so. Now the questions that count." in text for text in said) == 1
+    assert sum(bool(re.search("Most would say [AB]: all there are at the best level", text)) for text in said) == 1
+    assert not told(Path("answers-care.jsonl"))
+
+
+def test_ctrl_c_keeps_what_was_answered(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupted(io.StringIO):
+        def readline(self, size: int | None = -1) -> str:  # type: ignore[override]
+            line = super().readline()
+            if not line:
+                raise KeyboardInterrupt
+            return line
+
+    monkeypatch.setattr(sys, "stdin", Interrupted("a\na\n"))
+    assert main(["teach", table]) == 130
+    assert "1 answers are kept. To go on:" in capsys.readouterr().out
+
+
+def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    careless = "".join(f"{key}\n" for key in random.Random(2).choices("ab", k=40))
+    taught(careless, monkeypatch, capsys, "--problem", "random", "--comparator", "posterior")
+    given = told(Path("answers-random.jsonl"))
+    assert all(entry.used for entry in AnswerLog.read("answers-random.jsonl"))
+    code, shown, _ = taught("a\n" * 60, monkeypatch, capsys, "--problem", "random", "--comparator", "polytope")
+    assert code == 0
+    assert f"Going on after {len(given)} answers." in shown
+    assert told(Path("answers-random.jsonl"))[: len(given)] == given
+    unused = sum(not entry.used for entry in AnswerLog.read("answers-random.jsonl"))
+    assert unused
+    assert f"{unused} not used" in shown
+    conflict = re.search(r"These (\d) answers do not go together; to change any one of them", shown)
+    assert conflict
+    assert shown[conflict.end() :].count(" rather than ") >= int(conflict[1])
+
+
+def test_a_problem_and_its_words_of_the_users(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, shown, _ = taught("a\n", monkeypatch, capsys, "--problem", f"{__name__}:own", "--days", "5")
+    assert code == 0
+    assert shown.startswith("Mine\nWhat matters to me.\n")
+    assert "Of 5 weeks, which would you rather have?" in shown
+    code, _, errors = taught("", monkeypatch, capsys, "--problem", f"{__name__}:number")
+    assert code == 1
+    assert "called with seed = 0, must return an OrdinalMDP, or a tuple (mdp, elicit.showing.Words), not 0" in errors
+
+
+def test_another_problems_log_a_log_in_use_and_no_log_are_said(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    taught("a\na\n", monkeypatch, capsys, table)
+    options = ("--problem", "random", "--log", "answers-care.jsonl")
+    code, shown, errors = taught("a\n", monkeypatch, capsys, *options)
+    assert (code, shown) == (1, "")
+    assert "qlearn: answers-care.jsonl is another log: its header says " in errors
+    with AnswerLog("answers-care.jsonl"):
+        code, shown, errors = taught("a\n", monkeypatch, capsys, table)
+    assert (code, shown) == (1, "")
+    assert "answers-care.jsonl" in errors
+    code, _, errors = taught("a\n", monkeypatch, capsys, table, "--log", "/dev/full")
+    assert code == 1
+    assert "/dev/full is a device: an answer log is a regular file" in errors
+
+
+def test_a_full_disk_is_said_and_what_was_kept_stays(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    taught("a\na\n", monkeypatch, capsys, table)
+    before = told(Path("answers-care.jsonl"))
+
+    def full(self: AnswerLog, *_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(AnswerLog, "append", full)
+    code, _, errors = taught("a\n", monkeypatch, capsys, table)
+    assert code == 1
+    assert "this could not be kept: [Errno 28] No space left on device. What was answered before is; to go" in errors
+    assert told(Path("answers-care.jsonl")) == before
+
+
+def test_a_missing_extra_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("qlearn.problems.icu_sepsis.find_spec", lambda name: None)
+    code, _, errors = taught("", monkeypatch, capsys)
+    assert code == 1
+    assert errors == "qlearn: the ICU-Sepsis tables are not installed: pip install 'elicit-qlearn[icu]'\n"
+    assert not [*tmp_path.iterdir()]
+
+
+def test_icu_sepsis_is_asked_about_patients(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, shown, _ = taught("a\n", monkeypatch, capsys)
+    assert code == 0
+    assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
+    assert "Question 1\n\nOf 10 patients, which would you rather have?" in shown
+    assert icu_sepsis().labels[0] in shown
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "the first line of {} must name a column of names and then at least two levels, worst first"),
+        ("name,died\na,1\n", "it is 'name,died'"),
+        ("name,died,well\n", "{} names levels, but no alternative to choose from"),
+        ("name,died,well\na,1,2\nb,1\n", "line 3 of {} has 2 cells, but the header has 3"),
+        ("name,died,well\n\na,1,x\n", "line 3 of {}: 'x' is no number of at least 0"),
+        ("name,died,well\na,-1,2\n", "line 2 of {}: '-1' is no number of at least 0"),
+        ("name,died,well\na,1,2\nb,1,3\n", "line 3 of {} has the total 4, and the first alternative 3: give all the"),
+        ("name,died,well\na,0,0\n", "line 2 of {} has the total 0"),
+        ('name,died,well\n"a,1,2\n', "{} is no CSV"),
+    ],
+)
+def test_what_is_wrong_with_a_csv_is_said(
+    text: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("x.csv").write_text(text)
+    code, _, errors = taught("", monkeypatch, capsys, "--problem", "x.csv")
+    assert code == 1
+    assert said.format("x.csv") in errors
+
+
+def test_a_csv_with_a_byte_order_mark_is_read_and_one_that_is_not_there_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "x.csv").write_text("\ufeffname, died ,well\nø,0.25,0.75\n", encoding="utf-8")
+    labels, names, vectors = read_alternatives(tmp_path / "x.csv")
+    assert (labels, names, vectors.tolist()) == (("died", "well"), ["ø"], [[0.25, 0.75]])
+    (tmp_path / "x.csv").write_bytes(b"name,a,b\n\xff,1,2\n")
+    with pytest.raises(ValueError, match="not in UTF-8"):
+        read_alternatives(tmp_path / "x.csv")
+    monkeypatch.chdir(tmp_path)
+    code, _, errors = taught("", monkeypatch, capsys, "--problem", "y.csv")
+    assert code == 1
+    assert "No such file or directory: 'y.csv'" in errors
+
+
+def test_bad_options_end_in_2(capsys: pytest.CaptureFixture[str]) -> None:
+    for options, said in (
+        ("--problem nothing", "invalid choice: 'nothing' (choose from 'icu-sepsis', 'random', or your own"),
+        ("--problem nowhere:f", "there is no module 'nowhere'"),
+        ("--days 1", "'1' is not a whole number of at least 2"),
+        ("--comparator box", "invalid choice: 'box'"),
+    ):
+        with pytest.raises(SystemExit) as end:
+            main(["teach", *options.split()])
+        assert end.value.code == 2
+        assert said in capsys.readouterr().err
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['teach', '--help'])\nexcept SystemExit:\n"
+        "    print('heavy:', sorted({'numpy', 'scipy', 'numba', 'cvxpy'} & set(sys.modules)))"
+    )
+    *shown, heavy = run(code)
+    assert "[answers-PROBLEM.jsonl, here]" in " ".join(" ".join(shown).split())
+    assert heavy == "heavy: []"

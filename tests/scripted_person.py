@@ -1,0 +1,80 @@
+"""A scripted person at ``qlearn teach``: reads what the terminal shows, and answers by hidden values."""
+
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tests.interpreter import ROOT
+
+
+class Teach:
+    """The command with these options, run in a folder, and what it has shown so far."""
+
+    def __init__(self, folder: Path, *options: str, columns: int = 80) -> None:
+        more = {"COLUMNS": f"{columns}", "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "qlearn", "teach", *options],
+            cwd=folder,
+            env={**os.environ, **more},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        self.shown = self.since = ""  # since the last prompt
+
+    def __enter__(self) -> "Teach":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+    def prompted(self) -> str:
+        """What is shown up to the next prompt, or to the end."""
+        assert self.process.stdout is not None
+        since = b""
+        while not since.endswith(b"\n> ") and (byte := self.process.stdout.read(1)):
+            since += byte
+        self.since = since.decode()
+        self.shown += self.since
+        return self.since
+
+    def say(self, line: str) -> str:
+        """Answer the prompt with a line; what is shown up to the next one."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(f"{line}\n".encode())
+        self.process.stdin.flush()
+        return self.prompted()
+
+    def leave(self) -> tuple[int, str]:
+        """End the input; the exit code, and the error stream."""
+        rest, errors = self.process.communicate(timeout=240)
+        self.shown += rest.decode()
+        return self.process.returncode, errors.decode()
+
+
+def truthful(question: str, values: Mapping[str, float]) -> str:
+    """The key of the side that is worth more by the values of the levels, by name; in 80 columns."""
+    worth = [0.0, 0.0]
+    for line in question.splitlines():
+        for name, value in values.items():
+            if line.startswith(f"  {name} "):
+                numbers = re.findall(r"(?<= )\d[\d,]*", line[2 + len(name) :])
+                assert len(numbers) == 2, line
+                for side in (0, 1):
+                    worth[side] += value * int(numbers[side].replace(",", ""))
+    return "e" if worth[0] == worth[1] else "a" if worth[0] > worth[1] else "b"
+
+
+def answer_all(teach: Teach, values: Mapping[str, float], most: int = 1000) -> Sequence[str]:
+    """Answer truthfully, so many questions at most, the practice one included; the keys. The prompt after them is
+    open."""
+    keys = []
+    text = teach.since or teach.prompted()
+    while len(keys) < most and "There are no more questions" not in text:
+        keys.append(truthful(text, values))
+        text = teach.say(keys[-1])
+    return keys
