@@ -46,7 +46,7 @@ then "equal" means equal, to one part in 10^9.
 - **What an answer "equal" teaches.** The polytope cuts |d.e| <= tie. The relaxed polytope counts as violated what
   exceeds it. The Bradley-Terry fit and the posterior take the law of Rao and Kupper (1967), P(left is better) =
   sigma(c (d.e - w)) and P(right is better) = sigma(-c (d.e + w)), in the fit with w = tie, in the posterior with w
-  learned between 0 and the tie. A tutor who has called nothing equal is taken as sharp: until the first "equal"
+  learned between 0 and twice the tie. A tutor who has called nothing equal is taken as sharp: until the first "equal"
   every comparator is to the last digit what it is with tie = 0, and asks not one question more.
 - **What it settles.** A pair called equal is not asked again; a learner keeps the action that it has. What that
   may lose is in `Result.loss_bound`, for it is bounded over all scales that the answers allow.
@@ -56,9 +56,10 @@ then "equal" means equal, to one part in 10^9.
 - **What is promised.** Nobody knows their own tie. Guarantees of confidence 1 (`simultaneous_bounds`) therefore
   allow for twice the `tie` that the comparator was told; verdicts and `bounds` go by the tie itself. Where a
   person's "equal" may reach farther than that, give a larger `tie`: no comparator can tell.
-- **What the posterior promises.** Its 95% is a promise on average over its prior, by which the width lies anywhere
-  up to the tie and answers tie by Rao and Kupper's law: of a tutor who calls equal everything within the whole
-  tie, and nothing beyond, it is kept less often, as the table shows.
+- **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior, by which the width
+  lies anywhere up to twice the tie and answers tie by Rao and Kupper's law: the farther a tutor's "equal" reaches,
+  the less often it is kept, as the table shows. Resamples of a Bradley-Terry fit all have the same answers "equal"
+  and say nothing of what these leave open: their guarantees then come with a confidence of nan.
 
 Simple bags (`bags=`) tell apart what single steps of a model cannot: the differences that are left open between
 two actions are often smaller than any tie.

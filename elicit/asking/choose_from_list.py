@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.asking.elicitation import Elicitation, Known, OnConflict, Pair
-from elicit.model.comparator import Comparator, Decisions, Tier, best_guess, check_comparator_made, simultaneous_bounds
+from elicit.model.comparator import (
+    Comparator,
+    Decisions,
+    Tier,
+    best_guess,
+    bounds_of,
+    check_comparator_made,
+    simultaneous_bounds,
+)
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 
@@ -260,7 +268,7 @@ class Choosing:
 
     def _most_open(self, pairs: _Indices) -> tuple[int, int]:
         """The pair whose d.e reaches about as far above 0 as below it: either answer then teaches much."""
-        low, high = self._elicitation.comparator.bounds(self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]])
+        low, high = bounds_of(self._elicitation.comparator, self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]])
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.minimum(high, -low) / (high - low)
         ahead, other = pairs[int(np.argmax(np.nan_to_num(share, nan=0.5)))].tolist()

@@ -5,6 +5,7 @@ its user acted. Here lives everything that is the same whoever asks: what the co
 question budget, audits, "cannot tell", "about equal", never asking a pair twice, and the counts.
 """
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
@@ -30,7 +31,7 @@ from elicit.model.comparator import (
     learn,
     tie_of,
 )
-from elicit.model.query import Answer, Answers, Query, Verdict, match
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.answer_log import EXPECTED, Entry
@@ -322,10 +323,18 @@ class Elicitation:
             if not isinstance(known, Iterable):
                 raise TypeError(f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}")
             told = Answers.of([answer for answer in map(self._enter, known) if answer is not None], k)
-        had = set(_rows(self.comparator.answers)) if isinstance(self.comparator, KeepsAnswers) else set()
-        new = [i for i, row in enumerate(_rows(told)) if row not in had]
+        had = Counter(_rows(self.comparator.answers) if isinstance(self.comparator, KeepsAnswers) else ())
+        new = []
+        for i, row in enumerate(_rows(told)):
+            had[row] -= 1
+            if had[row] < 0:
+                new.append(i)
         if new:
-            self.comparator = self.comparator.update(Answers(told.d[new], told.y[new], [told.ids[i] for i in new]))
+            try:
+                self.comparator = self.comparator.update(Answers(told.d[new], told.y[new], [told.ids[i] for i in new]))
+            except InconsistentAnswers as error:
+                error.add_note("They are among what was known: leave one out of known=, of a log by log.retract(id)")
+                raise
         self.answers = told
 
     def _enter(self, known: Answer | Entry) -> Answer | None:
@@ -375,9 +384,9 @@ class Elicitation:
         return self._guess[1]
 
 
-def _rows(answers: Answers) -> Iterator[tuple[str, bytes, int]]:
-    """Each answer's id, difference and verdict."""
-    return zip(answers.ids, map(np.ndarray.tobytes, answers.d), answers.y.tolist(), strict=True)
+def _rows(answers: Answers) -> Iterator[tuple[bytes, int]]:
+    """Each answer's difference and verdict."""
+    return zip(map(np.ndarray.tobytes, answers.d), answers.y.tolist(), strict=True)
 
 
 def _implied(comparator: Comparator, d: Floats) -> Verdict:

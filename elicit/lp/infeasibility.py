@@ -58,4 +58,7 @@ class Contradiction(InconsistentAnswers):
         if self.margin:
             allowed = f"the margin {self._found_in[0].margin:g} is above the least gap they allow."
             said += f" With a margin of 0 they would be consistent: {allowed}"
+        equal = [row for row, _ in self.answers if self._found_in[2].y[row] == 0]
+        if equal:
+            said += " An answer 'equal' is taken to mean |d.e| <= tie: a wider tie may make room for them."
         return said

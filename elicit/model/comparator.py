@@ -149,7 +149,11 @@ def learn(comparator: Comparator, answers: Answers, one_by_one: bool) -> tuple[C
     ``one_by_one`` without those that contradict the ones before; else raises InconsistentAnswers."""
     taken = np.ones(len(answers), dtype=np.bool_)
     try:
-        return comparator.update(answers), taken
+        learned = comparator.update(answers)
+        check_comparator_made(learned)
+        if learned.k != comparator.k:
+            raise TypeError(f"update made k = {comparator.k} levels into {learned.k}: {learned!r}")
+        return learned, taken
     except InconsistentAnswers:
         if not one_by_one:
             raise
@@ -189,6 +193,15 @@ class TrustsDraws(HasDraws, Protocol):
     @property
     def level(self) -> float:
         """The share, below 1."""
+
+
+@runtime_checkable
+class StatesConfidence(Protocol):
+    """One whose guarantees hold with another confidence than the share of its draws that they rest on."""
+
+    @property
+    def confidence(self) -> float:
+        """The probability with which they hold; nan where none can be stated."""
 
 
 @runtime_checkable

@@ -198,8 +198,8 @@ class InteractivePolicyIteration(Learner):
         judged = self._elicitation.judge(over.d, partial(self._place, over))
         rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
         if len(rows):
-            most = min(self._elicitation.batch, self._elicitation.audits_left)
-            return self._open(over, rows[:most], judged.tiers)
+            some = self._elicitation.next_batch(over.d[rows])[: self._elicitation.audits_left]
+            return self._open(over, rows[some], judged.tiers)
         self._end = Status.BOUNDED if np.isnan(found.confidence) else Status.CONVERGED
         return ()
 

@@ -161,6 +161,12 @@ class BradleyTerryComparator:
             lo, hi = (np.clip(end, least, greatest) for end in self._model.region.extremes(rows))
         return np.ldexp(lo, power), np.ldexp(hi, power)
 
+    @property
+    def confidence(self) -> float:
+        """Of guarantees that rest on the fits: ``level``; nan once the tutor has called nearly equal what she may, for
+        every resample has the same answers "equal", and says nothing of what they leave open."""
+        return math.nan if self.tie > 0 and (self.answers.y == 0).any() else self.level
+
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e / e_k that hold for all rows of d (n, k) at once, and their nominal confidence: the
@@ -173,7 +179,7 @@ class BradleyTerryComparator:
             return order_bounds(t, 0.0)[1], 1.0
         at = t @ draws.gaps
         most = np.sort(at.max(axis=0))[-1 - math.floor((1.0 - self.level) * at.shape[1] + 1e-9)]
-        return at[:, at.max(axis=0) <= most].max(axis=1), self.level
+        return at[:, at.max(axis=0) <= most].max(axis=1), self.confidence
 
     @property
     def draws(self) -> Draws | None:

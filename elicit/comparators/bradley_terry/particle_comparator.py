@@ -34,7 +34,7 @@ from elicit.lp.hit_and_run import Draws
 from elicit.lp.infeasibility import is_empty
 from elicit.lp.prior_inequalities import PriorLike, as_prior
 from elicit.lp.region import Region, prior_rows
-from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
+from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
 
@@ -71,9 +71,9 @@ class PosteriorComparator:
                learned, Beta(1, 4) a priori
     tie        the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call EQUAL, in 0 <= tie <
                1, where d is a difference of share vectors and enters as it is given. The width within which she does
-               is learned, uniform up to ``tie`` a priori. One who has called nothing equal is taken as sharp: until
-               the first EQUAL nothing depends on ``tie``, and then all answers are taken in afresh. 0: EQUAL means
-               equal, and counts as half an answer each way
+               is learned, uniform up to twice the ``tie`` a priori, for nobody knows their own. One who has called
+               nothing equal is taken as sharp: until the first EQUAL nothing depends on ``tie``, and then all answers
+               are taken in afresh. 0: EQUAL means equal, and counts as half an answer each way
     level      posterior probability that a verdict needs, in (1/2, 1)
     particles  how many stand for the posterior
     shape      a priori the gaps are Dirichlet(a), log a uniform between these two; None: between ``CONCENTRATION``
@@ -156,8 +156,8 @@ class PosteriorComparator:
         new._x, new._theta, new._slips = self._x.copy(), self._theta.copy(), self._slips.copy()
         new._logs, new._noise = self._logs.copy(), self._noise.copy()
         for i in range(n, n + len(answers)):
-            if new._tied[i] and new._prior.tie < self.tie:  # the first EQUAL
-                new._start(self.tie)
+            if new._tied[i] and new._prior.tie == 0 < self.tie:  # the first EQUAL
+                new._start(ALLOWANCE * self.tie)
                 new._learn(range(i))
             new._learn(range(i, i + 1))
         if new.effective_size < WORN * self.particles:

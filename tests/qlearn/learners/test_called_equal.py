@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elicit import Answer, Answers, BradleyTerryComparator, InconsistentAnswers, PosteriorComparator, Query, Verdict
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
@@ -124,3 +125,31 @@ def test_what_was_called_equal_is_not_asked_again():
     rows = {np.abs(d).tobytes() for d in result.answers.d}
     assert len(rows) == len(result.answers)
     assert result.decided[Tier.TUTOR.name.lower()] == result.asked
+
+
+def test_a_bootstrap_promises_nothing_of_what_is_called_equal():
+    def all_equal(query: Query) -> Answer:
+        return Answer(query, Verdict.EQUAL)
+
+    mdp, _ = random_mdp(10, 3, 4, seed=0)
+    result = drive(InteractiveValueIteration(mdp, BradleyTerryComparator(4)), all_equal)
+    assert result.status is Status.CALLED_EQUAL
+    assert np.isnan(result.confidence)
+    sharp = drive(InteractiveValueIteration(mdp, BradleyTerryComparator(4)), TruthfulTutor([0, 1, 2, 4]))
+    assert sharp.confidence == 0.95
+
+
+def test_the_posterior_keeps_its_promise_to_a_tutor_who_calls_equal_what_lies_within_the_tie():
+    broken = 0
+    for seed in range(30):
+        result, loss = run(InteractivePolicyIteration, 3, 0.01, seed, PosteriorComparator(3, seed=seed))
+        assert result.confidence == 0.95
+        broken += loss > result.loss_bound
+    assert broken <= 4  # of 30, at 95%; with a width of at most the tie it was a fifth
+
+
+def test_contradicting_ties_name_the_tie():
+    told = Answers([[0.48, -1, 0.52], [0.52, -1, 0.48]], [0, 0])
+    with pytest.raises(InconsistentAnswers, match="a wider tie may make room"):
+        PolytopeComparator(3).update(told)
+    assert len(PolytopeComparator(3, tie=0.02).update(told).answers) == 2
