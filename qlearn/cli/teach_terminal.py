@@ -126,7 +126,7 @@ class Terminal:
         for conflict in session.conflicts():
             self._say(f"\nThese {len(conflict)} answers do not go together; to change any one of them would mend it:")
             for entry in conflict:
-                self._say(f"  {self._shown(entry.answer.query).sentence(entry.answer.verdict)}")
+                self._say(f"  - {self._shown(entry.answer.query).sentence(entry.answer.verdict)}")
         self._say(f"\nAll answers are in {session.log.path}.")
 
     def _leave(self, code: int) -> int:
@@ -163,11 +163,14 @@ class Terminal:
         self._say(f"\n{_KEYS}")
 
     def _say(self, text: str) -> None:
-        """A paragraph, wrapped; empty lines at its ends stay."""
+        """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its ends stay."""
         before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
-        indent = "  " if text.startswith("  ") else ""
-        wrapped = textwrap.fill(printable(text.strip()), self._width, initial_indent=indent, subsequent_indent=indent)
-        print(f"{before * chr(10)}{wrapped}{after * chr(10) if wrapped else ''}", flush=True)
+        item = len(text) - len(text.lstrip(" -"))
+        further = " " * (item + 2 * (item == 2))
+        said = textwrap.wrap(
+            printable(text.strip("\n")), self._width, subsequent_indent=further, break_on_hyphens=False
+        )
+        print("\n" * before + "\n".join(said) + "\n" * (after if said else 0), flush=True)
 
 
 def _answers(n: int) -> str:

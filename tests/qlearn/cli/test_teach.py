@@ -255,7 +255,9 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     assert f"{unused} not used" in shown
     conflict = re.search(r"These (\d) answers do not go together; to change any one of them", shown)
     assert conflict
-    assert shown[conflict.end() :].count(" rather than ") >= int(conflict[1])
+    items = re.findall("^  - .*", shown[conflict.end() :], re.MULTILINE)
+    assert len(items) >= int(conflict[1])
+    assert all(" rather than " in item or " as good as " in item for item in items)
 
 
 def test_names_in_a_file_cannot_steer_the_terminal(
