@@ -140,7 +140,7 @@ class Shown:
         if same == self.of:
             differ = "are the same" if self.exact else f"differ by less than 1 in {self.of:,}"
             asked = f"The two sides {differ}: {self.words.question}"
-        return *said, asked
+        return tuple(map(printable, [*said, asked]))
 
     def _table(self, width: int) -> Iterator[str]:
         rows = self.rows
@@ -189,7 +189,7 @@ def show(
     require(len(names) == both.shape[1], "labels", f"{both.shape[1]} names, one a level", labels)
     digest = hashlib.blake2b(f"{seed}/{query.id}".encode(), digest_size=1).digest()
     left, right = (tuple(int(n) for n in side) for side in counts)
-    return Shown(query.id, left, right, tuple(map(_printable, names)), words, scale, exact, bool(digest[0] & 1))
+    return Shown(query.id, left, right, tuple(map(printable, names)), words, scale, exact, bool(digest[0] & 1))
 
 
 def practice(labels: Sequence[str], words: Words = Words(), of: int = 10, seed: int = 0) -> Shown:
@@ -243,6 +243,6 @@ def _in_fives(icons: str, room: int) -> list[str]:
     return [" ".join(fives[i : i + a_line]) for i in range(0, len(fives), a_line)]
 
 
-def _printable(text: str) -> str:
-    """A name without what would steer a terminal."""
+def printable(text: str) -> str:
+    """A name without what would steer a terminal, such as escapes and line feeds: spaces in their place."""
     return "".join(letter if letter.isprintable() else " " for letter in text)

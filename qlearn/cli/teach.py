@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,7 @@ def run(problem: str | Own, comparator: str, log: Path | None, days: int, unit: 
     from qlearn.cli.teach_terminal import Terminal
 
     name = problem if isinstance(problem, str) else problem.name
-    short = Path(name).stem if name.endswith(".csv") else name.replace(":", "-")
+    short = Path(name).stem if name.lower().endswith(".csv") else name.replace(":", "-")
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
@@ -93,4 +94,7 @@ def run(problem: str | Own, comparator: str, log: Path | None, days: int, unit: 
 
 def _problem(text: str) -> Any:
     """An argparse type: as ``part_parser``, or the path of a CSV file."""
-    return text if text.endswith(".csv") else part_parser(_PROBLEM)(text)
+    if text.lower().endswith(".csv"):
+        return text
+    found = part_parser(_PROBLEM)(text)
+    return replace(found, name=text) if isinstance(found, Own) else found  # by this name it is found again

@@ -21,7 +21,7 @@ from elicit.comparators.bradley_terry.particle_comparator import PosteriorCompar
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, TrustsDraws, best_guess, bounds_of
 from elicit.model.scale import Floats
-from elicit.showing import Words
+from elicit.showing import Words, printable
 from qlearn.experiments.factories import Own
 from qlearn.learners.learner import Result, Status
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
@@ -54,7 +54,7 @@ class Subject:
 def subject_of(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int) -> Subject:
     """The subject of a problem: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
     ValueError, ImportError and OSError that say what is wrong with it."""
-    if isinstance(problem, str) and problem.endswith(".csv"):
+    if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed)
     mdp, words = _mdp(problem, seed)
     words = words if unit is None else replace(words, unit=unit)
@@ -84,7 +84,7 @@ def scale_report(comparator: Comparator, labels: tuple[str, ...], width: int) ->
     lines = textwrap.wrap(f"What the levels are worth, from 0 to 100 (best guess, interval{level}):", width)
     for j in reversed(range(len(labels))):
         known = "" if low[j] == high[j] else f"{low[j]:.0f} to {high[j]:.0f}"
-        line = f"  {labels[j][:name]:{name}} {values[j]:5.0f}  {known:9}"
+        line = f"  {printable(labels[j])[:name]:{name}} {values[j]:5.0f}  {known:9}"
         lines.append(f"{line}  {_bar(low[j], values[j], high[j], bar) if bar >= _LEAST_BAR else ''}".rstrip())
     return lines
 
@@ -190,6 +190,9 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
             f"the first line of {path} must name a column of names and then at least two levels, worst first, such as "
             f"name,died,ill,well; it is {','.join(header)!r}"
         )
+    twice = next((label for i, label in enumerate(header) if i and label in header[1:i]), None)
+    if twice is not None:
+        raise ValueError(f"the first line of {path} names the level {twice!r} twice: give each its own name")
     if len(rows) < 2:
         raise ValueError(f"{path} names levels, but no alternative to choose from: add a line for each")
     vectors = []

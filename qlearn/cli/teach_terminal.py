@@ -10,7 +10,7 @@ from typing import Literal
 
 from elicit.asking.session import Compares, Session
 from elicit.model.query import Query
-from elicit.showing import NARROWEST, Choice, Shown, practice, show
+from elicit.showing import NARROWEST, Choice, Shown, practice, printable, show
 from elicit.tutors.log_lines import BadLog
 from qlearn.cli.options import fail
 from qlearn.cli.teach_subjects import Subject, scale_report
@@ -46,7 +46,7 @@ class Terminal:
             self._say("")
             code = self._leave(130)
         except (OSError, BadLog) as error:
-            return fail(f"this could not be kept: {error}. What was answered before is; to go on: {self._again}")
+            return fail(f"stopped: {error}. What was answered before is kept; to go on: {self._again}")
         return code
 
     def _ask_all(self) -> int:
@@ -56,7 +56,7 @@ class Terminal:
                 self._say(part)
         answered = self._answered()
         if answered:
-            self._say(f"Going on after {answered} answers.")
+            self._say(f"Going on after {_answers(answered)}.")
         elif not self._practised():
             return self._leave(0)
         while True:
@@ -116,7 +116,7 @@ class Terminal:
         status = session.status()
         counts = (status.equal, "equal"), (status.cannot_tell, "cannot tell"), (status.unused, "not used")
         among = ", ".join(f"{n} {name}" for n, name in (*counts, (status.withdrawn, "taken back besides")) if n)
-        self._say(f"\n{status.answered} answers{f' ({among})' if among else ''}\n")
+        self._say(f"\n{_answers(status.answered)}{f' ({among})' if among else ''}\n")
         if isinstance(session.asker, Compares):
             for line in scale_report(session.asker.comparator, subject.labels, self._width):
                 print(line)
@@ -126,12 +126,12 @@ class Terminal:
         for conflict in session.conflicts():
             self._say(f"\nThese {len(conflict)} answers do not go together; to change any one of them would mend it:")
             for entry in conflict:
-                self._say(f"  {self._shown(entry.answer.query).sentence(entry.answer.verdict)}")
+                self._say(f"  - {self._shown(entry.answer.query).sentence(entry.answer.verdict)}")
         self._say(f"\nAll answers are in {session.log.path}.")
 
     def _leave(self, code: int) -> int:
-        self._say(f"{self._answered()} answers are kept. To go on:")
-        print(f"  {self._again}", flush=True)
+        self._say(f"Kept: {_answers(self._answered())}. To go on:")
+        print(f"  {printable(self._again)}", flush=True)
         return code
 
     def _read(self, more: dict[str, str], at_end: str) -> str:
@@ -144,7 +144,7 @@ class Terminal:
                 return at_end
             said = " ".join(line.lower().split())
             if not sys.stdin.isatty():
-                print(said[:40])  # as a terminal would have shown it
+                print(printable(said[:40]))  # as a terminal would have shown it
             meant = more.get(said) or _MEANS.get(said)
             if meant is not None and (not more or meant in ("undo", "quit", *more.values())):
                 return meant
@@ -163,8 +163,15 @@ class Terminal:
         self._say(f"\n{_KEYS}")
 
     def _say(self, text: str) -> None:
-        """A paragraph, wrapped; empty lines at its ends stay."""
+        """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its ends stay."""
         before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
-        indent = "  " if text.startswith("  ") else ""
-        wrapped = textwrap.fill(text.strip(), self._width, initial_indent=indent, subsequent_indent=indent)
-        print(f"{before * chr(10)}{wrapped}{after * chr(10) if wrapped else ''}", flush=True)
+        item = len(text) - len(text.lstrip(" -"))
+        further = " " * (item + 2 * (item == 2))
+        said = textwrap.wrap(
+            printable(text.strip("\n")), self._width, subsequent_indent=further, break_on_hyphens=False
+        )
+        print("\n" * before + "\n".join(said) + "\n" * (after if said else 0), flush=True)
+
+
+def _answers(n: int) -> str:
+    return f"{n} answer{'' if n == 1 else 's'}"

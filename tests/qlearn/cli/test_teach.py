@@ -140,7 +140,7 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
     for _ in range(4):
         with Teach(tmp_path, "--problem", "random", "--log", "killed.jsonl") as teach:
             first = teach.prompted()
-            assert (f"Going on after {kept} answers." in first) == (kept > 0)
+            assert (f"Going on after {kept} answer" in first) == (kept > 0)
             practised = int(not kept)
             acknowledged = kept + len(answer_all(teach, VALUES, practised + chance.randint(0, 2))) - practised
             assert teach.process.stdin is not None
@@ -183,7 +183,7 @@ def test_words_for_keys_undo_and_quit(
     assert shown.count("There is no answer to undo.") == 1
     assert "never read" not in shown
     assert shown.endswith(
-        "1 answers are kept. To go on:\n  qlearn teach --problem care.csv --comparator posterior "
+        "Kept: 1 answer. To go on:\n  qlearn teach --problem care.csv --comparator posterior "
         "--log answers-care.jsonl --days 10 --seed 0\n"
     )
     log = AnswerLog.read("answers-care.jsonl")
@@ -200,13 +200,13 @@ def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(
     code, shown, _ = taught("", monkeypatch, capsys, table)
     assert code == 0
     assert "First one to practise" in shown
-    assert "0 answers are kept. To go on:" in shown
+    assert "Kept: 0 answers. To go on:" in shown
     code, shown, _ = taught("a\n" * 2, monkeypatch, capsys, table, columns=39)
-    assert "1 answers are kept." in shown
+    assert "Kept: 1 answer." in shown
     assert max(len(line) for line in shown.splitlines() if not line.startswith("  qlearn teach")) <= 39
     code, shown, _ = taught("a\na\na\na\na\n", monkeypatch, capsys, table)
     assert "First one to practise" not in shown
-    assert "Going on after 1 answers." in shown
+    assert "Going on after 1 answer." in shown
     assert "There are no more questions" in shown
     assert "Your choice: " in shown
     before = told(Path("answers-care.jsonl"))
@@ -235,7 +235,7 @@ def test_ctrl_c_keeps_what_was_answered(
 
     monkeypatch.setattr(sys, "stdin", Interrupted("a\na\n"))
     assert main(["teach", table]) == 130
-    assert "1 answers are kept. To go on:" in capsys.readouterr().out
+    assert "Kept: 1 answer. To go on:" in capsys.readouterr().out
 
 
 def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator(
@@ -255,7 +255,20 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
     assert f"{unused} not used" in shown
     conflict = re.search(r"These (\d) answers do not go together; to change any one of them", shown)
     assert conflict
-    assert shown[conflict.end() :].count(" rather than ") >= int(conflict[1])
+    items = re.findall("^  - .*", shown[conflict.end() :], re.MULTILINE)
+    assert len(items) >= int(conflict[1])
+    assert all(" rather than " in item or " as good as " in item for item in items)
+
+
+def test_names_in_a_file_cannot_steer_the_terminal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("x.csv").write_text(TABLE.replace("ill", "i\x1b[2Jll").replace("new", "\x1b]0;new"))
+    code, shown, errors = taught("a\n" * 9, monkeypatch, capsys, "--problem", "x.csv", "--unit", "\x1bmen")
+    assert code == 0
+    assert "Your choice: " in shown
+    assert "\x1b" not in shown + errors
 
 
 def test_a_problem_and_its_words_of_the_users(
@@ -266,6 +279,8 @@ def test_a_problem_and_its_words_of_the_users(
     assert code == 0
     assert shown.startswith("Mine\nWhat matters to me.\n")
     assert "Of 5 weeks, which would you rather have?" in shown
+    code, shown, _ = taught("a\n", monkeypatch, capsys, "--problem", f"my={__name__}:own")
+    assert f" --problem my={__name__}:own " in shown  # with which it goes on
     code, _, errors = taught("", monkeypatch, capsys, "--problem", f"{__name__}:number")
     assert code == 1
     assert "called with seed = 0, must return an OrdinalMDP, or a tuple (mdp, elicit.showing.Words), not 0" in errors
@@ -300,7 +315,7 @@ def test_a_full_disk_is_said_and_what_was_kept_stays(
     monkeypatch.setattr(AnswerLog, "append", full)
     code, _, errors = taught("a\n", monkeypatch, capsys, table)
     assert code == 1
-    assert "this could not be kept: [Errno 28] No space left on device. What was answered before is; to go" in errors
+    assert "stopped: [Errno 28] No space left on device. What was answered before is kept; to go on: qlearn" in errors
     assert told(Path("answers-care.jsonl")) == before
 
 
@@ -337,6 +352,7 @@ def test_icu_sepsis_is_asked_about_patients(
         ("name,died,well\na,-1,2\n", "line 2 of {}: '-1' is no number of at least 0"),
         ("name,died,well\na,1,2\nb,1,3\n", "line 3 of {} has the total 4, and the first alternative 3: give all the"),
         ("name,died,well\na,0,0\n", "line 2 of {} has the total 0"),
+        ("name,died,died\na,1,2\n", "the first line of {} names the level 'died' twice"),
         ('name,died,well\n"a,1,2\n', "{} is no CSV"),
     ],
 )
