@@ -69,7 +69,7 @@ def test_the_numbers_are_those_of_the_text_but_for_the_rounding_of_sums(left, ri
         said = inequality(text, 4)
     except ValueError:
         assume(False)  # no level is left in it
-    assume(not ((0 < np.abs(said.coefficients)) & (np.abs(said.coefficients) < 1e-9)).any())
+    assume(not ((np.abs(said.coefficients) > 0) & (np.abs(said.coefficients) < 1e-9)).any())
     found = linear_rows(in_cvxpy(text, scale_variable(4)), 4)
     if not said.coefficients[1:-1].any() and said.coefficients[-1] >= said.bound:
         assert len(found.a) == 0  # it says no more than that the scale goes from 0 to 1
