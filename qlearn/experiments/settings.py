@@ -257,7 +257,6 @@ class FiguresSettings(Settings):
 
     noise: str = setting("logistic", Choice(("flip", "logistic")), "as in the ablation")
     max_queries: int | None = setting(None, FROM_0, "as in the ablation")
-    lapse: float | None = setting(0.1, BELOW_1, "share of answers that the posterior takes to be given at random")
     refit_growth: float = setting(0.2, SCALE, "growth of the box's answers between two fits; 0: fit at each (hours)")
     levels: tuple[int, ...] = setting((5, 10, 15, 20, 25), LEVELS, "numbers of levels of the first series")
     at_states: int = setting(100, COUNT, "its number of states")
