@@ -14,11 +14,11 @@ from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
-from elicit.model.comparator import BoundsAllAtOnce, Comparator, Tier
+from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of
-from qlearn.learners.loss_bound import drawn_set, loss_bound
+from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
 from qlearn.learners.state_sweep import StateSweep
 from qlearn.mdp.backup import q_of
@@ -165,8 +165,7 @@ class InteractiveValueIteration(Learner):
             found = loss_bound(self._mdp, self._states.best, comparator)
             proven = found.loss_bound <= self._tolerance and not math.isnan(found.confidence)
             return Status.CONVERGED if proven else Status.CALLED_EQUAL
-        by_rows = not isinstance(comparator, BoundsAllAtOnce) and drawn_set(comparator) is None
-        return Status.BOUNDED if by_rows else Status.CONVERGED
+        return Status.CONVERGED
 
 
 class LateValueIteration(InteractiveValueIteration):
