@@ -331,7 +331,8 @@ class Elicitation:
                 new.append(i)
         if new:
             try:
-                self.comparator = self.comparator.update(Answers(told.d[new], told.y[new], [told.ids[i] for i in new]))
+                untold = Answers(told.d[new], told.y[new], [told.ids[i] for i in new])
+                self.comparator, _ = learn(self.comparator, untold, one_by_one=False)
             except InconsistentAnswers as error:
                 error.add_note("They are among what was known: leave one out of known=, of a log by log.retract(id)")
                 raise

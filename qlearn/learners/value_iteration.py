@@ -160,9 +160,8 @@ class InteractiveValueIteration(Learner):
             return Status.GUESSED
         if self._elicitation.unsure:
             return Status.UNSURE
-        comparator = self.comparator
         if self._elicitation.called_equal:
-            found = loss_bound(self._mdp, self._states.best, comparator)
+            found = loss_bound(self._mdp, self._states.best, self.comparator)
             proven = found.loss_bound <= self._tolerance and not math.isnan(found.confidence)
             return Status.CONVERGED if proven else Status.CALLED_EQUAL
         return Status.CONVERGED
