@@ -10,7 +10,6 @@ from elicit.model.tutor import Tutor
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
     from elicit.asking.choose_from_list import choose
-    from elicit.asking.session import Session
     from elicit.comparators.baselines import AlwaysAsk, Dominance
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
@@ -21,6 +20,9 @@ if TYPE_CHECKING:
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
     from elicit.model.scale_variable import scale_variable
+    from elicit.person.interview import Interview, Subject
+    from elicit.person.session import Session
+    from elicit.person.showing import Words
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
 _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.asking.bags": ["Bags"],
     "elicit.asking.choose_from_list": ["choose"],
-    "elicit.asking.session": ["Session"],
     "elicit.comparators.baselines": ["AlwaysAsk", "Dominance"],
     "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
@@ -38,6 +39,9 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.diagnostics.held_out": ["compare_held_out", "held_out"],
     "elicit.diagnostics.tutor_report": ["tutor_report"],
     "elicit.lp.prior_inequalities": ["Inequality", "inequalities", "inequality"],
+    "elicit.person.interview": ["Interview", "Subject"],
+    "elicit.person.session": ["Session"],
+    "elicit.person.showing": ["Words"],
     "elicit.tutors.answer_log": ["AnswerLog"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.tutors.replay": ["ReplayTutor"],
@@ -47,7 +51,7 @@ _LATER = {name: place for place, names in _PLACES.items() for name in names}
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
     "plot": "elicit.plot",
-    "showing": "elicit.showing",
+    "showing": "elicit.person.showing",
     "testing": "elicit.testing",
 }
 
@@ -64,6 +68,7 @@ __all__ = [
     "FlippingTutor",
     "InconsistentAnswers",
     "Inequality",
+    "Interview",
     "PolytopeComparator",
     "PosteriorComparator",
     "Query",
@@ -71,10 +76,12 @@ __all__ = [
     "ReplayTutor",
     "Session",
     "StaleAnswer",
+    "Subject",
     "Tier",
     "TruthfulTutor",
     "Tutor",
     "Verdict",
+    "Words",
     "choose",
     "compare_held_out",
     "decide",

@@ -13,7 +13,7 @@ from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.factories import Own
 from qlearn.experiments.settings import FROM_0, NameOrOwn, Number
 
-_PROBLEM = NameOrOwn(("icu-sepsis", "random"), "(seed) returns an OrdinalMDP, or (mdp, elicit.showing.Words)")
+_PROBLEM = NameOrOwn(("icu-sepsis", "random"), "(seed) returns an OrdinalMDP, or (mdp, elicit.Words)")
 _COMPARATORS = ("polytope", "posterior")
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
@@ -34,7 +34,7 @@ def add_to(commands: Any) -> None:
         default="icu-sepsis",
         metavar="{icu-sepsis,random,package.module:function,FILE.csv}",
         help="what to learn: function(seed) returns an OrdinalMDP, alone or as the first of a tuple, perhaps with "
-        "elicit.showing.Words for its questions; a CSV lists alternatives to choose from: its header names the levels, "
+        "elicit.Words for its questions; a CSV lists alternatives to choose from: its header names the levels, "
         "worst first, after a first column with the alternatives' names [%(default)s]",
     )
     command.add_argument(
@@ -70,7 +70,7 @@ def add_to(commands: Any) -> None:
 def run(problem: str | Own, comparator: str, log: Path | None, days: int, unit: str | None, seed: int) -> int:
     """The command; returns the exit code."""
     from elicit import AnswerLog, Session
-    from qlearn.cli.teach_subjects import subject_of
+    from qlearn.cli.teach_subjects import taught_by
     from qlearn.cli.teach_terminal import Terminal
 
     name = problem if isinstance(problem, str) else problem.name
@@ -80,16 +80,16 @@ def run(problem: str | Own, comparator: str, log: Path | None, days: int, unit: 
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
     with ExitStack() as stack:
         try:
-            subject = subject_of(problem, comparator, days, unit, seed)
+            taught = taught_by(problem, comparator, days, unit, seed)
             print("Getting ready ...", file=sys.stderr, flush=True)
-            kept = stack.enter_context(AnswerLog(path, len(subject.labels), subject.header))
-            session = stack.enter_context(Session(subject.make, kept))
+            kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), taught.header))
+            session = stack.enter_context(Session(taught.make, kept))
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to be written
         except (ImportError, ValueError, OSError) as error:
             return fail(str(error))
         except KeyboardInterrupt:
             return 130
-        return Terminal(session, subject, seed, shlex.join(again)).converse()
+        return Terminal(session, taught.subject, shlex.join(again)).converse()
 
 
 def _problem(text: str) -> Any:

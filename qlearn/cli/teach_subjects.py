@@ -5,9 +5,8 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-import textwrap
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,12 +15,13 @@ import numpy as np
 
 from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import Choice, ChoiceStatus, choose
-from elicit.asking.session import MakeAsker
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, TrustsDraws, best_guess, bounds_of
+from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats
-from elicit.showing import Words, printable
+from elicit.person.interview import Subject
+from elicit.person.session import MakeAsker
+from elicit.person.showing import Words
 from qlearn.experiments.factories import Own
 from qlearn.learners.learner import Result, Status
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
@@ -32,27 +32,19 @@ from qlearn.problems.random_mdp import random_mdp
 
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
 _MOST_STATES = 12  # that are listed
-_BAR = 40  # columns of an interval, at most
-_LEAST_BAR = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
-    """What is taught. labels: the levels, worst first; of: how many outcomes to show on a side; header: what the log
-    must say; make: makes whoever asks, from what it is to know; report: says in lines what has come out; finer: what to
-    do where the next question is not one of whole numbers."""
+class Taught:
+    """A subject; make: makes whoever asks, from what it is to know; header: what the log must say."""
 
-    labels: tuple[str, ...]
-    words: Words
-    of: int
-    header: dict[str, Any]
+    subject: Subject
     make: MakeAsker
-    report: Callable[[Any], list[str]] = field(repr=False)
-    finer: str
+    header: dict[str, Any]
 
 
-def subject_of(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int) -> Subject:
-    """The subject of a problem: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
+def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
+    """What a problem teaches: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
     ValueError, ImportError and OSError that say what is wrong with it."""
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed)
@@ -65,34 +57,7 @@ def subject_of(problem: str | Own, comparator: str, days: int, unit: str | None,
         return InteractivePolicyIteration(mdp, knows, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    return Subject(mdp.labels, words, days, header, make, partial(_policy_report, mdp), finer)
-
-
-def scale_report(comparator: Comparator, labels: tuple[str, ...], width: int) -> list[str]:
-    """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with its interval."""
-    ends = np.eye(len(labels)) - np.eye(len(labels))[0]
-    low, high = bounds_of(comparator, ends)
-    values = 100.0 * best_guess(comparator)
-    # rounded outwards: what is said holds
-    low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
-    high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
-    low[-1] = 100.0
-    high[0] = 0.0
-    name = min(max(map(len, labels)), width - 20)
-    bar = min(_BAR, width - name - 22)
-    level = f", each with {comparator.level:.0%} probability" if isinstance(comparator, TrustsDraws) else ""
-    lines = textwrap.wrap(f"What the levels are worth, from 0 to 100 (best guess, interval{level}):", width)
-    for j in reversed(range(len(labels))):
-        known = "" if low[j] == high[j] else f"{low[j]:.0f} to {high[j]:.0f}"
-        line = f"  {printable(labels[j])[:name]:{name}} {values[j]:5.0f}  {known:9}"
-        lines.append(f"{line}  {_bar(low[j], values[j], high[j], bar) if bar >= _LEAST_BAR else ''}".rstrip())
-    return lines
-
-
-def _bar(low: float, value: float, high: float, width: int) -> str:
-    """An interval of 0..100 as a line: "....--*---....."."""
-    at = [min(width - 1, int(x / 100.0 * width)) for x in (low, value, high)]
-    return "".join("*" if i == at[1] else "-" if at[0] <= i <= at[2] else "." for i in range(width))
+    return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp), finer, seed), make, header)
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -110,7 +75,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
         if not isinstance(parts[0], OrdinalMDP):
             raise ValueError(
                 f"{problem.name!r}: the function, called with seed = {seed}, must return an OrdinalMDP, or a tuple "
-                f"(mdp, elicit.showing.Words), not {made!r}"
+                f"(mdp, elicit.Words), not {made!r}"
             )
         words = next((part for part in parts if isinstance(part, Words)), Words(title=problem.name))
         return parts[0], words
@@ -153,7 +118,7 @@ def _sure(confidence: float) -> str:
     return "if your answers are right" if confidence == 1.0 else f"with {confidence:.0%} probability"
 
 
-def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Subject:
+def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
     labels, names, vectors = read_alternatives(path)
     words = Words(unit or "outcomes", title=path.stem, preamble="There is no right or wrong answer.")
     content = json.dumps([labels, names, vectors.tolist()]).encode()
@@ -163,7 +128,7 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         return choose(vectors, _comparator(comparator, len(labels), seed), labels=names, known=known)
 
     finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
-    return Subject(labels, words, days, header, make, _choice_report, finer)
+    return Taught(Subject(labels, words, days, _choice_report, finer, seed), make, header)
 
 
 def _choice_report(result: Choice) -> list[str]:

@@ -8,12 +8,14 @@ import sys
 import textwrap
 from typing import Literal
 
-from elicit.asking.session import Compares, Session
+from elicit.model.comparator import Comparator
 from elicit.model.query import Query
-from elicit.showing import NARROWEST, Choice, Shown, practice, printable, show
+from elicit.person.findings import certainty, scale_rows
+from elicit.person.interview import Subject
+from elicit.person.session import Compares, Session
+from elicit.person.showing import NARROWEST, Choice, Shown, practice, printable, show
 from elicit.tutors.log_lines import BadLog
 from qlearn.cli.options import fail
-from qlearn.cli.teach_subjects import Subject, scale_report
 
 _Key = Choice | Literal["undo", "quit"]
 _MEANS: dict[str, _Key] = {
@@ -26,13 +28,15 @@ _MEANS: dict[str, _Key] = {
 }
 _KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; q: quit"
 _WIDEST = 100
+_BAR = 40  # columns of an interval, at most
+_LEAST_BAR = 10
 
 
 class Terminal:
     """A session with the person at standard input. again: the command that goes on."""
 
-    def __init__(self, session: Session, subject: Subject, seed: int, again: str) -> None:
-        self._session, self._subject, self._seed, self._again = session, subject, seed, again
+    def __init__(self, session: Session, subject: Subject, again: str) -> None:
+        self._session, self._subject, self._again = session, subject, again
         self._width = min(max(shutil.get_terminal_size().columns, NARROWEST), _WIDEST)
         for stream in (sys.stdin, sys.stdout):  # a name that the terminal cannot write, or a key that is no letter
             if isinstance(stream, io.TextIOWrapper):
@@ -80,7 +84,7 @@ class Terminal:
     def _practised(self) -> bool:
         """Put the practice question until it is answered; False where the person leaves."""
         subject = self._subject
-        shown = practice(subject.labels, subject.words, subject.of, self._seed)
+        shown = practice(subject.labels, subject.words, subject.of, self._subject.seed)
         obvious = "A" if not shown.swapped else "B"
         self._say("\nFirst one to practise, whose answer does not count.\n")
         self._print(shown)
@@ -153,7 +157,7 @@ class Terminal:
 
     def _shown(self, query: Query) -> Shown:
         subject = self._subject
-        return show(query, subject.words, subject.of, self._seed, subject.labels)
+        return show(query, subject.words, subject.of, self._subject.seed, subject.labels)
 
     def _answered(self) -> int:
         return sum(not entry.retracted for entry in self._session.log)
@@ -175,3 +179,23 @@ class Terminal:
 
 def _answers(n: int) -> str:
     return f"{n} answer{'' if n == 1 else 's'}"
+
+
+def scale_report(comparator: Comparator, labels: tuple[str, ...], width: int) -> list[str]:
+    """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with its interval."""
+    rows = scale_rows(comparator, labels)
+    name = min(max(len(row.label) for row in rows), width - 20)
+    bar = min(_BAR, width - name - 22)
+    said = f"What the levels are worth, from 0 to 100 (best guess, interval; {certainty(comparator)}):"
+    lines = textwrap.wrap(said, width)
+    for row in rows:
+        known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
+        line = f"  {row.label[:name]:{name}} {row.value:5.0f}  {known:9}"
+        lines.append(f"{line}  {_bar(row.low, row.value, row.high, bar) if bar >= _LEAST_BAR else ''}".rstrip())
+    return lines
+
+
+def _bar(low: float, value: float, high: float, width: int) -> str:
+    """An interval of 0..100 as a line: "....--*---....."."""
+    at = [min(width - 1, int(x / 100.0 * width)) for x in (low, value, high)]
+    return "".join("*" if i == at[1] else "-" if at[0] <= i <= at[2] else "." for i in range(width))

@@ -19,7 +19,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.comparators.bradley_terry", "elicit.comparators.polytope"),
     ("elicit.tutors",),
     ("elicit.asking",),
-    ("elicit.diagnostics",),
+    ("elicit.diagnostics", "elicit.person"),
     ("elicit",),  # the modules at the top, and __init__ itself
     ("qlearn.mdp",),
     ("qlearn.problems",),

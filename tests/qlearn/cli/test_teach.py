@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Bags, PolytopeComparator, Verdict
-from elicit.showing import Words
+from elicit.person.showing import Words
 from qlearn import InteractivePolicyIteration, OrdinalMDP, draw_values, icu_sepsis, policy_loss, random_mdp
 from qlearn.cli.main import main
 from qlearn.cli.teach_subjects import read_alternatives
@@ -283,7 +283,7 @@ def test_a_problem_and_its_words_of_the_users(
     assert f" --problem my={__name__}:own " in shown  # with which it goes on
     code, _, errors = taught("", monkeypatch, capsys, "--problem", f"{__name__}:number")
     assert code == 1
-    assert "called with seed = 0, must return an OrdinalMDP, or a tuple (mdp, elicit.showing.Words), not 0" in errors
+    assert "called with seed = 0, must return an OrdinalMDP, or a tuple (mdp, elicit.Words), not 0" in errors
 
 
 def test_another_problems_log_a_log_in_use_and_no_log_are_said(

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import Bags, Query, Verdict
-from elicit.showing import NARROWEST, Choice, Shown, Words, practice, show
+from elicit.person.showing import NARROWEST, Choice, Shown, Words, practice, show
 
 LABELS = ("died", "critical", "severe", "moderate", "mild", "recovered")
 PATIENTS = Words("patients", "fare")

@@ -22,7 +22,8 @@ NARROWEST = 30
 """Columns that a text needs at least."""
 
 _FIVE = 5
-_MOST_ICONS = 50  # more in a row are not counted at a glance: then the numbers stand alone
+MOST_ICONS = 50
+"""More in a row are not counted at a glance: then the numbers stand alone."""
 _MOST = 1000  # of so many at most a query is looked for in whole numbers
 _ROUNDED = (100, 1_000, 10_000, 100_000, 1_000_000)
 _FINE = 0.1  # of the greatest difference: what rounding may change
@@ -147,7 +148,7 @@ class Shown:
         counts = [n for row in rows for n in (row.a, row.b)]
         number = max((len(f"{n:,}") for n in counts), default=1)
         longest = max((len(row.label) for row in rows), default=1)
-        icons = max(counts, default=0) <= _MOST_ICONS
+        icons = max(counts, default=0) <= MOST_ICONS
         # of the width go: an indent of 2, 2 after the label, 3 between the sides, and 1 after each number
         label = min(longest, 20)
         room = (width - 2 - label - 2 - 3) // 2 - number - 1

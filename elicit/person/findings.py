@@ -1,0 +1,44 @@
+"""What a session has found out of the scale, in numbers that a person reads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from elicit.model.comparator import Comparator, TrustsDraws, best_guess, bounds_of
+from elicit.person.showing import printable
+
+
+class ScaleRow(NamedTuple):
+    """What a level is worth, from 0 to 100: the best guess, and an interval rounded outwards to whole numbers."""
+
+    label: str
+    value: float
+    low: float
+    high: float
+
+
+def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
+    """What each of the k levels (``labels``, worst first) is worth, best first."""
+    ends = np.eye(len(labels)) - np.eye(len(labels))[0]
+    low, high = bounds_of(comparator, ends)
+    values = 100.0 * best_guess(comparator)
+    # rounded outwards: what is said holds
+    low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
+    high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
+    low[-1] = 100.0
+    high[0] = 0.0
+    rows = [
+        ScaleRow(printable(label), float(value), float(least), float(most))
+        for label, value, least, most in zip(labels, values, low, high, strict=True)
+    ]
+    return rows[::-1]
+
+
+def certainty(comparator: Comparator) -> str:
+    """How certain each interval of ``scale_rows`` is."""
+    if isinstance(comparator, TrustsDraws):
+        return f"each interval with {comparator.level:.0%} probability"
+    return "if your answers are right"

@@ -1,0 +1,240 @@
+"""What a host shows a person, and what the person may do there, whatever draws it.
+
+A host, such as a page or a widget, sends messages and draws the replies: both are plain JSON, so one front end
+(``page/interview.js``) serves all of them. An ``Interview`` may be used by several threads, windows and people at once:
+one message is taken at a time, and an answer counts once.
+
+Every message is ``{"do": ...}``; the reply to the first five is the screen that is to be drawn now:
+
+``state``
+    nothing but that.
+``practised``
+    the practice question was answered, with ``choice``.
+``answer``
+    ``id`` of the question, ``choice``: "a", "b", "equal" or "cannot tell".
+``undo``
+    ``id`` of the answer that is taken back, which must be the last; else nothing happens.
+``withdraw``
+    ``id`` of an answer that is taken back, whichever it is.
+``outlook``
+    ``id`` of the question: what is computed beside it. The reply: ``why`` (sentences), ``to_come`` ([least, most], or
+    null), ``ready`` (whether nothing is to be added any more: until then ask again).
+``answers``
+    the reply: ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``, ``time``, ``withdrawn``, ``used``
+    and ``repeat``; and ``conflicts``, lists of ids.
+``report``
+    the reply: ``html``, a page to keep, and ``name`` for its file.
+
+A screen: ``title``, ``preamble``, ``stage`` ("practice", "question" or "end"), ``answered`` (how many stand), ``last``
+(``id`` and ``sentence`` of what undo takes back, or null), ``note`` (what the person should know of the last message,
+or null), ``question`` (null at the end) and ``end`` (null before). A question: ``id``, ``number``, ``heading``,
+``sentences``, ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (whether rows have few enough to be drawn one by
+one) and ``rows``, best level first, each with ``label``, ``level`` (0 the worst), ``a`` and ``b``. The end: ``open``
+(why there is no question though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
+``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals), ``statements``, ``counts`` and ``conflicts`` (lists
+of ``id`` and ``sentence``).
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from inspect import signature
+from typing import Any
+
+from elicit.model.query import Query
+from elicit.person.findings import certainty, scale_rows
+from elicit.person.session import Compares, Session
+from elicit.person.showing import MOST_ICONS, Shown, Words, practice, printable, show
+from elicit.tutors.answer_log import Entry
+
+
+def _no_more(_: Any) -> list[str]:
+    return []
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is taught, in words. labels: the k levels, worst first; words: how the problem speaks; of: how many outcomes
+    to show on a side, where there is a choice; report: says in sentences what has come out, given what
+    ``Session.result`` returns; finer: what to do where the next question is not one of whole numbers; seed: decides
+    which side is A."""
+
+    labels: tuple[str, ...]
+    words: Words = field(default_factory=Words)
+    of: int = 10
+    report: Callable[[Any], list[str]] = field(default=_no_more, repr=False)
+    finer: str = ""
+    seed: int = 0
+
+
+class Interview:
+    """A session as screens and messages (see the module). Raises what ``Session`` and its log raise, after which the
+    same message may be sent again; ValueError for what is no message."""
+
+    def __init__(self, session: Session, subject: Subject) -> None:
+        self._session, self._subject = session, subject
+        self._lock = threading.RLock()
+        self._practised = any(not entry.retracted for entry in session.log)
+        self._put: str | None = None  # the id last logged as put
+        self._does: dict[str, Callable[..., dict[str, Any]]] = {
+            "state": lambda: self._screen(),
+            "practised": self._practise,
+            "answer": self._answer,
+            "undo": self._undo,
+            "withdraw": self._withdraw,
+            "outlook": self._outlook,
+            "answers": self._answers,
+            "report": self._report,
+        }
+
+    def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
+        """The reply to a message. Raises ValueError for what is no message."""
+        parts = dict(message)
+        does = self._does.get(str(parts.pop("do", None)))
+        if does is None or not all(isinstance(value, str) for value in parts.values()):
+            raise ValueError(f'a message says what to "do", one of {", ".join(self._does)}, and strings besides')
+        try:
+            signature(does).bind(**parts)
+        except TypeError:
+            raise ValueError("the parts of this message are not those it should have") from None
+        with self._lock:
+            return does(**parts)
+
+    def _screen(self, note: str | None = None) -> dict[str, Any]:
+        session, words = self._session, self._subject.words
+        standing = [entry for entry in session.log if not entry.retracted]
+        last = standing[-1].answer if standing else None
+        screen: dict[str, Any] = {
+            "title": printable(words.title),
+            "preamble": printable(words.preamble),
+            "stage": "practice",
+            "answered": len(standing),
+            "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
+            "note": note,
+            "question": None,
+            "end": None,
+        }
+        if not self._practised and not standing:
+            shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
+            return {**screen, "question": self._drawn(shown, 0)}
+        query = session.question()
+        shown_now = None if query is None else self._shown(query)
+        if shown_now is None or not shown_now.exact:
+            # an answer to rounded numbers could make what is said at the end untrue
+            return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
+        if self._put != shown_now.id:
+            session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
+            self._put = shown_now.id
+        return {**screen, "stage": "question", "question": self._drawn(shown_now, len(standing) + 1)}
+
+    def _practise(self, choice: str) -> dict[str, Any]:
+        self._practised = True
+        shown = practice(self._subject.labels, self._subject.words, self._subject.of, self._subject.seed)
+        obvious = "b" if shown.swapped else "a"
+        if choice == obvious:
+            return self._screen("Just so. Now the questions that count.")
+        return self._screen(
+            f"Most would say {obvious.upper()}: all there are at the best level. Now the questions that count."
+        )
+
+    def _answer(self, id: str, choice: str) -> dict[str, Any]:
+        query = self._session.question()
+        if query is None or query.id != id:
+            said = next((e for e in reversed(self._session.log) if e.answer.query.id == id and not e.retracted), None)
+            if said is None:
+                return self._screen("That question is not open any more. This is where things stand.")
+            if self._shown(said.answer.query).verdict(choice) == said.answer.verdict:  # type: ignore[arg-type]
+                return self._screen()  # sent twice
+            return self._screen(
+                f"That question was answered already, perhaps in another window: {self._sentence(said)}. "
+                "That answer stands; you can take it back."
+            )
+        verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
+        self._session.answer(id, verdict)
+        return self._screen()
+
+    def _undo(self, id: str) -> dict[str, Any]:
+        standing = [entry for entry in self._session.log if not entry.retracted]
+        if not standing or standing[-1].answer.query.id != id:
+            return self._screen("Nothing was taken back: that is not the last answer any more.")
+        self._put = None
+        self._session.undo()
+        return self._screen("Taken back.")
+
+    def _withdraw(self, id: str) -> dict[str, Any]:
+        if not any(entry.answer.query.id == id and not entry.retracted for entry in self._session.log):
+            return self._screen("Nothing was taken back: no such answer stands any more.")
+        self._put = None
+        self._session.withdraw(id)
+        return self._screen("Taken back. The other answers stay.")
+
+    def _outlook(self, id: str) -> dict[str, Any]:
+        return {"id": id, "why": [], "to_come": None, "ready": True}
+
+    def _answers(self) -> dict[str, Any]:
+        said = [
+            {
+                "id": entry.answer.query.id,
+                "sentence": self._sentence(entry),
+                "verdict": entry.answer.verdict,
+                "time": entry.metadata.get("time"),
+                "withdrawn": entry.retracted,
+                "used": entry.used,
+                "repeat": False,
+            }
+            for entry in self._session.log
+        ]
+        return {"answers": said, "conflicts": [[one["id"] for one in among] for among in self._conflicts()]}
+
+    def _report(self) -> dict[str, Any]:
+        raise NotImplementedError
+
+    def _end(self, open_still: bool) -> dict[str, Any]:
+        session, subject = self._session, self._subject
+        status = session.status()
+        asker = session.asker
+        known = asker.comparator if isinstance(asker, Compares) else None
+        return {
+            "open": f"There is no finer question of whole numbers. {subject.finer}".strip() if open_still else None,
+            "scale": [] if known is None else [row._asdict() for row in scale_rows(known, subject.labels)],
+            "certainty": None if known is None else certainty(known),
+            "statements": list(map(printable, subject.report(session.result()))),
+            "counts": {
+                "answered": status.answered,
+                "equal": status.equal,
+                "cannot tell": status.cannot_tell,
+                "unused": status.unused,
+                "withdrawn": status.withdrawn,
+            },
+            "conflicts": self._conflicts(),
+        }
+
+    def _conflicts(self) -> list[list[dict[str, Any]]]:
+        return [
+            [{"id": entry.answer.query.id, "sentence": self._sentence(entry)} for entry in among]
+            for among in self._session.conflicts()
+        ]
+
+    def _drawn(self, shown: Shown, number: int) -> dict[str, Any]:
+        rows = shown.rows
+        return {
+            "id": shown.id,
+            "number": number,
+            "heading": shown.sentences()[-1],
+            "sentences": list(shown.sentences()[:-1]),
+            "of": shown.of,
+            "unit": printable(shown.words.unit),
+            "levels": len(shown.labels),
+            "labels": list(shown.labels),
+            "icons": max((n for row in rows for n in (row.a, row.b)), default=0) <= MOST_ICONS,
+            "rows": [row._asdict() for row in rows],
+        }
+
+    def _shown(self, query: Query) -> Shown:
+        subject = self._subject
+        return show(query, subject.words, subject.of, subject.seed, subject.labels)
+
+    def _sentence(self, entry: Entry) -> str:
+        return self._shown(entry.answer.query).sentence(entry.answer.verdict)
