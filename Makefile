@@ -5,13 +5,18 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation figures test test-slow lint bench bench-huge notebooks clean
+.PHONY: ablation figures browser test test-slow lint bench bench-huge notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
 
 figures: $(READY)  ## the paper's figures 2, 3 and 4 with intervals, 20 runs a point (most of an hour on two cores)
 	$(BIN)/qlearn figures --both-tutors --out results/figures
+
+browser:  ## the browser that the tests of the page and of the widget drive (Debian; without it they are skipped)
+	@command -v chromium-headless-shell >/dev/null || { \
+	  sudo=$$([ "$$(id -u)" = 0 ] || echo sudo); \
+	  $$sudo apt-get update -qq && $$sudo apt-get install -y -qq --no-install-recommends chromium-headless-shell fonts-dejavu-core; }
 
 test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto
