@@ -1,62 +1,64 @@
-"""A comparator of one's own: what it must return is checked where it enters, once, with a sentence."""
+"""A comparator of one's own, with the five members of the protocol and no more: it serves every learner, and what it
+must return is checked where it enters, once, with a sentence."""
 
-from __future__ import annotations
-
+import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from elicit import Answers, TruthfulTutor, choose
+import qlearn
+from elicit import Answers, Bags, TruthfulTutor, choose, compare_held_out
 from elicit.decision.verdicts import decide
+from elicit.model import comparator as protocols
 from elicit.model.comparator import best_guess, bounds_of
-from elicit.testing import check_comparator
-from qlearn import InteractivePolicyIteration, InteractiveValueIteration, Status, drive, policy_loss, random_mdp
+from elicit.testing import check_comparator, sample_differences
+from qlearn import InteractivePolicyIteration, InteractiveValueIteration, Status
+from tests.own_cases import Exact
 
-MDP, VALUES = random_mdp(30, 4, 5, rng=2)
-
-
-class Exact:
-    """The five members of the protocol, and the exact scale inside."""
-
-    def __init__(self, values: Any) -> None:
-        given = np.asarray(values, dtype=float)
-        self.values = (given - given[0]) / (given[-1] - given[0])
-        self.k = len(self.values)
-
-    def _at(self, d: Any) -> Any:
-        rows = np.atleast_2d(np.asarray(d, dtype=float))
-        if rows.ndim != 2 or rows.shape[1] != self.k or not np.isfinite(rows).all():
-            raise ValueError(f"d must be finite, of shape (n, {self.k}), not {np.shape(d)}")
-        tails = np.cumsum(rows[:, :0:-1], axis=1)[:, ::-1]
-        at = np.zeros(len(rows))
-        for tail, gap in zip(tails.T, np.diff(self.values), strict=True):
-            at = at + tail * gap
-        return at
-
-    def bounds(self, d: Any) -> Any:
-        return self._at(d), self._at(d)
-
-    def compare(self, d: Any) -> Any:
-        return np.sign(self._at(d)).astype(np.int8)
-
-    def update(self, answers: Answers) -> Exact:
-        if answers.k != self.k:
-            raise ValueError(f"these answers are about {answers.k} levels, not {self.k}")
-        return self
+MDP, VALUES = qlearn.random_mdp(10, 3, 5, discount=0.9, seed=4)
+OPTIONAL = [name for name in dir(protocols) if name.startswith(("BoundsAllAtOnce", "Foretells", "HasDraws", "Allows"))]
+LEARNERS = [
+    (qlearn.InteractivePolicyIteration, Status.BOUNDED),
+    (partial(qlearn.InteractivePolicyIteration, bags=Bags(days=4)), Status.BOUNDED),
+    (qlearn.InteractiveValueIteration, Status.CONVERGED),
+    (qlearn.LateValueIteration, Status.CONVERGED),
+    (partial(qlearn.InteractiveValueIteration, max_loss=0.2), Status.CERTIFIED),
+    (partial(qlearn.InteractiveQLearning, steps=2000), Status.DONE),
+    (partial(qlearn.LateQLearning, steps=2000), Status.DONE),
+]
 
 
-def test_five_members_are_enough():
+def nobody(query: Any) -> Any:
+    raise AssertionError("there is nothing to ask")
+
+
+def test_it_conforms() -> None:
+    assert len(OPTIONAL) == 5
+    for name in OPTIONAL:
+        assert not isinstance(Exact(VALUES), getattr(protocols, name))
     check_comparator(Exact(VALUES))
-    tutor = TruthfulTutor(VALUES)
-    result = drive(InteractivePolicyIteration(MDP, Exact(VALUES)), tutor)
-    assert result.asked == 0
-    assert result.status is Status.BOUNDED
-    assert np.isnan(result.confidence)
-    assert policy_loss(MDP, result.policy, VALUES).max() <= result.loss_bound <= 1e-3
-    assert drive(InteractiveValueIteration(MDP, Exact(VALUES)), tutor).asked == 0
-    choice = choose(np.eye(5)[[1, 3, 2]], Exact(VALUES)).result()
-    assert (choice.best, choice.loss_bound) == (1, 0.0)
+    check_comparator(Exact([0, 1]))
+
+
+@pytest.mark.parametrize(("learner", "status"), LEARNERS)
+def test_every_learner_finishes_with_it_and_asks_nothing(learner: Any, status: Status) -> None:
+    result = qlearn.drive(learner(MDP, Exact(VALUES)), nobody)
+    assert (result.asked, result.status) == (0, status)
+    assert math.isnan(result.confidence), "its bounds are not said to hold for all rows at once"
+    loss = qlearn.policy_loss(MDP, result.policy, VALUES).max()
+    assert loss <= result.loss_bound + 1e-9
+    assert result.loss_bound <= (0.05 if status is Status.DONE else 0.2 if status is Status.CERTIFIED else 0.001)
+
+
+def test_it_chooses_and_is_scored() -> None:
+    options = np.random.default_rng(0).dirichlet(np.ones(5), size=6)
+    chosen = choose(options, Exact(VALUES)).result()
+    assert (chosen.asked, chosen.best) == (0, int(np.argmax(options @ VALUES)))
+    d = sample_differences(5)[:20]
+    answers = Answers(d, TruthfulTutor(VALUES).signs(d))
+    assert compare_held_out({"mine": Exact(VALUES)}, answers, 3)["mine"].accuracy.value == 1
 
 
 class Wrong(Exact):
