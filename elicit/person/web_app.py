@@ -19,7 +19,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -93,7 +93,7 @@ class Door:
     def knows(self, request: Request) -> bool:
         """Whether a request has the cookie. Another program on this host may have set one of the same name."""
         pairs = (pair.partition("=") for line in request.headers.getlist("cookie") for pair in line.split(";"))
-        return any([_same(value.strip(), self.secret) for name, _, value in pairs if name.strip() == self.cookie])
+        return any(_same(value.strip(), self.secret) for name, _, value in pairs if name.strip() == self.cookie)
 
 
 def application(interview: Interview, door: Door) -> ASGIApp:
