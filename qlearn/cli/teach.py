@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.factories import Own
-from qlearn.experiments.settings import FROM_0, POSITIVE, NameOrOwn, Number
+from qlearn.experiments.settings import FROM_0, POSITIVE, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
     from elicit import Session, Subject
@@ -77,6 +77,14 @@ def add_to(commands: Any) -> None:
         help="of an MDP: questions end once the policy can lose no more than this share of the value range "
         "[%(default)s]",
     )
+    command.add_argument(
+        "--audit",
+        type=number_parser(SHARE),
+        default=0.1,
+        metavar="X",
+        help="in front of this share of the questions an earlier one is put again, to see whether the answers agree; "
+        "nothing is learned from it [%(default)s]",
+    )
     page = command.add_argument_group("in the browser", "The answers stay on this machine, and only it is listened to.")
     page.add_argument(
         "--web",
@@ -113,6 +121,7 @@ def run(
     unit: str | None,
     seed: int,
     tolerance: float,
+    audit: float,
     web: bool,
     port: int,
     host: str,
@@ -128,7 +137,7 @@ def run(
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
-    again += ["--tolerance", f"{tolerance:g}"]
+    again += ["--tolerance", f"{tolerance:g}", "--audit", f"{audit:g}"]
     if web:
         again += ["--web", "--port", str(port), "--host", host, *(["--let-others-in"] if let_others_in else [])]
     with ExitStack() as stack:
@@ -136,7 +145,7 @@ def run(
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
             print("Getting ready ...", file=sys.stderr, flush=True)
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), taught.header))
-            session = stack.enter_context(Session(taught.make, kept))
+            session = stack.enter_context(Session(taught.make, kept, audit=audit, seed=seed))
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to be written
         except (ImportError, ValueError, OSError) as error:
             return fail(str(error))
