@@ -109,6 +109,8 @@ class Interview:
         self._lock = threading.RLock()
         self._practised = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # the id last logged as put
+        self.shown: Shown | None = None
+        """What the last screen asks, for hosts that draw it themselves; None where it asks nothing."""
         self._background = Background()
         self._beside: _Beside | None = None
         self._since: list[Verdict | None] = []  # what was answered since
@@ -165,16 +167,19 @@ class Interview:
         }
         if not self._practised and not standing:
             shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
+            self.shown = shown
             self._background.start(self._first_question())
             return {**screen, "question": self._drawn(shown, 0)}
         query = session.question()
         shown_now = None if query is None else self._shown(query)
         if shown_now is None or not shown_now.exact:
+            self.shown = None
             # an answer to rounded numbers could make what is said at the end untrue
             return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
         if self._put != shown_now.id:
             session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
             self._put = shown_now.id
+        self.shown = shown_now
         self._compute_beside(shown_now)
         return {**screen, "stage": "question", "question": self._drawn(shown_now, answered + 1)}
 

@@ -29,7 +29,7 @@ def add_to(commands: Any) -> None:
         help="answer the questions yourself, in the terminal or the browser",
         description="Puts questions about simple groups of outcomes, keeps each answer on the disk before the next "
         "question, and says at the end what was learned. Leave at any moment, and start the same command to go on. "
-        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), q (quit).",
+        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), w (why), q (quit).",
     )
     command.set_defaults(command=run)
     command.add_argument(
