@@ -157,7 +157,8 @@ def _served(session: Session, subject: Subject, again: str, host: str, port: int
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
         return fail(str(error))
-    print(f"Kept: {session.status()}. To go on:\n  {printable(again)}", flush=True)
+    kept = sum(not entry.retracted for entry in session.log)
+    print(f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}", flush=True)
     return 0
 
 
