@@ -131,8 +131,8 @@ def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
     address = ipaddress.ip_address(str(where[0]).partition("%")[0])
     if not address.is_loopback and not let_others_in:
         raise ValueError(
-            f"{host} can be reached by other machines, and what is sent there is not encrypted: say that you want to "
-            "let others in, or listen on 127.0.0.1"
+            f"{host} can be reached by other machines, and what is sent there is not encrypted: if you mean that, say "
+            "let_others_in=True, or --let-others-in; else listen on 127.0.0.1"
         )
     if address.is_unspecified:
         raise ValueError(f"{host} is no address to open: name the one of this machine by which others reach it")

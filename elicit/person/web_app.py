@@ -192,7 +192,7 @@ async def _message(request: Request) -> dict[str, Any]:
         raise HTTPException(415, "A message must be application/json.")
     too_long = HTTPException(413, f"A message has at most {_MOST:,} bytes.")
     declared = request.headers.get("content-length", "0")
-    if not declared.isdigit() or int(declared) > _MOST:
+    if not declared.isdecimal() or int(declared) > _MOST:
         raise too_long
     body = b""
     try:
