@@ -59,7 +59,7 @@ class WebServer:
             ws="none",
             lifespan="off",
             log_config=None,
-            log_level="error",
+            log_level="critical",  # below it says what is wrong with what strangers send
             access_log=False,
             proxy_headers=False,
             server_header=False,

@@ -122,7 +122,9 @@ def application(interview: Interview, door: Door) -> ASGIApp:
         return await _reply(interview, await _message(request))
 
     routes = [Route("/", page), Route("/page/{name}", page), Route("/api", api, methods=["POST"])]
-    return _Guarded(Starlette(routes=routes, exception_handlers={HTTPException: _refused}), door)
+    app = Starlette(routes=routes, exception_handlers={HTTPException: _refused})
+    app.router.redirect_slashes = False  # there is one name for a thing
+    return _Guarded(app, door)
 
 
 class _Guarded:

@@ -178,7 +178,16 @@ def test_what_there_is_with_the_cookie(visitor: Visitor) -> None:
     assert got("/page/style.css") == (200, "text/css; charset=utf-8", b"this is style.css")
     inside = "../secret.js %2e%2e/secret.js ..%2fsecret.js %2e%2e%2fsecret.js ..%5csecret.js"
     files = f"notes.txt nothing.js /page.js page.js%00 ./page.js {inside}".split()
-    others = ("/page/", "/page", "/docs", "/openapi.json", "/favicon.ico", "/..//page/../secret.js")
+    others = (
+        "/favicon.ico",
+        "/page/",
+        "/page",
+        "/docs",
+        "/openapi.json",
+        "/api/",
+        "/page/page.js/",
+        "/..//page/../secret.js",
+    )
     for path in [*(f"/page/{file}" for file in files), *others]:
         status, _, body = got(path)
         assert (status, b"secret" in body) == (404, False), path
