@@ -6,6 +6,7 @@ Needs the extra: pip install 'elicit-qlearn[web]'.
 from __future__ import annotations
 
 import ipaddress
+import os
 import signal
 import socket
 import sys
@@ -138,7 +139,8 @@ def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
         raise ValueError(f"{host} is no address to open: name the one of this machine by which others reach it")
     listening = socket.socket(family)
     try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if os.name == "posix":  # elsewhere it would let another program listen there too
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(where)
         listening.listen()
     except OSError as error:
