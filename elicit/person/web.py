@@ -53,8 +53,9 @@ class WebServer:
         ports = {f":{self.port}", *([""] if self.port == _HTTP else [])}  # browsers leave that one out
         self._door = Door(self.port, {each.lower() + end for each in names for end in ports})
         self._origin = f"http://{name}:{self.port}"
+        self._interview = Interview(session, subject)
         config = uvicorn.Config(
-            application(Interview(session, subject), self._door),
+            application(self._interview, self._door),
             loop="asyncio",
             http=Impatient,
             ws="none",
@@ -82,6 +83,7 @@ class WebServer:
         """Stop; what is under way is finished, if that takes no more than seconds. The session stays open."""
         self._server.should_exit = True
         self._thread.join()
+        self._interview.close()
 
     def __enter__(self) -> Self:
         return self
