@@ -15,7 +15,8 @@ p, ul { margin: .4rem 0; } .soft { color: #4a5864; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: #4a5864; padding-bottom: .4rem; }
 th, td { text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem; border-top: 1px solid #d9e0e6; }
-thead th { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
+thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
+.when { white-space: nowrap; color: #4a5864; }
 .number { text-align: right; white-space: nowrap; } .level { max-width: 14rem; vertical-align: middle; }
 .scale td { vertical-align: middle; } .drawn { width: 50%; padding: 0 1.2rem; }
 svg { display: block; width: 100%; overflow: visible; }
@@ -88,7 +89,7 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = "From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open"
-    yield f'<table class="scale">\n<caption>{said}: {_text(certainty)}.</caption>'
+    yield f'<table class="scale">\n<caption>{said} ({_text(certainty)}).</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield (
@@ -157,5 +158,5 @@ def _answers(answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[
         said = _text(one["sentence"]) if stands else f"<s>{_text(one['sentence'])}</s>"
         when = _text((one["time"] or "")[:16].replace("T", " "))
         noted = ", ".join(words for words, holds in remarks.items() if holds)
-        yield f'<tr><td>{number}</td><td>{said}</td><td class="soft">{when}</td><td>{noted}</td></tr>'
+        yield f'<tr><td>{number}</td><td>{said}</td><td class="when">{when}</td><td>{noted}</td></tr>'
     yield "</tbody>\n</table>"
