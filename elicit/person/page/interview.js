@@ -434,11 +434,11 @@ function colourOf(level, levels) {
 
 // What the levels are worth, as a table whose middle column is a picture.
 function worth(scale, certainty) {
-  const head = ["Level", null, "Best guess", "Between"].map((words) =>
+  const head = ["Level", null, "Best guess", "Range"].map((words) =>
     words ? part("th", "", { scope: "col" }, [words]) : part("td", "drawn", {}, [axis()]),
   );
   const rows = scale.map(({ label, value, low, high }, i) => {
-    const range = low === high ? "fixed" : `${low} and ${high}`;
+    const range = low === high ? "fixed" : `${low} to ${high}`;
     return part("tr", "", {}, [
       part("th", "", { scope: "row" }, [label]),
       part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length))]),

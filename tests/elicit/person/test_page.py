@@ -396,7 +396,7 @@ ODD = tuple(f"{LONG[i % 3]} {i}" for i in range(20))
 ODD_WORDS = Words('<i>units</i> of "much"', "go", "<script>alert(1)</script>", "<img src=x onerror=alert(1)>")
 
 
-@pytest.mark.parametrize("total", [30, 1000, 2_000_000])
+@pytest.mark.parametrize("total", [30, 2_000_000])
 def test_odd_names_many_levels_and_large_numbers_are_only_shown(windows: Windows, total: int) -> None:
     rng = np.random.default_rng(0)
     questions = bags(*((rng.multinomial(total, np.ones(20) / 20), total * np.eye(20, dtype=int)[7]) for _ in range(2)))
