@@ -117,6 +117,7 @@ def test_a_session_by_mouse(windows: Windows) -> None:
         assert page.locator(".worth tbody tr").all_inner_texts()[0].split() == ["recovered", "100", "fixed"]
         with page.expect_download() as kept:
             name(page, "Keep a report").click()
+        assert page.evaluate("document.activeElement.textContent") == "Keep a report"
         assert re.fullmatch(r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename)
         assert "10 moderate rather than 4 recovered and 6 died" in Path(kept.value.path()).read_text()
     assert [(id, verdict) for id, verdict, _ in windows.entries()] == TRUTH
