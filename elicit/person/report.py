@@ -24,8 +24,9 @@ svg { display: block; width: 100%; overflow: visible; }
   margin: .8rem 0; }
 .log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
 @media (max-width: 34rem) {
-  body { margin-top: 1rem; } th, td { padding: .3rem .2rem; } .drawn { width: 32%; padding: 0 .8rem; }
-  .guess { width: 14%; } .range { width: 23%; } .nr { width: 1.4rem; } .when { width: 6rem; } .remarks { width: 22%; }
+  body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
+  .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
+  .nr { width: 1.4rem; } .when { width: 6rem; } .remarks { width: 22%; }
 }
 @media print {
   body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
@@ -143,6 +144,8 @@ def _statements(lines: Iterable[str]) -> Iterator[str]:
 def _conflict(entries: Sequence[Mapping[str, Any]]) -> str:
     items = "".join(f"<li>{_text(entry['sentence'])}</li>" for entry in entries)
     said = f"These {len(entries)} answers do not go together; to change any one of them would mend it:"
+    if len(entries) == 1:
+        said = "This answer does not go with the order of the levels:"
     return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
 
 

@@ -54,10 +54,10 @@ export function mount(root, send, options = {}) {
     busy = true;
     turn += 1;
     clearTimeout(untouched);
+    const before = document.activeElement;
     sheet.setAttribute("aria-busy", "true");
     enable(false);
     const slow = setTimeout(() => say(waiting, "Working out what comes next ..."), SLOW);
-    const before = document.activeElement;
     let stays = false;
     try {
       stays = (await job()) === STAYS;
@@ -273,8 +273,11 @@ export function mount(root, send, options = {}) {
       part("li", "", {}, [part("span", "", {}, [sentence]), back(id, sentence)]),
     );
     const n = NUMBERS[entries.length] ?? entries.length;
-    const which = `These ${n} answers do not go together: which would you change?`;
-    const hint = part("p", "soft", {}, ["To take back any one of them would mend it. The others stay."]);
+    const [which, mends] =
+      entries.length === 1
+        ? ["This answer does not go with the order of the levels: would you change it?", "The other answers stay."]
+        : [`These ${n} answers do not go together: which would you change?`, MENDS];
+    const hint = part("p", "soft", {}, [mends]);
     return part("section", "conflict", {}, [part("h2", "", {}, [which]), part("ul", "list", {}, items), hint]);
   }
 
@@ -370,6 +373,7 @@ export function mount(root, send, options = {}) {
 
 const TRY = "The answer to this first question is not kept.";
 const NOT = "this one does not count";
+const MENDS = "To take back any one of them would mend it. The others stay.";
 const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
 
