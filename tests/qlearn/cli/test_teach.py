@@ -179,7 +179,9 @@ def test_a_choice_from_a_csv(tmp_path: Path) -> None:
         code, _ = teach.leave()
     assert code == 0
     assert "Two groups of 10 patients: which would you rather have?" in teach.shown
-    assert re.search("of 10 patients are the same: [1-9] (well|ill|died)", teach.shown)
+    assert re.search(
+        r"of 10 patients are the same in both groups: [1-9] (well|ill|died)", " ".join(teach.shown.split())
+    )
     assert "Your choice: new.\nFinished: " in teach.shown  # 6.3, and the others 5.9 and 3.4
     assert "(Rounded" not in teach.shown
     assert AnswerLog.read(tmp_path / "answers-care.jsonl").header["unit"] == "patients"
