@@ -7,6 +7,7 @@ answered before a restart the asker is made to know (``known=``). It is restarte
 the log, as with another comparator, and where an answer is withdrawn that others followed.
 """
 
+import copy
 import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
 from types import TracebackType
-from typing import Any, Protocol, Self, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
 
 from elicit.asking.elicitation import OnConflict
 from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -59,6 +60,14 @@ class Compares(Protocol):
 MakeAsker: TypeAlias = Callable[[list[Entry]], Asker]
 """Makes a new asker that knows these answers: lambda known: qlearn.InteractiveValueIteration(mdp, comparator,
 known=known), say."""
+
+
+class Told(NamedTuple):
+    """An asker that was told an answer; contradicts: None, or the ids of the answers, this one among them, that do not
+    go together, where it had to be dropped."""
+
+    asker: Asker
+    contradicts: list[str] | None
 
 
 @dataclass(frozen=True)
@@ -130,15 +139,26 @@ class Session:
 
     @property
     def asker(self) -> Asker:
-        """Who asks now, told all that is in the log: another one after ``undo`` and ``withdraw``."""
+        """Who asks now, told all that is in the log: another one after ``undo`` and ``withdraw``, and after an answer
+        that was looked ahead to."""
         if self._asker is None:
             self._asker = self._resumed()
         if self._untold is not None:
-            id, contradicts = self._untold.query.id, _tell(self._asker, self._untold)
-            self._untold = None
-            if contradicts is not None:
-                self._mark_unused(id, contradicts)
+            self._take(Told(self._asker, tell(self._asker, self._untold)))
         return self._asker
+
+    @property
+    def makes_askers(self) -> bool:
+        """Whether it was given a function that makes an asker, not an asker."""
+        return self._make is not None
+
+    def twin(self) -> Asker | None:
+        """A copy of the asker, for another thread to try out on it what may be answered; None where it cannot be
+        copied. ``copy.deepcopy`` of an asker must be one that shares nothing with it that changes."""
+        try:
+            return copy.deepcopy(self.asker)
+        except Exception:  # whatever a part of it says to that
+            return None
 
     def question(self) -> Query | None:
         """The question to put now, the same until it is answered; None when there is none left. Computes it."""
@@ -156,13 +176,22 @@ class Session:
         self._log.append_asked(query, swapped, **self._now(), **how)
         self._put_at[id] = time.monotonic()
 
-    def answer(self, id: str, verdict: Verdict | int | None, **metadata: Any) -> Answer:
+    def answer(
+        self,
+        id: str,
+        verdict: Verdict | int | None,
+        *,
+        ahead: Callable[[Asker, Answer], Told | None] | None = None,
+        **metadata: Any,
+    ) -> Answer:
         """Take the answer to the pending query of this id, a verdict on ``query.left``, also where it was shown right
         to left; None is "cannot tell". When this returns it is on the disk; returns it as it was logged.
 
         Told again what was answered so already, it does nothing: so a page may send an answer twice. Raises StaleAnswer
         for another verdict than the one that stands, and for an id that was never asked; and what ``AnswerLog.append``
-        raises, after which the question is still pending. metadata: any JSON, for the log.
+        raises, after which the question is still pending. metadata: any JSON, for the log. ahead: what may have told
+        that answer to a copy of the asker already (``LookAhead.told``): once the answer is on the disk, a session that
+        makes its askers goes on with that one.
         """
         asker = self.asker
         said = _last(self._standing()[1], id)
@@ -186,6 +215,8 @@ class Session:
         self._log.append(answer, **{**self._now(), **latency, **audited, **metadata})
         self._untold = answer
         self._put_at.pop(id, None)
+        if ahead is not None and self.makes_askers and (told := ahead(asker, answer)) is not None:
+            self._take(told)
         _ = self.asker  # which is told
         return answer
 
@@ -262,6 +293,14 @@ class Session:
     ) -> None:
         self.close()
 
+    def _take(self, told: Told) -> None:
+        """Go on with an asker that was told what was not told yet."""
+        assert self._untold is not None
+        id = self._untold.query.id
+        self._asker, self._untold = told.asker, None
+        if told.contradicts is not None:
+            self._mark_unused(id, told.contradicts)
+
     def _pending(self) -> dict[str, Query]:
         return {query.id: query for query in self.asker.ask()}
 
@@ -304,7 +343,7 @@ class Session:
                 if _counts(entry):
                     return False
                 continue  # a practice question, say
-            contradicts = _tell(asker, entry.answer)
+            contradicts = tell(asker, entry.answer)
             if contradicts is None and not entry.used:
                 return False
             if contradicts is not None and entry.used:  # a crash came between
@@ -353,7 +392,7 @@ class Session:
         return PolytopeComparator(k, tie=tie_of(known))
 
 
-def _tell(asker: Asker, answer: Answer) -> list[str] | None:
+def tell(asker: Asker, answer: Answer) -> list[str] | None:
     """Tell an asker; the ids of the answers that do not go together where this one had to be dropped."""
     try:
         asker.tell([answer])
