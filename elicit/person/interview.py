@@ -33,7 +33,9 @@ or null), ``question`` (null at the end) and ``end`` (null before). A question: 
 rows have few enough to be drawn one by one) and ``rows``, best level first, each with ``label``, ``level`` (0 the
 worst), ``a`` and ``b``. The end: ``open`` (why there is no question though more could be asked, or null), ``scale``
 (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals),
-``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and ``sentence``).
+``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and ``sentence``). ``counts``: ``answered``, of them
+``equal``, ``cannot tell`` and ``unused``; ``withdrawn``; and ``repeated``, the questions that were put again, which
+nothing else counts, of them ``alike``: answered as before.
 """
 
 from __future__ import annotations
@@ -55,11 +57,14 @@ from elicit.person.findings import certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
 from elicit.person.report import report_page
-from elicit.person.session import Asker, Compares, Session, Told
+from elicit.person.session import Asker, Compares, Session, SessionStatus, Told
 from elicit.person.showing import MOST_ICONS, Shown, Words, practice, printable, show
 from elicit.tutors.answer_log import Entry
 
 _UNUSED = "This does not go together with earlier answers, so it is not used: see “Your answers”."
+_REPEATED = (
+    "That question was put a second time, to see whether the answers agree. What follows is the same either way."
+)
 
 
 def _no_more(_: Any) -> list[str]:
@@ -109,6 +114,8 @@ class Interview:
         self._lock = threading.RLock()
         self._practised = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # the id last logged as put
+        self.shown: Shown | None = None
+        """What the last screen asks, for hosts that draw it themselves; None where it asks nothing."""
         self._background = Background()
         self._beside: _Beside | None = None
         self._since: list[Verdict | None] = []  # what was answered since
@@ -151,12 +158,13 @@ class Interview:
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
         standing = [entry for entry in session.log if not entry.retracted]
+        answered = sum(not entry.repeat for entry in standing)
         last = standing[-1].answer if standing else None
         screen: dict[str, Any] = {
             "title": printable(words.title),
             "preamble": printable(words.preamble),
             "stage": "practice",
-            "answered": len(standing),
+            "answered": answered,
             "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
             "note": note,
             "question": None,
@@ -164,18 +172,21 @@ class Interview:
         }
         if not self._practised and not standing:
             shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
+            self.shown = shown
             self._background.start(self._first_question())
             return {**screen, "question": self._drawn(shown, 0)}
         query = session.question()
         shown_now = None if query is None else self._shown(query)
-        if query is None or shown_now is None or not shown_now.exact:
+        if shown_now is None or not shown_now.exact:
+            self.shown = None
             # an answer to rounded numbers could make what is said at the end untrue
             return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
         if self._put != shown_now.id:
             session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
             self._put = shown_now.id
-        self._compute_beside(shown_now, query)
-        return {**screen, "stage": "question", "question": self._drawn(shown_now, len(standing) + 1)}
+        self.shown = shown_now
+        self._compute_beside(shown_now)
+        return {**screen, "stage": "question", "question": self._drawn(shown_now, answered + 1)}
 
     def _first_question(self) -> Iterator[None]:
         with self._lock:
@@ -207,9 +218,10 @@ class Interview:
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         self._session.answer(id, verdict, ahead=self._told_ahead)
         self._practised = True
-        return self._screen(None if self._session.log[-1].used else _UNUSED)
+        said = self._session.log[-1]
+        return self._screen(_REPEATED if said.repeat else None if said.used else _UNUSED)
 
-    def _compute_beside(self, shown: Shown, query: Query) -> None:
+    def _compute_beside(self, shown: Shown) -> None:
         """See to it that what is to be known beside a question, which is on the screen now, is computed."""
         session, subject, now = self._session, self._subject, self._beside
         asker = session.asker
@@ -219,8 +231,14 @@ class Interview:
         self._beside, self._since = _Beside(shown.id, asker), []
         if (twin := session.twin()) is None:
             return
-        ahead = LookAhead(asker, twin, query, shown.swapped) if session.makes_askers else None
-        outlook = Outlook(twin, shown, query, subject.stakes, self._rounded, subject.seed, before, since)
+        pending = session.next_told()
+        assert pending is not None  # or nothing would be shown
+        ahead = None
+        if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
+            ahead = now.ahead  # shown is, or was, a repeat
+        elif session.makes_askers:
+            ahead = LookAhead(asker, twin, pending, self._shown(pending).swapped)
+        outlook = Outlook(twin, shown, pending, subject.stakes, self._rounded, subject.seed, before, since)
         self._beside = _Beside(shown.id, asker, ahead, outlook)
         self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
 
@@ -275,7 +293,7 @@ class Interview:
                 "time": entry.metadata.get("time"),
                 "withdrawn": entry.retracted,
                 "used": entry.used,
-                "repeat": False,
+                "repeat": entry.repeat,
             }
             for entry in self._session.log
         ]
@@ -307,13 +325,15 @@ class Interview:
             "open": f"There is no finer question of whole numbers. {subject.finer}".strip() if open_still else None,
             "scale": [] if known is None else [row._asdict() for row in scale_rows(known, subject.labels)],
             "certainty": None if known is None else certainty(known),
-            "statements": list(map(printable, subject.report(session.result()))),
+            "statements": [*map(printable, subject.report(session.result())), *_repeats(status)],
             "counts": {
                 "answered": status.answered,
                 "equal": status.equal,
                 "cannot tell": status.cannot_tell,
                 "unused": status.unused,
                 "withdrawn": status.withdrawn,
+                "repeated": status.repeated,
+                "alike": status.alike,
             },
             "conflicts": self._conflicts(),
         }
@@ -346,3 +366,10 @@ class Interview:
 
     def _sentence(self, entry: Entry) -> str:
         return self._shown(entry.answer.query).sentence(entry.answer.verdict)
+
+
+def _repeats(status: SessionStatus) -> list[str]:
+    """How many repeats were answered as before."""
+    n = status.repeated
+    questions = "question was" if n == 1 else "questions were"
+    return [f"{status.alike} of {n} repeated {questions} answered as before."] if n else []

@@ -16,7 +16,7 @@ class LookAhead:
     """Copies of an asker, each told another answer to its pending query, so that what they ask next is known already.
 
     asker: who asks; twin: a copy of it, with which nothing else is done; swapped: whether the query is shown right to
-    left. ``steps`` computes, perhaps in another thread than ``told``."""
+    left. ``steps`` computes what is not computed yet, perhaps in another thread than ``told``."""
 
     def __init__(self, asker: Asker, twin: Asker, query: Query, swapped: bool) -> None:
         self.asker, self.query = asker, query
@@ -28,6 +28,8 @@ class LookAhead:
     def steps(self) -> Iterator[None]:
         """Compute, one answer a step. What fails is left out: it will fail again, and be told, when it is needed."""
         for verdict in _LIKELY_FIRST:
+            if verdict in self._told:
+                continue
             with self._changed:
                 self._computing = (verdict,)
             try:
@@ -43,10 +45,14 @@ class LookAhead:
                     self._changed.notify_all()
             yield
 
+    def waits_for(self, asker: Asker, query: Query) -> bool:
+        """Whether it is about the answers to this query of this asker."""
+        return asker is self.asker and query.id == self.query.id
+
     def told(self, asker: Asker, answer: Answer) -> Told | None:
         """The asker after this answer, which is given away; None where that was not computed. Waits for it where it is
         being computed."""
-        if asker is not self.asker or (answer.query.id, answer.swapped) != (self.query.id, self._swapped):
+        if not self.waits_for(asker, answer.query) or answer.swapped != self._swapped:
             return None
         with self._changed:
             self._changed.wait_for(lambda: self._computing != (answer.verdict,))

@@ -68,6 +68,9 @@ class Outlook:
         self._stakes, self._ends, self._seed = stakes, ends, seed
         self._before, self._answered = before, [*answered]
         self._plays: list[_Play] = []
+        if before is not None:  # at once; these may be in use still, and go on only in ``steps``
+            self._plays = before._going_on(self._answered)
+            self._count(_FEWEST)
 
     def steps(self) -> Iterator[None]:
         """Compute, in steps, once those of ``before`` have ended. Where one fails the rest is left out."""
@@ -85,7 +88,6 @@ class Outlook:
         if known is not None:
             sentence = what_is_open(self._shown, known)
             self.why = () if sentence is None else (sentence,)
-            self._count(_FEWEST_SO_FAR)
             yield
         stakes = self._stakes(copy.deepcopy(self._twin).result())
         self.why = self.why if stakes is None else (*self.why, stakes)

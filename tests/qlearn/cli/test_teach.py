@@ -193,7 +193,7 @@ def test_words_for_keys_undo_and_quit(
     typed = "LEFT\n\nwhat\n=\nu\nu\n?\nright\nundo\nquit\nnever read\n"
     code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
     assert code == 0
-    assert "'what' is no answer. a or b: that one; e: equal; ?: cannot tell; u: undo; q: quit" in " ".join(
+    assert "'what' is no answer. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit" in " ".join(
         shown.split()
     )
     assert shown.count("Taken back.") == 2
