@@ -29,20 +29,23 @@ Every message is ``{"do": ...}``; the reply to the first five is the screen that
 A screen: ``title``, ``preamble``, ``stage`` ("practice", "question" or "end"), ``answered`` (how many stand), ``last``
 (``id`` and ``sentence`` of what undo takes back, or null), ``note`` (what the person should know of the last message,
 or null), ``question`` (null at the end) and ``end`` (null before). A question: ``id``, ``number``, ``heading``,
-``sentences``, ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (whether rows have few enough to be drawn one by
-one) and ``rows``, best level first, each with ``label``, ``level`` (0 the worst), ``a`` and ``b``. The end: ``open``
-(why there is no question though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
-``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals), ``statements``, ``counts`` and ``conflicts`` (lists
-of ``id`` and ``sentence``). ``counts``: ``answered``, of them ``equal``, ``cannot tell`` and ``unused``; ``withdrawn``;
-and ``repeated``, the questions that were put again, which nothing else counts, of them ``alike``: answered as before.
+``sentences``, ``sides`` (what A and B are called), ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (whether
+rows have few enough to be drawn one by one) and ``rows``, best level first, each with ``label``, ``level`` (0 the
+worst), ``a`` and ``b``. The end: ``open`` (why there is no question though more could be asked, or null), ``scale``
+(rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals),
+``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and ``sentence``). ``counts``: ``answered``, of them
+``equal``, ``cannot tell`` and ``unused``; ``withdrawn``; and ``repeated``, the questions that were put again, which
+nothing else counts, of them ``alike``: answered as before.
 """
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from datetime import datetime
 from inspect import signature
 from itertools import chain
 from types import TracebackType
@@ -53,10 +56,12 @@ from elicit.person.background import Background
 from elicit.person.findings import certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
+from elicit.person.report import report_page
 from elicit.person.session import Asker, Compares, Session, SessionStatus, Told
 from elicit.person.showing import MOST_ICONS, Shown, Words, practice, printable, show
 from elicit.tutors.answer_log import Entry
 
+_UNUSED = "This does not go together with earlier answers, so it is not used: see “Your answers”."
 _REPEATED = (
     "That question was put a second time, to see whether the answers agree. What follows is the same either way."
 )
@@ -212,7 +217,9 @@ class Interview:
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         self._session.answer(id, verdict, ahead=self._told_ahead)
-        return self._screen(_REPEATED if self._session.log[-1].repeat else None)
+        self._practised = True
+        said = self._session.log[-1]
+        return self._screen(_REPEATED if said.repeat else None if said.used else _UNUSED)
 
     def _compute_beside(self, shown: Shown) -> None:
         """See to it that what is to be known beside a question, which is on the screen now, is computed."""
@@ -293,7 +300,21 @@ class Interview:
         return {"answers": said, "conflicts": [[one["id"] for one in among] for among in self._conflicts()]}
 
     def _report(self) -> dict[str, Any]:
-        raise NotImplementedError
+        query, log = self._session.question(), self._session.log
+        whole = query is not None and self._shown(query).exact
+        now = datetime.now().astimezone()
+        title = printable(self._subject.words.title)
+        html = report_page(
+            title,
+            f"{now.day} {now:%B %Y, %H:%M}",
+            self._end(query is not None and not whole),
+            self._answers()["answers"],
+            waiting=whole,
+            log=None if log.path is None else printable(log.path.name),
+            checksum=log.checksum,
+        )
+        words = re.findall(r"\w+", title.lower())
+        return {"html": html, "name": "-".join([*words, "report", f"{now:%Y-%m-%d}"]) + ".html"}
 
     def _end(self, open_still: bool) -> dict[str, Any]:
         session, subject = self._session, self._subject
@@ -330,6 +351,7 @@ class Interview:
             "number": number,
             "heading": shown.sentences()[-1],
             "sentences": list(shown.sentences()[:-1]),
+            "sides": [printable(f"{shown.words.side.capitalize()} {name}") for name in "AB"],
             "of": shown.of,
             "unit": printable(shown.words.unit),
             "levels": len(shown.labels),
