@@ -43,7 +43,7 @@ class Taught:
     header: dict[str, Any]
 
 
-def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
+def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float) -> Taught:
     """What a problem teaches: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
     ValueError, ImportError and OSError that say what is wrong with it."""
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
@@ -54,10 +54,11 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
 
     def make(known: Any) -> InteractivePolicyIteration:
         knows = _comparator(comparator, mdp.k, seed)
-        return InteractivePolicyIteration(mdp, knows, bags=Bags(days=days), known=known, seed=seed)
+        return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp), finer, seed), make, header)
+    report, stakes = partial(_policy_report, mdp, tolerance), partial(_policy_stakes, tolerance)
+    return Taught(Subject(mdp.labels, words, days, report, stakes, finer, seed), make, header)
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -87,14 +88,18 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
         "The patients are alike at the start. Choose the course that you would rather see for the group as a whole. "
         "There is no right or wrong answer. For research on algorithms; not medical advice."
     )
-    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble)
+    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?")
 
 
-def _policy_report(mdp: OrdinalMDP, result: Result) -> list[str]:
+def _policy_report(mdp: OrdinalMDP, tolerance: float, result: Result) -> list[str]:
     """What the policy can lose, and where it does not act as with equal gaps between the levels."""
     bound = f"{_percent(result.loss_bound)} of the value range ({_sure(result.confidence)})"
     status = "not finished: more could be asked" if result.status is Status.WAITING else result.status.value
     lines = [f"The policy loses at most {bound}.", f"It is {status}."]
+    if result.status is Status.CONVERGED:
+        lines.append(
+            f"To go on to a smaller loss start again with --tolerance {tolerance / 10:g}: what you answered stays."
+        )
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal).tolist()
     live = int(np.count_nonzero(~mdp.terminal))
@@ -106,6 +111,16 @@ def _policy_report(mdp: OrdinalMDP, result: Result) -> list[str]:
         lines.append(f"  state {mdp.state_name(s)}: action {one}, not {other}")
     more = len(states) - _MOST_STATES
     return [*lines, f"  and {more} more"] if more > 0 else lines
+
+
+def _policy_stakes(tolerance: float, result: Result) -> str | None:
+    """What the policy learned so far can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    return (
+        f"The plan learned so far may fall short of your best plan by up to {_percent(result.loss_bound)}; questions "
+        f"end at {100 * tolerance:g}%."
+    )
 
 
 def _percent(share: float) -> str:
@@ -128,7 +143,7 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         return choose(vectors, _comparator(comparator, len(labels), seed), labels=names, known=known)
 
     finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
-    return Taught(Subject(labels, words, days, _choice_report, finer, seed), make, header)
+    return Taught(Subject(labels, words, days, _choice_report, _choice_stakes, finer, seed), make, header)
 
 
 def _choice_report(result: Choice) -> list[str]:
@@ -136,6 +151,13 @@ def _choice_report(result: Choice) -> list[str]:
     finished = result.status is not ChoiceStatus.WAITING
     status = result.status.value if finished else "Not finished: more could be asked."
     return [f"Your choice: {result.label}.", status, f"Another one is better by at most {bound}."]
+
+
+def _choice_stakes(result: Choice) -> str | None:
+    """What the choice can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    return f"The best guess so far is not certain: another one may be better by up to {_percent(result.loss_bound)}."
 
 
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
