@@ -129,7 +129,7 @@ def run(
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
-    again += [] if name.lower().endswith(".csv") else ["--tolerance", f"{tolerance:g}"]
+    again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
     if web:
         again += ["--web", *(["--port", str(port)] if port else []), *([] if host == _HOST else ["--host", host])]
         again += ["--let-others-in"] if let_others_in else []
