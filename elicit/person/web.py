@@ -74,6 +74,8 @@ class WebServer:
         self._thread.start()
         while not self._server.started and self._thread.is_alive():
             time.sleep(0.005)
+        if not self._server.started:
+            raise RuntimeError("the page could not be served: the error above says why")
 
     def new_address(self) -> str:
         """An address that lets in one browser, once; the one before does not any more."""

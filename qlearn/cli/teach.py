@@ -139,8 +139,8 @@ def run(
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
-    again += [] if name.lower().endswith(".csv") else ["--tolerance", f"{tolerance:g}"]
-    again += [] if audit == _AUDIT else ["--audit", f"{audit:g}"]
+    again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
+    again += [] if audit == _AUDIT else ["--audit", str(audit)]
     if web:
         again += ["--web", *(["--port", str(port)] if port else []), *([] if host == _HOST else ["--host", host])]
         again += ["--let-others-in"] if let_others_in else []
