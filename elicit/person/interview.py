@@ -46,6 +46,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 from inspect import signature
 from itertools import chain
 from types import TracebackType
@@ -58,7 +59,7 @@ from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
 from elicit.person.report import report_page
 from elicit.person.session import Asker, Compares, Session, SessionStatus, Told
-from elicit.person.showing import MOST_ICONS, Shown, Words, practice, printable, show
+from elicit.person.showing import MOST_ICONS, Shown, Words, near_in_whole_numbers, practice, printable, show
 from elicit.tutors.answer_log import Entry
 
 _UNUSED = "This does not go together with earlier answers, so it is not used: see “Your answers”."
@@ -116,6 +117,7 @@ class Interview:
         self._put: str | None = None  # the id last logged as put
         self.shown: Shown | None = None
         """What the last screen asks, for hosts that draw it themselves; None where it asks nothing."""
+        session.instead = partial(_in_whole_numbers, subject)
         self._background = Background()
         self._beside: _Beside | None = None
         self._since: list[Verdict | None] = []  # what was answered since
@@ -216,7 +218,10 @@ class Interview:
                 "That answer stands; you can take it back."
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
+        waits = self._session.next_told()
         self._session.answer(id, verdict, ahead=self._told_ahead)
+        if waits is not None and waits.id != id and not self._session.log[-1].repeat:
+            self._forget()  # another asker asks now
         self._practised = True
         said = self._session.log[-1]
         return self._screen(_REPEATED if said.repeat else None if said.used else _UNUSED)
@@ -236,9 +241,10 @@ class Interview:
         ahead = None
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
             ahead = now.ahead  # shown is, or was, a repeat
-        elif session.makes_askers:
+        elif session.makes_askers and not self._rounded(pending):
             ahead = LookAhead(asker, twin, pending, self._shown(pending).swapped)
-        outlook = Outlook(twin, shown, pending, subject.stakes, self._rounded, subject.seed, before, since)
+        counted = not session.is_repeat(shown.id)
+        outlook = Outlook(twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted)
         self._beside = _Beside(shown.id, asker, ahead, outlook)
         self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
 
@@ -252,6 +258,10 @@ class Interview:
 
     def _rounded(self, query: Query) -> bool:
         return not self._shown(query).exact
+
+    def _ends(self, query: Query) -> bool:
+        """Whether a session like this one has no question left in front of a query."""
+        return not self._session.makes_askers and self._rounded(query)
 
     def _forget(self) -> None:
         """What was put and computed is of no use any more."""
@@ -361,11 +371,22 @@ class Interview:
         }
 
     def _shown(self, query: Query) -> Shown:
-        subject = self._subject
-        return show(query, subject.words, subject.of, subject.seed, subject.labels)
+        return _shown(self._subject, query)
 
     def _sentence(self, entry: Entry) -> str:
         return self._shown(entry.answer.query).sentence(entry.answer.verdict)
+
+
+def _shown(subject: Subject, query: Query) -> Shown:
+    return show(query, subject.words, subject.of, subject.seed, subject.labels)
+
+
+def _in_whole_numbers(subject: Subject, query: Query, answered: Callable[[Query], bool]) -> Query | None:
+    """What is asked in place of a query that is not exact in whole numbers, if there is anything near it that was not
+    asked yet."""
+    if _shown(subject, query).exact:
+        return None
+    return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)
 
 
 def _repeats(status: SessionStatus) -> list[str]:

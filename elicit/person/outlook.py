@@ -45,7 +45,7 @@ class Outlook:
     another one than the shown where that is a repeat; stakes: says of ``twin.result()`` what depends on it, or nothing;
     ends: whether a session ends in front of a query; seed: of what is left to chance; before: the outlook of the
     question before, and answered: what the asker was told since: the sessions played then in which just that was
-    answered go on."""
+    answered go on; counted: whether the question is one of those that are counted."""
 
     def __init__(
         self,
@@ -57,6 +57,7 @@ class Outlook:
         seed: int,
         before: Outlook | None = None,
         answered: Sequence[Verdict | None] = (),
+        counted: bool = True,
     ) -> None:
         self.why: tuple[str, ...] = ()
         """Why the question is asked, in sentences."""
@@ -66,7 +67,7 @@ class Outlook:
         """Whether nothing is to be added any more."""
         self._twin, self._shown, self._pending = twin, shown, pending
         self._stakes, self._ends, self._seed = stakes, ends, seed
-        self._before, self._answered = before, [*answered]
+        self._before, self._answered, self._counted = before, [*answered], counted
         self._plays: list[_Play] = []
         if before is not None:  # at once; these may be in use still, and go on only in ``steps``
             self._plays = before._going_on(self._answered)
@@ -135,8 +136,7 @@ class Outlook:
     def _count(self, fewest: int) -> None:
         played = sorted(len(play.answers) for play in self._plays if play.over)
         if len(played) >= fewest:
-            here = self._pending.id == self._shown.id  # which is not one of those to come
-            self.to_come = played[0] - here, played[-2] - here
+            self.to_come = played[0] - self._counted, played[-2] - self._counted
 
 
 def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Generator) -> Callable[[Query], Verdict]:

@@ -23,6 +23,7 @@ from elicit.asking.elicitation import OnConflict
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.scale import pair_name, tail_sums
 from elicit.tutors.answer_log import CONTRADICTS, EXPECTED, REPEATS, AnswerLog, Entry
 
 _AGAIN = " again"  # after the id of a query that is put again
@@ -72,6 +73,10 @@ class Told(NamedTuple):
 
     asker: Asker
     contradicts: list[str] | None
+
+
+Instead: TypeAlias = Callable[[Query, Callable[[Query], bool]], Query | None]
+"""What to put in place of a query, given whether a query's difference was answered already; None: the query itself."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +149,9 @@ class Session:
         self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
         self._untold: Answer | None = None  # logged, but telling it failed
         self._put_at: dict[str, float] = {}  # when a pending question was put, by a clock that only goes forwards
+        self.instead: Instead | None = None
+        """What is put in place of the queries that the asker waits for, of a session that makes its askers: after the
+        answer a new one is made, which knows it."""
         self._asker: Asker | None = None  # None: to be made from the log
         try:
             self._asker = self._resumed()
@@ -183,13 +191,18 @@ class Session:
         """The question to put now, the same until it is answered; None when there is none left. Computes it."""
         query = self.next_told()
         if query is not None:
-            query = self._repeat() or query
+            query = self._repeat() or self._in_place_of(query) or query
             self._put_at.setdefault(query.id, time.monotonic())
         return query
 
     def next_told(self) -> Query | None:
-        """The first query that the asker waits for: ``question``, unless that puts an earlier one again."""
+        """The first query that the asker waits for: ``question``, unless that puts an earlier one again, or another one
+        in its place."""
         return next(iter(self._pending().values()), None)
+
+    def is_repeat(self, id: str) -> bool:
+        """Whether the query of this id, which waits for an answer, is an earlier one put again."""
+        return id.endswith(_AGAIN) and id not in self._pending()
 
     def shown(self, id: str, swapped: bool = False, **how: Any) -> None:
         """Log that a pending question is put to the person, perhaps right to left, and how: any JSON. Raises
@@ -242,8 +255,12 @@ class Session:
         implied = asker.implied if isinstance(asker, Audits) else {}
         audited = {EXPECTED: int(implied[id])} if id in implied else {}
         self._log.append(answer, **{**self._now(), **latency, **audited, **metadata})
-        self._untold = answer
         self._put_at.pop(id, None)
+        if id not in self._pending():  # in place of one that is
+            self._asker = None
+            self._asker = self._restarted()
+            return answer
+        self._untold = answer
         if ahead is not None and self.makes_askers and (told := ahead(asker, answer)) is not None:
             self._take(told)
         _ = self.asker  # which is told
@@ -354,8 +371,19 @@ class Session:
 
     def _to_answer(self, id: str) -> Query | None:
         """The query of this id, if it waits for an answer."""
-        repeat = self._repeat() if self._pending() else None
-        return repeat if repeat is not None and repeat.id == id else self._pending().get(id)
+        waits = self.next_told()
+        for query in (self._repeat(), self._in_place_of(waits)) if waits is not None else ():
+            if query is not None and query.id == id:
+                return query
+        return self._pending().get(id)
+
+    def _in_place_of(self, query: Query) -> Query | None:
+        """What is put in place of a pending query, if anything is: what an audit confirms is asked as it is."""
+        asker = self.asker
+        if self.instead is None or self._make is None or (isinstance(asker, Audits) and query.id in asker.implied):
+            return None
+        said = {pair_name(tail_sums(entry.answer.query.d))[0] for entry in self._log if not entry.retracted}
+        return self.instead(query, lambda other: pair_name(tail_sums(other.d))[0] in said)
 
     def _repeat(self) -> Query | None:
         """The earlier question that is to be put again now, as a query of its own, if one is."""
@@ -376,7 +404,7 @@ class Session:
 
     def _repeated(self, query: Query) -> Answer | None:
         """What was answered to a query the first time, if it is a repeat."""
-        if not query.id.endswith(_AGAIN) or query.id in self._pending():
+        if not self.is_repeat(query.id):
             return None
         return _last([entry for entry in self._log if not entry.retracted], query.id.removesuffix(_AGAIN))
 

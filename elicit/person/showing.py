@@ -7,7 +7,7 @@ whether the counts are the query itself or rounded. ``Shown.text`` writes it for
 import hashlib
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -203,20 +203,41 @@ def practice(labels: Sequence[str], words: Words = Words(), of: int = 10, seed: 
     return show(Query(f"practice/{seed}", ends[0], ends[1], labels=labels), words, of, seed)
 
 
+def near_in_whole_numbers(query: Query) -> Iterator[Query]:
+    """Queries near one of shares that ``show`` shows exactly: out of 100, 1,000, ..., 1,000,000, as far as no
+    difference changes by more than a tenth of the greatest. The number is at the end of the id. Of other vectors there
+    are none."""
+    both = np.stack([query.left, query.right])
+    if (both < 0).any() or (np.abs(both.sum(axis=1) - 1.0) > 1e-9).any():
+        return
+    for whole in _ROUNDED:
+        counts = _rounded(both, whole)
+        if _fine(both, counts, float(whole)):
+            yield replace(query, id=f"{query.id} of {whole}", left=counts[0] / whole, right=counts[1] / whole)
+
+
 def _whole(both: Floats, of: int, shares: bool) -> tuple[float, Floats, bool]:
     """What to multiply the vectors (2, k) by, the counts (2, k), and whether these are exact."""
-    for scale in (of if shares else 1, 10, 100, *range(1, _MOST + 1)):
+    for scale in (of if shares else 1, 10, 100, *range(1, _MOST + 1), *_ROUNDED):
         counts = np.rint(both * scale)
         if (counts / scale == both).all() and counts[0].sum() == counts[1].sum():
             return float(scale), counts, True
-    apart = np.abs(both[0] - both[1]).max()
     for whole in _ROUNDED:
-        factor = whole / float(both[0].sum())
-        counts = np.stack([_to_total(vector * (whole / vector.sum()), whole) for vector in both])
-        changed = np.abs((counts[0] - counts[1]) / factor - (both[0] - both[1])).max()
-        if changed <= _FINE * apart:
+        factor, counts = whole / float(both[0].sum()), _rounded(both, whole)
+        if _fine(both, counts, factor):
             break
     return factor, counts, False
+
+
+def _rounded(both: Floats, whole: int) -> Floats:
+    """Counts (2, k) of this total, in proportion to the vectors (2, k)."""
+    return np.stack([_to_total(vector * (whole / vector.sum()), whole) for vector in both])
+
+
+def _fine(both: Floats, counts: Floats, factor: float) -> bool:
+    """Whether counts over a factor have about the differences of the vectors."""
+    d = both[0] - both[1]
+    return bool(np.abs((counts[0] - counts[1]) / factor - d).max() <= _FINE * np.abs(d).max())
 
 
 def _to_total(parts: Floats, total: int) -> Floats:
