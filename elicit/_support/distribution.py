@@ -4,8 +4,9 @@ from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed_version
 
 NAME = "elicit-qlearn"
-_EXTRAS = dict.fromkeys(("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm"), "ablation")
+_EXTRAS = dict.fromkeys(("joblib", "matplotlib", "pandas", "tqdm"), "ablation")
 _EXTRAS |= dict.fromkeys(("gymnasium", "mo_gymnasium", "pygame"), "gym")
+_EXTRAS |= dict.fromkeys(("starlette", "uvicorn"), "web")
 _EXTRAS |= {"anywidget": "widget"}
 
 

@@ -43,7 +43,7 @@ class Taught:
     header: dict[str, Any]
 
 
-def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
+def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float) -> Taught:
     """What a problem teaches: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
     ValueError, ImportError and OSError that say what is wrong with it."""
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
@@ -54,7 +54,7 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
 
     def make(known: Any) -> InteractivePolicyIteration:
         knows = _comparator(comparator, mdp.k, seed)
-        return InteractivePolicyIteration(mdp, knows, bags=Bags(days=days), known=known, seed=seed)
+        return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
     return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp), finer, seed), make, header)

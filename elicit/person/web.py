@@ -1,0 +1,134 @@
+"""A session as a page in the browser: ``serve`` until Ctrl+C, or ``WebServer`` beside other work.
+
+Needs the extra: pip install 'elicit-qlearn[web]'.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import signal
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from types import TracebackType
+from typing import Self
+
+from elicit._support.distribution import with_advice
+from elicit.person.interview import Interview, Subject
+from elicit.person.session import Session
+
+_FAREWELL = 5  # seconds for requests that are under way when the server stops
+
+
+class WebServer:
+    """The page of a session, served by a thread of its own from now until ``close``.
+
+    host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1, ::1 and localhost;
+    any other one asks for ``let_others_in=True``, and is not encrypted: who can read the network can read the answers,
+    and take part. port: 0 takes a free one. Several servers must not share a session.
+
+    Raises ModuleNotFoundError, with the command to install it, where a package of the extra is missing; ValueError for
+    an address that lets others in, or is none to open; OSError where the port is in use.
+    """
+
+    def __init__(
+        self, session: Session, subject: Subject, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+    ) -> None:
+        try:
+            import uvicorn
+
+            from elicit.person.web_app import Door, application
+        except ModuleNotFoundError as error:
+            raise with_advice(error) from None
+        listening = _listening(host, port, let_others_in)
+        self.port: int = listening.getsockname()[1]
+        """Where it listens."""
+        name = f"[{host}]" if ":" in host else host
+        names = {name, "localhost", "127.0.0.1", "[::1]"}
+        self._door = Door(self.port, {f"{each.lower()}:{self.port}" for each in names})
+        self._origin = f"http://{name}:{self.port}"
+        config = uvicorn.Config(
+            application(Interview(session, subject), self._door),
+            loop="asyncio",
+            http="h11",
+            ws="none",
+            lifespan="off",
+            log_config=None,
+            log_level="error",
+            access_log=False,
+            proxy_headers=False,
+            server_header=False,
+            timeout_graceful_shutdown=_FAREWELL,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(
+            target=self._server.run, kwargs={"sockets": [listening]}, name="elicit page", daemon=True
+        )
+        self._thread.start()
+        while not self._server.started and self._thread.is_alive():
+            time.sleep(0.005)
+
+    def new_address(self) -> str:
+        """An address that lets in one browser, once; the one before does not any more."""
+        return f"{self._origin}/?token={self._door.new_token()}"
+
+    def close(self) -> None:
+        """Stop; what is under way is finished, if that takes no more than seconds. The session stays open."""
+        self._server.should_exit = True
+        self._thread.join()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def serve(
+    session: Session, subject: Subject, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+) -> None:
+    """Serve the page of a session until Ctrl+C. Prints the address, a line of standard output, and a new one for each
+    line of standard input: each lets in one browser, once. Arguments and errors as of ``WebServer``."""
+    with WebServer(session, subject, host, port, let_others_in=let_others_in) as server, suppress(KeyboardInterrupt):
+        print(server.new_address(), flush=True)
+        print(
+            "Open this address in a browser; it works once. Enter: another one. Ctrl+C: stop. Every answer is kept.",
+            file=sys.stderr,
+            flush=True,
+        )
+        if hasattr(signal, "SIGTTIN"):
+            signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background there is no Enter
+        with suppress(OSError):
+            while sys.stdin and sys.stdin.readline():
+                print(server.new_address(), flush=True)
+        threading.Event().wait()
+
+
+def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
+    """A socket that listens. Raises ValueError and OSError."""
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except OSError as error:
+        raise ValueError(f"{host!r} is no address of this machine: {error.strerror}") from None
+    family, _, _, _, where = found[0]
+    address = ipaddress.ip_address(str(where[0]).partition("%")[0])
+    if not address.is_loopback and not let_others_in:
+        raise ValueError(
+            f"{host} can be reached by other machines, and what is sent there is not encrypted: say that you want to "
+            "let others in, or listen on 127.0.0.1"
+        )
+    if address.is_unspecified:
+        raise ValueError(f"{host} is no address to open: name the one of this machine by which others reach it")
+    listening = socket.socket(family)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(where)
+        listening.listen()
+    except OSError as error:
+        listening.close()
+        raise OSError(error.errno, f"cannot listen on {host}, port {port}: {error.strerror}") from None
+    return listening
