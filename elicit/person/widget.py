@@ -20,6 +20,11 @@ _PAGE = files("elicit.person") / "page"
 # Several windows, in several browsers perhaps, hear each other's replies: each asks with ids of its own. What is typed
 # in the widget is for the widget, not a command to the notebook around it, where A and B insert cells.
 _GLUE = """
+const GONE =
+  "the kernel was restarted or does not run. Run the cells of this notebook again, and go on in the new widget: all " +
+  "answers before this one are there, if the session has a file for its log.";
+const LATER = "To go on, run the cells of this notebook again. It goes on where you are now.";
+
 export default {
   render({ model, el }) {
     const view = Math.random().toString(36).slice(2);
@@ -32,7 +37,7 @@ export default {
       else if (one) one.resolve(said.reply);
     };
     const lost = () => {
-      for (const one of waiting.values()) one.reject(new Error("The kernel does not answer: run the cell again."));
+      for (const one of waiting.values()) one.reject(new Error(GONE));
       waiting.clear();
     };
     const send = (message) =>
@@ -46,7 +51,7 @@ export default {
     el.dataset.lmSuppressShortcuts = "true";
     const root = document.createElement("div");
     el.append(root);
-    const unmount = mount(root, send, { keys: root });
+    const unmount = mount(root, send, { keys: root, later: LATER });
     return () => {
       model.off("msg:custom", receive);
       model.off("comm_live_update", lost);
