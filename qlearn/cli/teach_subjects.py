@@ -87,7 +87,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
         "The patients are alike at the start. Choose the course that you would rather see for the group as a whole. "
         "There is no right or wrong answer. For research on algorithms; not medical advice."
     )
-    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble)
+    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?")
 
 
 def _policy_report(mdp: OrdinalMDP, result: Result) -> list[str]:

@@ -163,7 +163,7 @@ def test_a_choice_from_a_csv(tmp_path: Path) -> None:
         answer_all(teach, ILL)
         code, _ = teach.leave()
     assert code == 0
-    assert "Of 10 patients, which would you rather have?" in teach.shown
+    assert "Two groups of 10 patients: which is better off?" in teach.shown
     assert re.search("of 10 patients are the same: [1-9] (well|ill|died)", teach.shown)
     assert "Your choice: new.\nFinished: " in teach.shown  # 6.3, and the others 5.9 and 3.4
     assert "(Rounded" not in teach.shown
@@ -278,7 +278,7 @@ def test_a_problem_and_its_words_of_the_users(
     code, shown, _ = taught("a\n", monkeypatch, capsys, "--problem", f"{__name__}:own", "--days", "5")
     assert code == 0
     assert shown.startswith("Mine\nWhat matters to me.\n")
-    assert "Of 5 weeks, which would you rather have?" in shown
+    assert "Two groups of 5 weeks: which would you rather have?" in shown
     code, shown, _ = taught("a\n", monkeypatch, capsys, "--problem", f"my={__name__}:own")
     assert f" --problem my={__name__}:own " in shown  # with which it goes on
     code, _, errors = taught("", monkeypatch, capsys, "--problem", f"{__name__}:number")
@@ -337,7 +337,7 @@ def test_icu_sepsis_is_asked_about_patients(
     code, shown, _ = taught("a\n", monkeypatch, capsys)
     assert code == 0
     assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
-    assert "Question 1\n\nOf 10 patients, which would you rather have?" in shown
+    assert "Question 1\n\nTwo groups of 10 patients: which is better off?" in shown
     assert icu_sepsis().labels[0] in shown
 
 
