@@ -17,8 +17,8 @@ from elicit.person.session import Session
 from elicit.person.showing import printable
 
 _PAGE = files("elicit.person") / "page"
-# Several windows, in several browsers perhaps, hear each other's replies: each asks with ids of its own. What is typed
-# in the widget is for the widget, not a command to the notebook around it, where A and B insert cells.
+# Several windows, in several browsers perhaps, hear each other's replies: each asks with ids of its own. A letter typed
+# in the widget is no command to the notebook around it, where A and B insert cells and X cuts them; Ctrl+S still is.
 _GLUE = """
 const GONE =
   "the kernel was restarted or does not run. Run the cells of this notebook again, and go on in the new widget: all " +
@@ -44,17 +44,23 @@ export default {
       new Promise((resolve, reject) => {
         const id = `${view}.${(sent += 1)}`;
         waiting.set(id, { resolve, reject });
-        model.send({ id, message });
+        try {
+          model.send({ id, message });
+        } catch {
+          lost();
+        }
       });
     model.on("msg:custom", receive);
     model.on("comm_live_update", lost);
-    el.dataset.lmSuppressShortcuts = "true";
+    const hold = (event) => event.ctrlKey || event.metaKey || event.altKey || event.stopPropagation();
+    el.addEventListener("keydown", hold);
     const root = document.createElement("div");
     el.append(root);
     const unmount = mount(root, send, { keys: root, later: LATER });
     return () => {
       model.off("msg:custom", receive);
       model.off("comm_live_update", lost);
+      el.removeEventListener("keydown", hold);
       unmount();
     };
   },

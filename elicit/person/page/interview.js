@@ -30,7 +30,7 @@ export function mount(root, send, options = {}) {
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
-  const progress = part("div", "progress");
+  const progress = part("div", "place"); // .progress has a style in notebooks
   const note = part("p", "note", { role: "status" });
   const body = part("div", "body");
   const saved = part("span", "saved", { role: "status" });
