@@ -156,7 +156,10 @@ class Interview:
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         self._session.answer(id, verdict)
-        return self._screen()
+        self._practised = True
+        if self._session.log[-1].used:
+            return self._screen()
+        return self._screen("This does not go together with earlier answers, so it is not used: see “Your answers”.")
 
     def _undo(self, id: str) -> dict[str, Any]:
         standing = [entry for entry in self._session.log if not entry.retracted]

@@ -12,16 +12,20 @@ body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: #14202b; bac
   font: 16px/1.45 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }
 h1 { font-size: 1.6rem; line-height: 1.25; margin: 0; } h2 { font-size: 1.15rem; margin: 1.8rem 0 .4rem; }
 p, ul { margin: .4rem 0; } .soft { color: #4a5864; }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+table { border-collapse: collapse; table-layout: fixed; width: 100%; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: #4a5864; padding-bottom: .4rem; }
 th, td { text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem; border-top: 1px solid #d9e0e6; }
-thead th { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
-.number { text-align: right; white-space: nowrap; } .level { max-width: 14rem; vertical-align: middle; }
-.scale td { vertical-align: middle; } .drawn { width: 50%; padding: 0 1.2rem; }
+thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
+.number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
+.scale tbody * { vertical-align: middle; } .nr { width: 1.6rem; } .when { width: 8.6rem; } .remarks { width: 28%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
 .log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
+@media (max-width: 34rem) {
+  body { margin-top: 1rem; } th, td { padding: .3rem .2rem; } .drawn { width: 32%; padding: 0 .8rem; }
+  .guess { width: 14%; } .range { width: 23%; } .when { width: 5.4rem; } .remarks { width: 22%; }
+}
 @media print {
   body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
   tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
@@ -88,19 +92,18 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = "From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open"
-    yield f'<table class="scale">\n<caption>{said}: {_text(certainty)}.</caption>'
+    yield f'<table class="scale">\n<caption>{said} ({_text(certainty)}).</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
-    yield (
-        f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td><th scope="col" class="number">Best guess'
-        '</th><th scope="col" class="number">Between</th></tr></thead>\n<tbody>'
-    )
+    yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
+    yield '<th scope="col" class="number guess">Best guess</th><th scope="col" class="number range">Range</th>'
+    yield "</tr></thead>\n<tbody>"
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
-        between = "fixed" if low == high else f"{low:.0f} and {high:.0f}"
+        between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
         picture = _interval(low, row["value"], high, _colour(1.0 - i / max(1, len(rows) - 1)))
         yield (
-            f'<tr><th scope="row" class="level">{_text(row["label"])}</th><td class="drawn">{picture}</td>'
+            f'<tr><th scope="row">{_text(row["label"])}</th><td class="drawn">{picture}</td>'
             f'<td class="number">{row["value"]:.0f}</td><td class="number">{between}</td></tr>'
         )
     yield "</tbody>\n</table>"
@@ -144,7 +147,8 @@ def _conflict(entries: Sequence[Mapping[str, Any]]) -> str:
 
 def _answers(answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[Mapping[str, Any]]]) -> Iterator[str]:
     among = {entry["id"] for entries in conflicts for entry in entries}
-    head = "".join(f'<th scope="col">{words}</th>' for words in ("#", "Answer", "When (UTC)", "Remarks"))
+    columns = {"nr": "#", "answer": "Answer", "when": "When (UTC)", "remarks": "Remarks"}
+    head = "".join(f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items())
     yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
     for number, one in enumerate(answers, 1):
         stands = not one["withdrawn"]

@@ -32,11 +32,12 @@ export function mount(root, send, options = {}) {
   const brand = part("div", "brand");
   const progress = part("div", "place"); // .progress has a style in notebooks
   const note = part("p", "note", { role: "status" });
+  const waiting = part("p", "waiting", { role: "status" });
   const body = part("div", "body");
   const saved = part("span", "saved", { role: "status" });
   const nav = part("div", "nav");
   const sheet = part("div", "sheet", {}, [
-    part("div", "head", {}, [brand, progress]), banner, part("div", "middle", {}, [note, body]),
+    part("div", "head", {}, [brand, progress]), banner, part("div", "middle", {}, [waiting, note, body]),
     part("div", "foot", {}, [saved, nav]),
   ]);
   banner.hidden = true;
@@ -46,45 +47,46 @@ export function mount(root, send, options = {}) {
   // ---- what is said to the host
 
   // One thing at a time: `job` is done, the answers wait, and a failure is told with a button that does it again.
-  async function act(job, unsaved) {
+  async function act(job, lost = "This cannot be shown yet.") {
     if (busy) return;
     busy = true;
     turn += 1;
     clearTimeout(untouched);
     sheet.setAttribute("aria-busy", "true");
     enable(false);
-    const slow = setTimeout(() => say(unsaved ? "Working out the next question ..." : "One moment ..."), SLOW);
+    const slow = setTimeout(() => say(waiting, "Working out what comes next ..."), SLOW);
     try {
       await job();
       failed = null;
     } catch (error) {
-      failed = { job, unsaved, why: error.message };
+      failed = { job, lost, why: error.message };
     }
     clearTimeout(slow);
+    say(waiting, "");
     busy = false;
     sheet.removeAttribute("aria-busy");
     if (failed) complain();
     else draw(true);
   }
 
-  const show = (message, unsaved) =>
+  const show = (message, lost) =>
     act(async () => {
       screen = await send(message);
       view = "stage";
-    }, unsaved);
+    }, lost);
 
   const answer = (choice, words) =>
     screen.stage === "practice"
-      ? show({ do: "practised", choice }, "That you have practised")
-      : show({ do: "answer", id: screen.question.id, choice }, `Your answer (${words})`);
+      ? show({ do: "practised", choice })
+      : show({ do: "answer", id: screen.question.id, choice }, `Your answer (${words}) has not been saved yet.`);
 
-  const undo = () => show({ do: "undo", id: screen.last.id }, "That you take back the last answer");
+  const undo = () => show({ do: "undo", id: screen.last.id }, "The last answer has not been taken back yet.");
 
   const withdraw = (id) =>
     act(async () => {
       screen = await send({ do: "withdraw", id });
       if (view === "answers") listed = await send({ do: "answers" });
-    }, "That you take back this answer");
+    }, "This answer has not been taken back yet.");
 
   const list = () =>
     act(async () => {
@@ -144,9 +146,9 @@ export function mount(root, send, options = {}) {
     const [at, ...parts] = views[view]();
     const heading = part("h1", "heading", { tabindex: "-1" }, at.heading);
     body.replaceChildren(heading, ...parts);
-    progress.replaceChildren(part("b", "", {}, [at.name]), at.more);
+    progress.replaceChildren(part("b", "", {}, [at.name]), part("span", "", {}, [at.more]));
     titled(screen.title ? `${at.name} - ${screen.title}` : at.name);
-    say(view === "pause" ? "" : screen.note || "");
+    say(note, view === "pause" ? "" : screen.note || "");
     foot();
     if (view === "stage" && screen.question) {
       enable(false);
@@ -169,7 +171,6 @@ export function mount(root, send, options = {}) {
     const text = n ? [part("span", "tick", { "aria-hidden": "true" }, ["✓"]), ` ${words}`] : [words];
     if (saved.textContent.trim() !== text.map((x) => x.textContent ?? x).join("").trim()) saved.replaceChildren(...text);
     nav.replaceChildren(
-      ...(view === "stage" ? [] : [button("link", "Back", () => look("stage"))]),
       ...(view === "answers" ? [] : [button("link", "Your answers", list)]),
       ...(view === "pause" ? [] : [button("link", "Pause, go on later", () => look("pause"))]),
     );
@@ -180,7 +181,7 @@ export function mount(root, send, options = {}) {
     const practice = screen.stage === "practice";
     const name = practice ? "Practice" : `Question ${asked.number}`;
     const parts = asked.sentences.map((sentence) => part("p", "same", {}, [sentence]));
-    if (practice) parts.unshift(part("p", "practice", {}, [part("b", "", {}, ["To practise. "]), TRY]));
+    if (practice) parts.unshift(part("p", "practice", {}, [part("b", "", {}, ["To practise. "]), TRY, ...legend(asked)]));
     if (screen.preamble) parts.push(part("p", "soft preamble", {}, [screen.preamble]));
     parts.push(sides(asked), others());
     if (!practice) {
@@ -235,8 +236,7 @@ export function mount(root, send, options = {}) {
   // What came in beside the question: how many more there are, and why this one.
   function drawBeside() {
     if (view !== "stage") return;
-    progress.lastChild.remove();
-    progress.append(toCome(beside.to_come));
+    progress.lastChild.textContent = toCome(beside.to_come);
     const why = body.querySelector(".why");
     why?.querySelectorAll("p").forEach((p) => p.remove());
     const said = beside.why.length || beside.ready ? beside.why : ["Still being worked out ..."];
@@ -288,12 +288,12 @@ export function mount(root, send, options = {}) {
       const words = part("span", "words", {}, [
         part(one.withdrawn ? "s" : "span", "", {}, [one.sentence]), ...tags.map((tag) => part("span", "tag", {}, [tag])),
       ]);
-      if (one.time) words.append(part("time", "soft", { datetime: one.time }, [new Date(one.time).toLocaleString()]));
+      if (one.time) words.append(part("time", "soft", { datetime: one.time }, [new Date(one.time).toLocaleString(undefined, WHEN)]));
       return part("li", one.withdrawn ? "gone" : "", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
     });
     const conflicts = listed.conflicts.map((ids) => conflict(ids.map((id) => standing.get(id)).filter(Boolean)));
     const none = part("p", "", {}, ["There are none yet."]);
-    const list = part("ol", "list numbered", { reversed: "" }, items.reverse());
+    const list = part("ul", "list", {}, items.reverse());
     const parts = [...conflicts, items.length ? list : none, returning()];
     return [{ heading: ["Your answers"], name: "Your answers", more: "" }, ...parts];
   }
@@ -310,18 +310,17 @@ export function mount(root, send, options = {}) {
   }
 
   function complain() {
-    const { job, unsaved, why } = failed;
-    const lost = unsaved ? `${unsaved} has not been saved yet` : "This cannot be shown yet";
-    const again = button("alt", "Try again", () => act(job, unsaved));
-    banner.replaceChildren(part("p", "", {}, [part("b", "", {}, [`${lost}: `]), why]), again);
+    const { job, lost, why } = failed;
+    const again = button("alt", "Try again", () => act(job, lost));
+    banner.replaceChildren(part("p", "", {}, [part("b", "", {}, [lost]), ` ${why}`]), again);
     banner.hidden = false;
-    say("");
+    say(note, "");
     again.disabled = false;
     again.focus({ preventScroll: true });
   }
 
-  function say(words) {
-    if (note.textContent !== words) note.textContent = words;
+  function say(where, words) {
+    if (where.textContent !== words) where.textContent = words;
   }
 
   function enable(yes) {
@@ -363,6 +362,7 @@ export function mount(root, send, options = {}) {
 
 const TRY = "The answer to this first question is not kept.";
 const NOT = "this one does not count";
+const WHEN = { dateStyle: "medium", timeStyle: "short" };
 
 // An element with a class, attributes, and what is in it: elements, or strings, which stay text.
 function part(tag, name, attributes = {}, inside = []) {
@@ -414,6 +414,9 @@ function level(asked, row, n, most) {
   return part("li", n ? "row" : "row none", {}, words);
 }
 
+const legend = (asked) =>
+  asked.icons ? [` Each circle is one of the ${asked.unit}: ✓ is the best that can be, ✕ the worst.`] : [];
+
 function icons(n, level, asked, colour) {
   const mark = level === 0 ? "✕" : level === asked.levels - 1 ? "✓" : "";
   return Array.from({ length: n }, () => {
@@ -431,11 +434,11 @@ function colourOf(level, levels) {
 
 // What the levels are worth, as a table whose middle column is a picture.
 function worth(scale, certainty) {
-  const head = ["Level", null, "Best guess", "Between"].map((words) =>
+  const head = ["Level", null, "Best guess", "Range"].map((words) =>
     words ? part("th", "", { scope: "col" }, [words]) : part("td", "drawn", {}, [axis()]),
   );
   const rows = scale.map(({ label, value, low, high }, i) => {
-    const range = low === high ? "fixed" : `${low} and ${high}`;
+    const range = low === high ? "fixed" : `${low} to ${high}`;
     return part("tr", "", {}, [
       part("th", "", { scope: "row" }, [label]),
       part("td", "drawn", {}, [interval(low, value, high, colourOf(scale.length - 1 - i, scale.length))]),
@@ -443,7 +446,7 @@ function worth(scale, certainty) {
       part("td", "number", {}, [range]),
     ]);
   });
-  const said = `From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open: ${certainty}.`;
+  const said = `From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open (${certainty}).`;
   const table = part("table", "worth", {}, [
     part("caption", "soft", {}, [said]), part("thead", "", {}, [part("tr", "", {}, head)]), part("tbody", "", {}, rows),
   ]);

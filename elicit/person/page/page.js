@@ -3,10 +3,10 @@
 import { mount } from "./interview.js";
 
 const STOPPED =
-  "the program on this computer does not answer. Start it again with the same command and press Try again. If it " +
+  "The program on this computer does not answer. Start it again with the same command and press Try again. If it " +
   "prints another address, open that one: all answers before this one are there.";
 const SHUT_OUT =
-  "the program was started again and does not know this window. Open the address that it printed, in this browser, " +
+  "The program does not know this window, as after it was started again. Open the address that it printed, in this browser, " +
   "then press Try again here, or go on there.";
 
 async function send(message) {
@@ -18,7 +18,7 @@ async function send(message) {
   const content = await reply.json().catch(() => {
     throw new Error(STOPPED);
   });
-  if (!reply.ok) throw new Error(content.error ?? `the program answers ${reply.status}. Press Try again.`);
+  if (!reply.ok) throw new Error(content.error ?? `The program answers ${reply.status}. Press Try again.`);
   return content;
 }
 
