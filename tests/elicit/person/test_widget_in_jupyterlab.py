@@ -63,7 +63,8 @@ def jupyterlab(folder: Path, *sources: str) -> Iterator[str]:
     try:
         end = time.monotonic() + 60
         while not (found := list((own / "runtime").glob("jpserver-*.json"))) or not found[0].read_text():
-            assert server.poll() is None and time.monotonic() < end, (own / "log").read_text()
+            stopped = server.poll() is not None or time.monotonic() > end
+            assert not stopped, (own / "log").read_text()
             time.sleep(0.05)
         yield json.loads(found[0].read_text())["url"]
     finally:
