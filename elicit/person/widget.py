@@ -92,7 +92,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
     def _take(self, _: Any, content: Any, buffers: Any) -> None:
         """Reply to a custom message."""
         try:
-            said = {"reply": self._interview.handle(content["message"])}
+            said: dict[str, Any] = {"reply": self._interview.handle(content["message"])}
         except (ValueError, OSError) as error:  # what a session or its log raises: the same may be sent again
             said = {"error": str(error)}
         except Exception as error:
