@@ -3,7 +3,7 @@
     python examples/resume_a_session.py [answers.jsonl]
 
 Answer a few questions about six courses of treatment, leave (Ctrl+D), and start the program again: it goes on where you
-were, and asks nothing twice. It shows that a session stands on its log alone: a function that makes who asks, and a file.
+were, and asks nothing twice. It shows that a session stands on its log alone: a function that makes who asks, a file.
 """
 
 import sys
