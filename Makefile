@@ -5,13 +5,16 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation figures test test-slow lint bench bench-huge notebooks clean
+.PHONY: ablation figures teach test test-slow lint bench bench-huge notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
 
 figures: $(READY)  ## the paper's figures 2, 3 and 4 with intervals, 20 runs a point (most of an hour on two cores)
 	$(BIN)/qlearn figures --both-tutors --out results/figures
+
+teach: $(READY)  ## you are the tutor of ICU-Sepsis: prints the address of a page; answers-icu-sepsis.jsonl keeps the answers
+	$(BIN)/qlearn teach --web
 
 test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto

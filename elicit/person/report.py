@@ -14,17 +14,19 @@ h1 { font-size: 1.6rem; line-height: 1.25; margin: 0; } h2 { font-size: 1.15rem;
 p, ul { margin: .4rem 0; } .soft { color: #4a5864; }
 table { border-collapse: collapse; table-layout: fixed; width: 100%; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: #4a5864; padding-bottom: .4rem; }
-th, td { text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem; border-top: 1px solid #d9e0e6; }
+th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem;
+  border-top: 1px solid #d9e0e6; }
 thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
 .number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
-.scale tbody * { vertical-align: middle; } .nr { width: 1.6rem; } .when { width: 8.6rem; } .remarks { width: 28%; }
+.scale tbody * { vertical-align: middle; } .nr { width: 2.4rem; } .when { width: 9.8rem; } .remarks { width: 28%; }
 svg { display: block; width: 100%; overflow: visible; }
 .conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
   margin: .8rem 0; }
 .log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
 @media (max-width: 34rem) {
-  body { margin-top: 1rem; } th, td { padding: .3rem .2rem; } .drawn { width: 32%; padding: 0 .8rem; }
-  .guess { width: 14%; } .range { width: 23%; } .when { width: 5.4rem; } .remarks { width: 22%; }
+  body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
+  .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
+  .nr { width: 1.4rem; } .when { width: 6rem; } .remarks { width: 22%; }
 }
 @media print {
   body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
@@ -142,6 +144,8 @@ def _statements(lines: Iterable[str]) -> Iterator[str]:
 def _conflict(entries: Sequence[Mapping[str, Any]]) -> str:
     items = "".join(f"<li>{_text(entry['sentence'])}</li>" for entry in entries)
     said = f"These {len(entries)} answers do not go together; to change any one of them would mend it:"
+    if len(entries) == 1:
+        said = "This answer does not go with the order of the levels:"
     return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
 
 

@@ -11,6 +11,7 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
@@ -19,6 +20,7 @@ from elicit._support.distribution import with_advice
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 
+_HTTP = 80
 _FAREWELL = 5  # seconds for requests that are under way when the server stops
 
 
@@ -39,7 +41,7 @@ class WebServer:
         try:
             import uvicorn
 
-            from elicit.person.web_app import Door, application
+            from elicit.person.web_app import Door, Impatient, application
         except ModuleNotFoundError as error:
             raise with_advice(error) from None
         listening = _listening(host, port, let_others_in)
@@ -47,16 +49,17 @@ class WebServer:
         """Where it listens."""
         name = f"[{host}]" if ":" in host else host
         names = {name, "localhost", "127.0.0.1", "[::1]"}
-        self._door = Door(self.port, {f"{each.lower()}:{self.port}" for each in names})
+        ports = {f":{self.port}", *([""] if self.port == _HTTP else [])}  # browsers leave that one out
+        self._door = Door(self.port, {each.lower() + end for each in names for end in ports})
         self._origin = f"http://{name}:{self.port}"
         config = uvicorn.Config(
             application(Interview(session, subject), self._door),
             loop="asyncio",
-            http="h11",
+            http=Impatient,
             ws="none",
             lifespan="off",
             log_config=None,
-            log_level="error",
+            log_level="critical",  # below it says what is wrong with what strangers send
             access_log=False,
             proxy_headers=False,
             server_header=False,
@@ -93,19 +96,29 @@ def serve(
 ) -> None:
     """Serve the page of a session until Ctrl+C. Prints the address, a line of standard output, and a new one for each
     line of standard input: each lets in one browser, once. Arguments and errors as of ``WebServer``."""
-    with WebServer(session, subject, host, port, let_others_in=let_others_in) as server, suppress(KeyboardInterrupt):
+    with (
+        suppress(KeyboardInterrupt),  # a second one, while the first one is heeded
+        WebServer(session, subject, host, port, let_others_in=let_others_in) as server,
+        suppress(KeyboardInterrupt),
+    ):
         print(server.new_address(), flush=True)
         print(
             "Open this address in a browser; it works once. Enter: another one. Ctrl+C: stop. Every answer is kept.",
             file=sys.stderr,
             flush=True,
         )
-        if hasattr(signal, "SIGTTIN"):
-            signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background there is no Enter
-        with suppress(OSError):
-            while sys.stdin and sys.stdin.readline():
-                print(server.new_address(), flush=True)
+        for _ in _lines_entered():
+            print(server.new_address(), flush=True)
         threading.Event().wait()
+
+
+def _lines_entered() -> Iterator[str]:
+    """The lines of standard input, if there is one."""
+    if hasattr(signal, "SIGTTIN") and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background it is an error, and does not stop the process
+    with suppress(OSError):
+        while sys.stdin and (line := sys.stdin.readline()):
+            yield line
 
 
 def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
@@ -118,8 +131,8 @@ def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
     address = ipaddress.ip_address(str(where[0]).partition("%")[0])
     if not address.is_loopback and not let_others_in:
         raise ValueError(
-            f"{host} can be reached by other machines, and what is sent there is not encrypted: say that you want to "
-            "let others in, or listen on 127.0.0.1"
+            f"{host} can be reached by other machines, and what is sent there is not encrypted: if you mean that, say "
+            "let_others_in=True, or --let-others-in; else listen on 127.0.0.1"
         )
     if address.is_unspecified:
         raise ValueError(f"{host} is no address to open: name the one of this machine by which others reach it")

@@ -22,6 +22,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from elicit.person.interview import Interview
 from elicit.tutors.log_lines import BadLog
@@ -29,7 +30,9 @@ from elicit.tutors.log_lines import BadLog
 PAGE = Path(__file__).with_name("page")
 _TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
 _MOST = 16 * 1024  # bytes of a message: an id and a choice
-_PATIENCE = 10.0  # seconds that a message may take to arrive
+PATIENCE = 10.0
+"""Seconds that a request may take to arrive."""
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -64,6 +67,19 @@ _CLOSED_DOOR = f"""<!doctype html>
 """
 
 _log = logging.getLogger(__name__)
+
+
+class Impatient(H11Protocol):
+    """HTTP/1.1, but a connection that has brought no request after some seconds is closed. Later ones need no such
+    limit: a refused request ends its connection."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self.loop.call_later(PATIENCE, self._give_up)
+
+    def _give_up(self) -> None:
+        if self.cycle is None and not self.transport.is_closing():
+            self.transport.close()
 
 
 class Door:
@@ -106,7 +122,9 @@ def application(interview: Interview, door: Door) -> ASGIApp:
         return await _reply(interview, await _message(request))
 
     routes = [Route("/", page), Route("/page/{name}", page), Route("/api", api, methods=["POST"])]
-    return _Guarded(Starlette(routes=routes, exception_handlers={HTTPException: _refused}), door)
+    app = Starlette(routes=routes, exception_handlers={HTTPException: _refused})
+    app.router.redirect_slashes = False  # there is one name for a thing
+    return _Guarded(app, door)
 
 
 class _Guarded:
@@ -137,7 +155,9 @@ class _Guarded:
         origins, site = request.headers.getlist("origin"), request.headers.get("sec-fetch-site")
         to_read = request.method in ("GET", "HEAD")
         # followed from elsewhere, or typed; SameSite=Strict says what it may see
-        visit = to_read and request.url.path == "/" and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
+        visit = (
+            to_read and request.scope["path"] == "/" and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
+        )
         ours = site in (None, "none", "same-origin") or visit
         if any(origin.lower() != f"http://{called[0]}" for origin in origins) or not ours:
             return _error(403, "This came from another page, and was refused.")
@@ -148,13 +168,13 @@ class _Guarded:
     def _stranger(self, request: Request) -> Response | None:
         """The way in, or the refusal of what comes without the cookie."""
         known = self._door.knows(request)
-        tokens = request.query_params.getlist("token")
-        if tokens and request.url.path == "/" and request.method == "GET":
+        path, tokens = request.scope["path"], request.query_params.getlist("token")
+        if tokens and path == "/" and request.method == "GET":
             if self._door.takes(tokens[-1]) or known:
                 return self._let_in(request)
         elif known:
             return None
-        if request.url.path == "/api":
+        if path == "/api":
             return _error(403, _NOT_LET_IN)
         return HTMLResponse(_CLOSED_DOOR, 403)
 
@@ -174,11 +194,11 @@ async def _message(request: Request) -> dict[str, Any]:
         raise HTTPException(415, "A message must be application/json.")
     too_long = HTTPException(413, f"A message has at most {_MOST:,} bytes.")
     declared = request.headers.get("content-length", "0")
-    if not declared.isdigit() or int(declared) > _MOST:
+    if not declared.isdecimal() or int(declared) > _MOST:
         raise too_long
     body = b""
     try:
-        async with asyncio.timeout(_PATIENCE):
+        async with asyncio.timeout(PATIENCE):
             async for part in request.stream():
                 body += part
                 if len(body) > _MOST:
@@ -207,18 +227,20 @@ async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
         return _error(
             507,
             "Another program moved or changed the file of the answers, so nothing more is written to it. What was "
-            "saved before is not touched. Start the program again; it says what it finds.",
+            "saved before is not touched. Start the program again: it says what it finds.",
         )
     except OSError as error:
         _log.error("%s", error)
+        room = error.errno in (None, *_NO_ROOM)
         why = error.strerror or "the disk may be full"
-        room = " Free some space," if error.errno in (errno.ENOSPC, errno.EDQUOT, None) else " Mend that,"
         return _error(
-            507, f"The answer could not be saved: {why}. Nothing that was saved is lost.{room} and answer again."
+            507,
+            f"Your answer could not be saved: {why}. Nothing that was saved before is lost. "
+            f"{'Free some space' if room else 'Mend that'}, and answer again.",
         )
     except ValueError as error:
-        _log.warning("a message was not understood: %s", error)
-        return _error(400, "This message was not understood: reload the page.")
+        _log.warning("a message was refused: %s", error)
+        return _error(400, "This could not be done; the program says why where it runs. Reload the page.")
     except Exception:
         _log.exception("a message could not be answered")
         return _error(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _PROBLEM = NameOrOwn(("icu-sepsis", "random"), "(seed) returns an OrdinalMDP, or (mdp, elicit.Words)")
 _COMPARATORS = ("polytope", "posterior")
 _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 for a free one")
+_HOST = "127.0.0.1"
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
@@ -93,7 +94,7 @@ def add_to(commands: Any) -> None:
     )
     page.add_argument(
         "--host",
-        default="127.0.0.1",
+        default=_HOST,
         metavar="ADDRESS",
         help="of this machine, to listen on; one that other machines reach needs --let-others-in [%(default)s]",
     )
@@ -128,9 +129,10 @@ def run(
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
-    again += ["--tolerance", f"{tolerance:g}"]
+    again += [] if name.lower().endswith(".csv") else ["--tolerance", f"{tolerance:g}"]
     if web:
-        again += ["--web", "--port", str(port), "--host", host, *(["--let-others-in"] if let_others_in else [])]
+        again += ["--web", *(["--port", str(port)] if port else []), *([] if host == _HOST else ["--host", host])]
+        again += ["--let-others-in"] if let_others_in else []
     with ExitStack() as stack:
         try:
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
@@ -157,7 +159,8 @@ def _served(session: Session, subject: Subject, again: str, host: str, port: int
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
         return fail(str(error))
-    print(f"Kept: {session.status()}. To go on:\n  {printable(again)}", flush=True)
+    kept = sum(not entry.retracted for entry in session.log)
+    print(f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}", flush=True)
     return 0
 
 

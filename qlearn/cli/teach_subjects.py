@@ -57,7 +57,7 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
         return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp), finer, seed), make, header)
+    return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp, tolerance), finer, seed), make, header)
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -90,11 +90,15 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
     return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?")
 
 
-def _policy_report(mdp: OrdinalMDP, result: Result) -> list[str]:
+def _policy_report(mdp: OrdinalMDP, tolerance: float, result: Result) -> list[str]:
     """What the policy can lose, and where it does not act as with equal gaps between the levels."""
     bound = f"{_percent(result.loss_bound)} of the value range ({_sure(result.confidence)})"
     status = "not finished: more could be asked" if result.status is Status.WAITING else result.status.value
     lines = [f"The policy loses at most {bound}.", f"It is {status}."]
+    if result.status is Status.CONVERGED:
+        lines.append(
+            f"To go on to a smaller loss start again with --tolerance {tolerance / 10:g}: what you answered stays."
+        )
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal).tolist()
     live = int(np.count_nonzero(~mdp.terminal))

@@ -1,7 +1,7 @@
-// What a person sees of an interview (elicit/person/interview.py says what the messages and the replies are), drawn into
-// any element. It imports nothing, and all that comes from a problem is set as text, never read as HTML.
+// What a person sees of an interview, drawn into any element. elicit/person/interview.py says what the messages and the
+// replies are. It imports nothing, and all that comes from a problem is set as text, never read as HTML.
 
-const UNTOUCHED = 250; // ms after a question is drawn in which nothing answers it: what still comes was meant for the last
+const UNTOUCHED = 250; // ms after something is drawn in which no button works: what still comes was meant for the last
 const SLOW = 400; // ms after which a wait is put into words
 const AGAIN = 1000; // ms between two looks at what is computed beside a question
 const KEYS = { ArrowLeft: "a", a: "a", ArrowRight: "b", b: "b", ArrowDown: "equal", "?": "cannot tell" };
@@ -22,6 +22,7 @@ export function mount(root, send, options = {}) {
   let view = "stage"; // or "answers", or "pause", which are looked at beside it
   let listed = null; // the reply to "answers"
   let beside = null; // the reply to "outlook" for the question on the screen
+  let drawn = false; // whether anything was
   let busy = false;
   let failed = null; // what is to be tried again
   let turn = 0; // counts what was done, to tell that a reply comes too late
@@ -36,27 +37,30 @@ export function mount(root, send, options = {}) {
   const body = part("div", "body");
   const saved = part("span", "saved", { role: "status" });
   const nav = part("div", "nav");
-  const sheet = part("div", "sheet", {}, [
+  const sheet = part("div", "sheet", { tabindex: "-1" }, [
     part("div", "head", {}, [brand, progress]), banner, part("div", "middle", {}, [waiting, note, body]),
     part("div", "foot", {}, [saved, nav]),
   ]);
-  banner.hidden = true;
+  hide(banner);
   root.classList.add("elicit");
   root.replaceChildren(sheet);
 
   // ---- what is said to the host
 
-  // One thing at a time: `job` is done, the answers wait, and a failure is told with a button that does it again.
+  // One thing at a time: `job` is done while the buttons wait, and what it changed is drawn, unless it returns STAYS.
+  // A failure is told, with a button that does it again; `lost` says what is not done.
   async function act(job, lost = "This cannot be shown yet.") {
     if (busy) return;
     busy = true;
     turn += 1;
     clearTimeout(untouched);
+    const before = document.activeElement;
     sheet.setAttribute("aria-busy", "true");
     enable(false);
     const slow = setTimeout(() => say(waiting, "Working out what comes next ..."), SLOW);
+    let stays = false;
     try {
-      await job();
+      stays = (await job()) === STAYS;
       failed = null;
     } catch (error) {
       failed = { job, lost, why: error.message };
@@ -65,8 +69,11 @@ export function mount(root, send, options = {}) {
     say(waiting, "");
     busy = false;
     sheet.removeAttribute("aria-busy");
-    if (failed) complain();
-    else draw(true);
+    if (failed) return complain();
+    hide(banner);
+    if (!stays) return draw(true);
+    enable(true);
+    before?.focus({ preventScroll: true });
   }
 
   const show = (message, lost) =>
@@ -101,6 +108,7 @@ export function mount(root, send, options = {}) {
       link.download = report.name;
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+      return STAYS;
     });
 
   function look(at) {
@@ -116,7 +124,7 @@ export function mount(root, send, options = {}) {
     if (!now || then !== turn || same(now, screen)) return;
     screen = now;
     if (view === "answers") list();
-    else draw(false);
+    else draw(root.contains(document.activeElement));
   }
 
   // What is computed beside a question, until all of it is there.
@@ -138,8 +146,6 @@ export function mount(root, send, options = {}) {
 
   function draw(moved) {
     following += 1;
-    banner.hidden = true;
-    banner.replaceChildren();
     brand.replaceChildren(part("b", "", {}, [screen.title || "Your judgement"]));
     if (screen.title) brand.append(part("span", "soft", {}, ["your judgement"]));
     const views = { stage: { practice: question, question, end }[screen.stage], answers, pause };
@@ -150,26 +156,24 @@ export function mount(root, send, options = {}) {
     titled(screen.title ? `${at.name} - ${screen.title}` : at.name);
     say(note, view === "pause" ? "" : screen.note || "");
     foot();
-    if (view === "stage" && screen.question) {
-      enable(false);
-      untouched = setTimeout(() => enable(true), UNTOUCHED);
-      beside = null;
-      if (screen.stage === "question") follow();
-    }
-    // a reader reads the new heading; a page or a notebook that is only opened keeps its place
-    if (moved && root.dataset.used) {
+    enable(false);
+    clearTimeout(untouched);
+    untouched = setTimeout(() => enable(true), UNTOUCHED);
+    beside = null;
+    if (view === "stage" && screen.stage === "question") follow();
+    // a screen reader reads the new heading; what is only opened does not take the place of what else is there
+    if (moved && drawn) {
       heading.focus({ preventScroll: true });
-      sheet.scrollIntoView?.({ block: "nearest" });
-      if (keys === document) window.scrollTo(0, 0);
+      if (sheet.getBoundingClientRect().top < 0) sheet.scrollIntoView();
     }
-    root.dataset.used = "yes";
+    drawn = true;
   }
 
   function foot() {
     const n = screen.answered;
     const words = n ? `${n} ${n === 1 ? "answer" : "answers"} saved on this computer` : "Nothing answered yet";
-    const text = n ? [part("span", "tick", { "aria-hidden": "true" }, ["✓"]), ` ${words}`] : [words];
-    if (saved.textContent.trim() !== text.map((x) => x.textContent ?? x).join("").trim()) saved.replaceChildren(...text);
+    const tick = part("span", "tick", { "aria-hidden": "true" }, ["✓ "]);
+    if (!saved.textContent.endsWith(words)) saved.replaceChildren(...(n ? [tick, words] : [words]));
     nav.replaceChildren(
       ...(view === "answers" ? [] : [button("link", "Your answers", list)]),
       ...(view === "pause" ? [] : [button("link", "Pause, go on later", () => look("pause"))]),
@@ -181,7 +185,7 @@ export function mount(root, send, options = {}) {
     const practice = screen.stage === "practice";
     const name = practice ? "Practice" : `Question ${asked.number}`;
     const parts = asked.sentences.map((sentence) => part("p", "same", {}, [sentence]));
-    if (practice) parts.unshift(part("p", "practice", {}, [part("b", "", {}, ["To practise. "]), TRY, ...legend(asked)]));
+    if (practice) parts.unshift(part("p", "practice", {}, [part("b", "", {}, ["To practise. "]), TRY, legend(asked)]));
     if (screen.preamble) parts.push(part("p", "soft preamble", {}, [screen.preamble]));
     parts.push(sides(asked), others());
     if (!practice) {
@@ -203,7 +207,8 @@ export function mount(root, send, options = {}) {
       const words = `${asked.sides[i]} is better`;
       const heading = part("h2", "", {}, [asked.sides[i]]);
       const rows = part("ul", "rows", {}, asked.rows.map((row) => level(asked, row, row[side], most)));
-      const pick = button("pick", words, () => answer(side, words), i ? "→" : "←", i ? "ArrowRight B" : "ArrowLeft A");
+      const [key, shortcut] = i ? ["→", "ArrowRight B"] : ["←", "ArrowLeft A"];
+      const pick = button("pick", words, () => answer(side, words), key, shortcut);
       pick.dataset.choice = side;
       const card = part("section", "card", { "aria-label": asked.sides[i] }, [heading, rows, pick]);
       card.style.gridRow = `span ${asked.rows.length + 2}`; // so that the rows of both sides are aligned
@@ -264,9 +269,15 @@ export function mount(root, send, options = {}) {
 
   // Answers that do not go together, each of which can be taken back.
   function conflict(entries) {
-    const items = entries.map(({ id, sentence }) => part("li", "", {}, [part("span", "", {}, [sentence]), back(id, sentence)]));
-    const which = `These ${NUMBERS[entries.length] ?? entries.length} answers do not go together: which would you change?`;
-    const hint = part("p", "soft", {}, ["To take back any one of them would mend it. The others stay."]);
+    const items = entries.map(({ id, sentence }) =>
+      part("li", "", {}, [part("span", "", {}, [sentence]), back(id, sentence)]),
+    );
+    const n = NUMBERS[entries.length] ?? entries.length;
+    const [which, mends] =
+      entries.length === 1
+        ? ["This answer does not go with the order of the levels: would you change it?", "The other answers stay."]
+        : [`These ${n} answers do not go together: which would you change?`, MENDS];
+    const hint = part("p", "soft", {}, [mends]);
     return part("section", "conflict", {}, [part("h2", "", {}, [which]), part("ul", "list", {}, items), hint]);
   }
 
@@ -285,10 +296,10 @@ export function mount(root, send, options = {}) {
       else if (among.has(one.id)) tags.push("does not go together with others");
       if (!one.withdrawn && !one.used) tags.push("not used");
       if (one.repeat) tags.push("asked again, to see how steady answers are");
-      const words = part("span", "words", {}, [
-        part(one.withdrawn ? "s" : "span", "", {}, [one.sentence]), ...tags.map((tag) => part("span", "tag", {}, [tag])),
-      ]);
-      if (one.time) words.append(part("time", "soft", { datetime: one.time }, [new Date(one.time).toLocaleString(undefined, WHEN)]));
+      const words = part("span", "words", {}, [part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
+      words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));
+      const when = one.time && new Date(one.time).toLocaleString(undefined, WHEN);
+      if (when) words.append(part("time", "soft", { datetime: one.time }, [when]));
       return part("li", one.withdrawn ? "gone" : "", {}, one.withdrawn ? [words] : [words, back(one.id, one.sentence)]);
     });
     const conflicts = listed.conflicts.map((ids) => conflict(ids.map((id) => standing.get(id)).filter(Boolean)));
@@ -362,6 +373,8 @@ export function mount(root, send, options = {}) {
 
 const TRY = "The answer to this first question is not kept.";
 const NOT = "this one does not count";
+const MENDS = "To take back any one of them would mend it. The others stay.";
+const STAYS = "stays"; // returned by what changes nothing on the screen
 const WHEN = { dateStyle: "medium", timeStyle: "short" };
 
 // An element with a class, attributes, and what is in it: elements, or strings, which stay text.
@@ -398,12 +411,18 @@ function lines(texts) {
   return made;
 }
 
+function hide(element) {
+  element.hidden = true;
+  element.replaceChildren();
+}
+
 // A level on one side: how many, its name, and as many icons in fives, or a bar.
 function level(asked, row, n, most) {
   const picture = part("span", "icons", { "aria-hidden": "true" });
   const colour = colourOf(row.level, asked.levels);
   if (asked.icons) {
-    for (let i = 0; i < n; i += 5) picture.append(part("span", "five", {}, icons(Math.min(5, n - i), row.level, asked, colour)));
+    const all = Array.from({ length: n }, () => icon(row.level, asked.levels, colour));
+    while (all.length) picture.append(part("span", "five", {}, all.splice(0, 5)));
   } else {
     const bar = part("span", "bar");
     bar.style.width = `${(100 * n) / most}%`;
@@ -415,15 +434,13 @@ function level(asked, row, n, most) {
 }
 
 const legend = (asked) =>
-  asked.icons ? [` Each circle is one of the ${asked.unit}: ✓ is the best that can be, ✕ the worst.`] : [];
+  asked.icons ? ` Each circle is one of the ${asked.unit}: ✓ is the best that can be, ✕ the worst.` : "";
 
-function icons(n, level, asked, colour) {
-  const mark = level === 0 ? "✕" : level === asked.levels - 1 ? "✓" : "";
-  return Array.from({ length: n }, () => {
-    const one = part("i", mark ? "icon marked" : "icon", {}, [mark]);
-    one.style.backgroundColor = colour;
-    return one;
-  });
+function icon(level, levels, colour) {
+  const mark = level === 0 ? "✕" : level === levels - 1 ? "✓" : "";
+  const made = part("i", mark ? "icon marked" : "icon", {}, [mark]);
+  made.style.backgroundColor = colour;
+  return made;
 }
 
 function colourOf(level, levels) {
@@ -446,9 +463,11 @@ function worth(scale, certainty) {
       part("td", "number", {}, [range]),
     ]);
   });
-  const said = `From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open (${certainty}).`;
+  const said = "From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open";
   const table = part("table", "worth", {}, [
-    part("caption", "soft", {}, [said]), part("thead", "", {}, [part("tr", "", {}, head)]), part("tbody", "", {}, rows),
+    part("caption", "soft", {}, [`${said} (${certainty}).`]),
+    part("thead", "", {}, [part("tr", "", {}, head)]),
+    part("tbody", "", {}, rows),
   ]);
   return section("What the levels are worth to you", [table]);
 }
@@ -466,8 +485,10 @@ function axis() {
 }
 
 function interval(low, value, high, colour) {
-  const grid = [0, 25, 50, 75, 100].map((x) => svg("line", { class: "grid", x1: `${x}%`, x2: `${x}%`, y1: 0, y2: "100%" }));
-  const bar = svg("rect", { class: "open", x: `${low}%`, width: `${high - low}%`, y: "30%", height: "40%", rx: 3, fill: colour });
+  const marks = [0, 25, 50, 75, 100].map((x) => `${x}%`);
+  const grid = marks.map((x) => svg("line", { class: "grid", x1: x, x2: x, y1: 0, y2: "100%" }));
+  const [x, width] = [`${low}%`, `${high - low}%`];
+  const bar = svg("rect", { class: "open", x, width, y: "30%", height: "40%", rx: 3, fill: colour });
   const dot = svg("circle", { class: "guess", cx: `${value}%`, cy: "50%", r: 6 });
   return svg("svg", { class: "interval", "aria-hidden": "true", focusable: "false" }, [...grid, bar, dot]);
 }
@@ -475,7 +496,7 @@ function interval(low, value, high, colour) {
 function toCome(range) {
   if (!range) return "";
   const [least, most] = range;
-  if (most === 0) return "perhaps the last one";
+  if (most === 0) return "the last one, as it looks now";
   if (least === most) return `about ${most} more`;
   return least === 0 ? `at most ${most} more, as it looks now` : `about ${least} to ${most} more`;
 }

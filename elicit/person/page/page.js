@@ -6,8 +6,8 @@ const STOPPED =
   "The program on this computer does not answer. Start it again with the same command and press Try again. If it " +
   "prints another address, open that one: all answers before this one are there.";
 const SHUT_OUT =
-  "The program does not know this window, as after it was started again. Open the address that it printed, in this browser, " +
-  "then press Try again here, or go on there.";
+  "The program does not know this window, as after it was started again. Open the address that it printed, in this " +
+  "browser, then press Try again here, or go on there.";
 
 async function send(message) {
   const sent = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) };

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Verdict, Words
-from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, served
+from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, executable, served
 
 WIDE = {"width": 1100, "height": 760}
 NARROW = {"width": 390, "height": 844}
@@ -117,6 +117,7 @@ def test_a_session_by_mouse(windows: Windows) -> None:
         assert page.locator(".worth tbody tr").all_inner_texts()[0].split() == ["recovered", "100", "fixed"]
         with page.expect_download() as kept:
             name(page, "Keep a report").click()
+        page.locator("button:focus", has_text="Keep a report").wait_for()
         assert re.fullmatch(r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename)
         assert "10 moderate rather than 4 recovered and 6 died" in Path(kept.value.path()).read_text()
     assert [(id, verdict) for id, verdict, _ in windows.entries()] == TRUTH
@@ -435,3 +436,24 @@ def test_the_sides_are_named_as_the_problem_says(windows: Windows) -> None:
         page = windows.open(server)
         assert page.inner_text("h1").endswith("Two holidays of 10 days: which would you rather have?")
         assert page.locator(".card h2").all_inner_texts() == ["Holiday A", "Holiday B"]
+
+
+def test_where_the_browser_is_missing_a_user_is_told_and_ci_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("CI", "true")
+    with pytest.raises(pytest.fail.Exception, match="apt-get install chromium-headless-shell"):
+        executable()
+    monkeypatch.delenv("CI")
+    with pytest.raises(pytest.skip.Exception, match="apt-get install chromium-headless-shell"):
+        executable()
+
+
+def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows) -> None:
+    with served(windows.log, bags(((0, 0, 10), (10, 0, 0)))) as server:
+        page = windows.open(server)
+        practise(page)
+        click(page, "b" if "10 recovered" in clean(page.locator(".card").first.inner_text()) else "a")
+        at(page, "Finished")
+        assert page.inner_text(".conflict h2").startswith("This answer does not go with the order of the levels")
+        page.locator(".conflict").get_by_role("button").click()
+        at(page, "Question 1")

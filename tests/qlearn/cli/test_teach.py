@@ -117,7 +117,7 @@ def test_where_the_policy_differs_from_equal_gaps_is_said_of_named_states(tmp_pa
 def test_where_no_whole_numbers_tell_more_finer_ones_go_on(tmp_path: Path) -> None:
     bounds, answered = [], 0
     for days in ("10", "20"):
-        with Teach(tmp_path, "--problem", "random", "--seed", "3", "--days", days) as teach:
+        with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.001", "--days", days) as teach:
             assert ("Going on after" in teach.prompted()) == (answered > 0)
             answer_all(teach, VALUES)
             assert teach.leave()[0] == 0
@@ -129,6 +129,21 @@ def test_where_no_whole_numbers_tell_more_finer_ones_go_on(tmp_path: Path) -> No
         before, answered = answered, len(told(tmp_path / "answers-random.jsonl"))
         assert answered > before
     assert bounds[1] < bounds[0]
+
+
+def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(tmp_path: Path) -> None:
+    answered, bounds = [0], []
+    for tolerance in ("0.05", "0.005"):
+        with Teach(tmp_path, "--problem", "random", "--tolerance", tolerance) as teach:
+            answer_all(teach, VALUES)
+            teach.leave()
+        said = " ".join(teach.shown.split())
+        assert f"start again with --tolerance {float(tolerance) / 10:g}: what you answered stays." in said
+        assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
+        bounds += [float(found) / 100 for found in re.findall(r"loses at most ([\d.]+)%", said)]
+        assert bounds[-1] <= float(tolerance)
+        answered.append(len(told(tmp_path / "answers-random.jsonl")))
+    assert 0 < answered[1] < answered[2]
 
 
 def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_path: Path) -> None:
