@@ -31,7 +31,7 @@ export function mount(root, send, options = {}) {
 
   const banner = part("div", "banner", { role: "alert" });
   const brand = part("div", "brand");
-  const progress = part("div", "progress");
+  const progress = part("div", "place"); // .progress has a style in notebooks
   const note = part("p", "note", { role: "status" });
   const waiting = part("p", "waiting", { role: "status" });
   const body = part("div", "body");

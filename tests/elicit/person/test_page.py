@@ -65,7 +65,7 @@ def windows(chromium: Any, tmp_path: Path) -> Iterator[Windows]:
 
 def at(page: Any, name: str) -> None:
     """Wait until the page is there, and takes answers."""
-    page.locator(".progress b", has_text=re.compile(f"^{name}$")).wait_for()
+    page.locator(".place b", has_text=re.compile(f"^{name}$")).wait_for()
     page.wait_for_selector(".sheet:not([aria-busy]) .pick:enabled")
 
 
@@ -310,7 +310,7 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
         assert page.inner_text(".why p") == "It is still open how <i>you</i> weigh this."
         click(page, "a")
         at(page, "Question 2")
-        assert "more" not in page.inner_text(".progress")
+        assert "more" not in page.inner_text(".place")
 
 
 def test_a_slow_question_says_so(windows: Windows) -> None:
