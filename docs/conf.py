@@ -25,7 +25,7 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_additional_pages = {"index": "start.html"}  # the root leads to docs/index.html
 templates_path = ["_templates"]
-html_sidebars = {"**": ["globaltoc.html"]}
+html_sidebars = {"**": ["pages.html"]}
 html_show_sourcelink = False
 html_theme_options = {
     "navbar_center": [],
@@ -41,6 +41,8 @@ autodoc_typehints_format = "short"
 autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True
 autodoc_default_options = {"members": True}
+_ALIASES = ("ArrayLike", "Decisions", "Floats", "Known", "Seed", "Strategy", "Verdicts")
+autodoc_type_aliases = {name: name for name in _ALIASES}
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 100
 toc_object_entries_show_parents = "hide"
@@ -73,6 +75,22 @@ def _plain(text: str) -> str:
     return "".join(part if part.startswith("``") else re.sub(r"([\\*|`]|_(?=\W|$))", r"\\\1", part) for part in parts)
 
 
+_WHERE = r"~?(?:\w+\.)*"  # the module of a name
+_LONG = {  # what Sphinx makes of aliases within other types, and of types that are no text where they stand
+    rf"{_WHERE}TypeAliasForwardRef\('(\w+)'\)": r"\1",
+    rf"{_WHERE}_Buffer \| [^=]*?{_WHERE}_NestedSequence\[complex \| bytes \| str\]": "ArrayLike",
+    rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}float64\]\]": "Floats",
+    rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}int8\]\]": "Verdicts",
+}
+
+
+def shortened(signature: str | None) -> str | None:
+    """A signature, or what is returned, with the aliases' names in place of what they stand for."""
+    for long, short in _LONG.items():
+        signature = signature and re.sub(long, short, signature)
+    return signature
+
+
 def setup(app: Any) -> None:
     def process(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
         lines[:] = as_rst(lines)
@@ -80,5 +98,10 @@ def setup(app: Any) -> None:
     def skip(app: Any, what: str, name: str, found: Any, skipped: bool, options: Any) -> bool | None:
         return True if str(getattr(found, "__doc__", "")).startswith("Alias for field number") else None
 
+    def shorten(*found: Any) -> tuple[str | None, str | None]:
+        signature, returned = found[-2:]
+        return shortened(signature), shortened(returned)
+
     app.connect("autodoc-process-docstring", process)
+    app.connect("autodoc-process-signature", shorten)
     app.connect("autodoc-skip-member", skip)
