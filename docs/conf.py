@@ -1,4 +1,4 @@
-"""The site, made from the root of the repository by ``make docs``, so that a link leads to the same page here and there.
+"""The site, made from the root of the repository by ``make docs``: so a link leads to the same page here and there.
 
 Docstrings are plain text with ``code`` and, for many parameters, two columns: ``as_rst`` says so to Sphinx.
 """
