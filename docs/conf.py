@@ -80,7 +80,7 @@ _LONG = {  # what Sphinx makes of aliases within other types, and of types that 
     rf"{_WHERE}TypeAliasForwardRef\('(\w+)'\)": r"\1",
     rf"{_WHERE}_Buffer \| [^=]*?{_WHERE}_NestedSequence\[complex \| bytes \| str\]": "ArrayLike",
     rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}float64\]\]": "Floats",
-    rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}int8\]\]": "Verdicts",
+    rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}(\w+)(?:\[{_WHERE}Any\])?\]\]": r"NDArray[\1]",
 }
 
 
