@@ -5,7 +5,7 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation figures browser test test-slow lint docs bench bench-huge notebooks clean
+.PHONY: ablation figures browser teach test test-slow lint docs bench bench-huge notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
@@ -17,6 +17,9 @@ browser:  ## the browser that the tests of the page and of the widget drive (Deb
 	@command -v chromium-headless-shell >/dev/null || { \
 	  sudo=$$([ "$$(id -u)" = 0 ] || echo sudo); \
 	  $$sudo apt-get update -qq && $$sudo apt-get install -y -qq --no-install-recommends chromium-headless-shell fonts-dejavu-core; }
+
+teach: $(READY)  ## you are the tutor of ICU-Sepsis: prints the address of a page; answers-icu-sepsis.jsonl keeps the answers
+	$(BIN)/qlearn teach --web
 
 test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto

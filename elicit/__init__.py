@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from elicit.person.interview import Interview, Subject
     from elicit.person.session import Session
     from elicit.person.showing import Words
+    from elicit.person.widget import InterviewWidget as InterviewWidget
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -48,6 +49,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
 _LATER = {name: place for place, names in _PLACES.items() for name in names}
+_LATER["InterviewWidget"] = "elicit.person.widget"  # needs an extra, so `from elicit import *` leaves it out
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
     "plot": "elicit.plot",
@@ -99,19 +101,20 @@ def __getattr__(name: str) -> Any:
         from elicit._support.distribution import version
 
         return version()
-    if name in _MODULES:
-        try:
-            return import_module(_MODULES[name])
-        except ModuleNotFoundError as error:
-            from elicit._support.distribution import with_advice
+    place = _MODULES.get(name) or _LATER.get(name)
+    if place is None:
+        raise AttributeError(f"module 'elicit' has no attribute {name!r}")
+    try:
+        module = import_module(place)
+    except ModuleNotFoundError as error:
+        from elicit._support.distribution import with_advice
 
-            raise with_advice(error) from None
-    if name in _LATER:
-        value = getattr(import_module(_LATER[name]), name)
-        globals()[name] = value
-        return value
-    raise AttributeError(f"module 'elicit' has no attribute {name!r}")
+        raise with_advice(error) from None
+    if name in _MODULES:
+        return module
+    globals()[name] = value = getattr(module, name)
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, *_MODULES, "__version__"])
+    return sorted({*__all__, *_LATER, *_MODULES, "__version__"})

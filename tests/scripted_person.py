@@ -1,4 +1,5 @@
-"""A scripted person at ``qlearn teach``: reads what the terminal shows, and answers by hidden values."""
+"""A scripted person at ``qlearn teach``, or at another program that asks in the terminal: reads what it shows, and
+answers by hidden values."""
 
 import os
 import re
@@ -11,12 +12,14 @@ from tests.interpreter import ROOT
 
 
 class Teach:
-    """The command with these options, run in a folder, and what it has shown so far."""
+    """The command, or another program, with these options, run in a folder, and what it has shown so far."""
 
-    def __init__(self, folder: Path, *options: str, columns: int = 80) -> None:
+    def __init__(
+        self, folder: Path, *options: str, program: Sequence[str] = ("-m", "qlearn", "teach"), columns: int = 80
+    ) -> None:
         more = {"COLUMNS": f"{columns}", "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "OPENBLAS_NUM_THREADS": "1"}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "qlearn", "teach", *options],
+            [sys.executable, *program, *options],
             cwd=folder,
             env={**os.environ, **more},
             stdin=subprocess.PIPE,

@@ -6,6 +6,8 @@ from importlib.metadata import version as installed_version
 NAME = "elicit-qlearn"
 _EXTRAS = dict.fromkeys(("joblib", "matplotlib", "pandas", "tqdm"), "ablation")
 _EXTRAS |= dict.fromkeys(("gymnasium", "mo_gymnasium", "pygame"), "gym")
+_EXTRAS |= dict.fromkeys(("starlette", "uvicorn"), "web")
+_EXTRAS |= {"anywidget": "widget"}
 
 
 def version() -> str:

@@ -28,23 +28,26 @@ Every message is ``{"do": ...}``; the reply to the first five is the screen that
 A screen: ``title``, ``preamble``, ``stage`` ("practice", "question" or "end"), ``answered`` (how many stand), ``last``
 (``id`` and ``sentence`` of what undo takes back, or null), ``note`` (what the person should know of the last message,
 or null), ``question`` (null at the end) and ``end`` (null before). A question: ``id``, ``number``, ``heading``,
-``sentences``, ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (whether rows have few enough to be drawn one by
-one) and ``rows``, best level first, each with ``label``, ``level`` (0 the worst), ``a`` and ``b``. The end: ``open``
-(why there is no question though more could be asked, or null), ``scale`` (rows, best level first: ``label``, ``value``,
-``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals), ``statements``, ``counts`` and ``conflicts`` (lists
-of ``id`` and ``sentence``).
+``sentences``, ``sides`` (what A and B are called), ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (whether
+rows have few enough to be drawn one by one) and ``rows``, best level first, each with ``label``, ``level`` (0 the
+worst), ``a`` and ``b``. The end: ``open`` (why there is no question though more could be asked, or null), ``scale``
+(rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals),
+``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and ``sentence``).
 """
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from inspect import signature
 from typing import Any
 
 from elicit.model.query import Query
 from elicit.person.findings import certainty, scale_rows
+from elicit.person.report import report_page
 from elicit.person.session import Compares, Session
 from elicit.person.showing import MOST_ICONS, Shown, Words, practice, printable, show
 from elicit.tutors.answer_log import Entry
@@ -153,7 +156,10 @@ class Interview:
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         self._session.answer(id, verdict)
-        return self._screen()
+        self._practised = True
+        if self._session.log[-1].used:
+            return self._screen()
+        return self._screen("This does not go together with earlier answers, so it is not used: see “Your answers”.")
 
     def _undo(self, id: str) -> dict[str, Any]:
         standing = [entry for entry in self._session.log if not entry.retracted]
@@ -189,7 +195,21 @@ class Interview:
         return {"answers": said, "conflicts": [[one["id"] for one in among] for among in self._conflicts()]}
 
     def _report(self) -> dict[str, Any]:
-        raise NotImplementedError
+        query, log = self._session.question(), self._session.log
+        whole = query is not None and self._shown(query).exact
+        now = datetime.now().astimezone()
+        title = printable(self._subject.words.title)
+        html = report_page(
+            title,
+            f"{now.day} {now:%B %Y, %H:%M}",
+            self._end(query is not None and not whole),
+            self._answers()["answers"],
+            waiting=whole,
+            log=None if log.path is None else printable(log.path.name),
+            checksum=log.checksum,
+        )
+        words = re.findall(r"\w+", title.lower())
+        return {"html": html, "name": "-".join([*words, "report", f"{now:%Y-%m-%d}"]) + ".html"}
 
     def _end(self, open_still: bool) -> dict[str, Any]:
         session, subject = self._session, self._subject
@@ -224,6 +244,7 @@ class Interview:
             "number": number,
             "heading": shown.sentences()[-1],
             "sentences": list(shown.sentences()[:-1]),
+            "sides": [printable(f"{shown.words.side.capitalize()} {name}") for name in "AB"],
             "of": shown.of,
             "unit": printable(shown.words.unit),
             "levels": len(shown.labels),

@@ -32,14 +32,15 @@ _FINE = 0.1  # of the greatest difference: what rounding may change
 @dataclass(frozen=True)
 class Words:
     """How a problem speaks of its outcomes. unit: what is counted, in the plural; verb: what the unit does, as in "975
-    of 1,000 patients fare the same"; question: what is asked of two sides; title and preamble: said once, before the
-    first question."""
+    of 1,000 patients fare the same"; side: what so many of them are called together, as in "Two groups of 10 patients",
+    "Group A"; question: what is asked of two such; title and preamble: said before the first question."""
 
     unit: str = "days"
     verb: str = "are"
     title: str = ""
     preamble: str = ""
     question: str = "which would you rather have?"
+    side: str = "group"
 
 
 class Row(NamedTuple):
@@ -129,18 +130,20 @@ class Shown:
 
     def sentences(self) -> tuple[str, ...]:
         """What is said before the sides."""
-        unit, verb, same = self.words.unit, self.words.verb, sum(self.common)
-        asked = f"Of {self.of:,} {unit}, {self.words.question}"
+        unit, verb, side, same = self.words.unit, self.words.verb, self.words.side, sum(self.common)
+        asked = f"Two {side}s of {self.of:,} {unit}: {self.words.question}"
         said = []
         if same:
             parts = [f"{n:,} {label}" for label, n in zip(self.labels, self.common, strict=True) if n]
-            said.append(f"{same:,} of {self.of:,} {unit} {verb} the same: {', '.join(reversed(parts))}.")
-            asked = f"Of the other {self.of - same:,} {unit}, {self.words.question}"
+            rest = f" The other {self.of - same:,} are shown." if same < self.of else ""
+            said.append(
+                f"{same:,} of {self.of:,} {unit} {verb} the same in both {side}s: {', '.join(reversed(parts))}.{rest}"
+            )
         if not self.exact:
             said.append(f"(Rounded to whole {unit}: what your answer is taken for is a little finer.)")
         if same == self.of:
             differ = "are the same" if self.exact else f"differ by less than 1 in {self.of:,}"
-            asked = f"The two sides {differ}: {self.words.question}"
+            asked = f"The two {side}s {differ}: {self.words.question}"
         return tuple(map(printable, [*said, asked]))
 
     def _table(self, width: int) -> Iterator[str]:

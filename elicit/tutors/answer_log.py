@@ -170,6 +170,11 @@ class AnswerLog:
         return self._restarted
 
     @property
+    def checksum(self) -> str | None:
+        """That of the last line on the disk; None where it has none."""
+        return self._lines.check
+
+    @property
     def checked(self) -> bool:
         """Whether checksums cover all of it: not so of a file of version 1 before it is continued."""
         return self._lines.check is not None

@@ -7,14 +7,19 @@ import sys
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.factories import Own
-from qlearn.experiments.settings import FROM_0, NameOrOwn, Number
+from qlearn.experiments.settings import FROM_0, POSITIVE, NameOrOwn, Number
+
+if TYPE_CHECKING:
+    from elicit import Session, Subject
 
 _PROBLEM = NameOrOwn(("icu-sepsis", "random"), "(seed) returns an OrdinalMDP, or (mdp, elicit.Words)")
 _COMPARATORS = ("polytope", "posterior")
+_PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 for a free one")
+_HOST = "127.0.0.1"
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
@@ -22,7 +27,7 @@ def add_to(commands: Any) -> None:
     """Add the command to a parser's."""
     command = commands.add_parser(
         "teach",
-        help="answer the questions yourself, in the terminal",
+        help="answer the questions yourself, in the terminal or the browser",
         description="Puts questions about simple groups of outcomes, keeps each answer on the disk before the next "
         "question, and says at the end what was learned. Leave at any moment, and start the same command to go on. "
         "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), q (quit).",
@@ -65,9 +70,55 @@ def add_to(commands: Any) -> None:
         metavar="N",
         help="of what is left to chance: which side is A, a random problem [%(default)s]",
     )
+    command.add_argument(
+        "--tolerance",
+        type=number_parser(POSITIVE),
+        default=0.01,
+        metavar="X",
+        help="of an MDP: questions end once the policy can lose no more than this share of the value range "
+        "[%(default)s]",
+    )
+    page = command.add_argument_group("in the browser", "The answers stay on this machine, and only it is listened to.")
+    page.add_argument(
+        "--web",
+        action="store_true",
+        help="print the address of a page instead, which lets in one browser, once; Enter prints another one, Ctrl+C "
+        "ends",
+    )
+    page.add_argument(
+        "--port",
+        type=number_parser(_PORT),
+        default=0,
+        metavar="N",
+        help="where the page is, such as for a tunnel [a free port]",
+    )
+    page.add_argument(
+        "--host",
+        default=_HOST,
+        metavar="ADDRESS",
+        help="of this machine, to listen on; one that other machines reach needs --let-others-in [%(default)s]",
+    )
+    page.add_argument(
+        "--let-others-in",
+        action="store_true",
+        help="listen where other machines reach it, too: nothing is encrypted, so who can read the network can read "
+        "the answers, and answer",
+    )
 
 
-def run(problem: str | Own, comparator: str, log: Path | None, days: int, unit: str | None, seed: int) -> int:
+def run(
+    problem: str | Own,
+    comparator: str,
+    log: Path | None,
+    days: int,
+    unit: str | None,
+    seed: int,
+    tolerance: float,
+    web: bool,
+    port: int,
+    host: str,
+    let_others_in: bool,
+) -> int:
     """The command; returns the exit code."""
     from elicit import AnswerLog, Session
     from qlearn.cli.teach_subjects import taught_by
@@ -78,9 +129,13 @@ def run(problem: str | Own, comparator: str, log: Path | None, days: int, unit: 
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
+    again += [] if name.lower().endswith(".csv") else ["--tolerance", f"{tolerance:g}"]
+    if web:
+        again += ["--web", *(["--port", str(port)] if port else []), *([] if host == _HOST else ["--host", host])]
+        again += ["--let-others-in"] if let_others_in else []
     with ExitStack() as stack:
         try:
-            taught = taught_by(problem, comparator, days, unit, seed)
+            taught = taught_by(problem, comparator, days, unit, seed, tolerance)
             print("Getting ready ...", file=sys.stderr, flush=True)
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), taught.header))
             session = stack.enter_context(Session(taught.make, kept))
@@ -89,7 +144,24 @@ def run(problem: str | Own, comparator: str, log: Path | None, days: int, unit: 
             return fail(str(error))
         except KeyboardInterrupt:
             return 130
+        if web:
+            return _served(session, taught.subject, shlex.join(again), host, port, let_others_in)
         return Terminal(session, taught.subject, shlex.join(again)).converse()
+
+
+def _served(session: Session, subject: Subject, again: str, host: str, port: int, let_others_in: bool) -> int:
+    """The page until Ctrl+C; returns the exit code."""
+    from elicit.person.showing import printable
+    from elicit.person.web import serve
+
+    try:
+        serve(session, subject, host, port, let_others_in=let_others_in)
+    # a package is missing, an address lets others in, a port is in use
+    except (ImportError, ValueError, OSError) as error:
+        return fail(str(error))
+    kept = sum(not entry.retracted for entry in session.log)
+    print(f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}", flush=True)
+    return 0
 
 
 def _problem(text: str) -> Any:

@@ -43,7 +43,7 @@ class Taught:
     header: dict[str, Any]
 
 
-def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
+def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float) -> Taught:
     """What a problem teaches: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
     ValueError, ImportError and OSError that say what is wrong with it."""
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
@@ -54,10 +54,10 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
 
     def make(known: Any) -> InteractivePolicyIteration:
         knows = _comparator(comparator, mdp.k, seed)
-        return InteractivePolicyIteration(mdp, knows, bags=Bags(days=days), known=known, seed=seed)
+        return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp), finer, seed), make, header)
+    return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp, tolerance), finer, seed), make, header)
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -87,14 +87,18 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
         "The patients are alike at the start. Choose the course that you would rather see for the group as a whole. "
         "There is no right or wrong answer. For research on algorithms; not medical advice."
     )
-    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble)
+    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?")
 
 
-def _policy_report(mdp: OrdinalMDP, result: Result) -> list[str]:
+def _policy_report(mdp: OrdinalMDP, tolerance: float, result: Result) -> list[str]:
     """What the policy can lose, and where it does not act as with equal gaps between the levels."""
     bound = f"{_percent(result.loss_bound)} of the value range ({_sure(result.confidence)})"
     status = "not finished: more could be asked" if result.status is Status.WAITING else result.status.value
     lines = [f"The policy loses at most {bound}.", f"It is {status}."]
+    if result.status is Status.CONVERGED:
+        lines.append(
+            f"To go on to a smaller loss start again with --tolerance {tolerance / 10:g}: what you answered stays."
+        )
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal).tolist()
     live = int(np.count_nonzero(~mdp.terminal))

@@ -156,7 +156,7 @@ def test_where_nothing_is_installed_there_is_no_version(package):
     ]
 
 
-@pytest.mark.parametrize("package", ["pandas", "threadpoolctl"])
+@pytest.mark.parametrize("package", ["joblib", "pandas"])
 def test_a_module_whose_extra_is_missing_says_what_installs_it(package):
     code = (
         f"import sys, qlearn; sys.modules[{package!r}] = None\n"

@@ -29,7 +29,7 @@ def read_back(text: str, k: int) -> list[list[int]]:
     """The counts of side A and of side B that a text says, whatever its width, of levels named level 1, ... level k."""
     said, table = text.split("\n\n")
     counts = np.zeros((2, k), dtype=int)
-    common = re.search(r" the same: (.*?)\.", " ".join(said.split()))
+    common = re.search(r" the same in both groups: (.*?)\.", " ".join(said.split()))
     for n, level in re.findall(r"([\d,]+) level (\d+)", common.group(1) if common else ""):
         counts[:, int(level) - 1] += int(n.replace(",", ""))
     side: int | None = None
@@ -95,21 +95,21 @@ def test_a_difference_does_not_change_its_sign_by_rounding() -> None:
 def test_what_cannot_be_told_apart_in_counts_says_so() -> None:
     shown = show(Query("a", [0.5 + 1e-9, 0.5 - 1e-9], [0.5, 0.5]))
     assert not shown.exact
-    assert "The two sides differ by less than 1 in 1,000,000: which would you rather have?" in shown.text()
+    assert "The two groups differ by less than 1 in 1,000,000: which would you rather have?" in shown.text()
 
 
 def test_a_bag_question_in_80_columns_and_in_39() -> None:
     shown = show(Query("a", np.eye(6)[3], [0.6, 0, 0, 0, 0, 0.4], labels=LABELS), PATIENTS, seed=2)
     assert not shown.swapped
     assert shown.text() == (
-        "Of 10 patients, which would you rather have?\n\n"
+        "Two groups of 10 patients: which would you rather have?\n\n"
         "              A                            B\n"
         "  recovered   0                            4 ++++\n"
         "  moderate   10 ooooo ooooo                0\n"
         "  died        0                            6 xxxxx x"
     )
     assert shown.text(39) == (
-        "Of 10 patients, which would you rather\nhave?\n\n"
+        "Two groups of 10 patients: which would\nyou rather have?\n\n"
         "A\n  recovered   0\n  moderate   10 ooooo ooooo\n  died        0\n"
         "B\n  recovered   4 ++++\n  moderate    0\n  died        6 xxxxx x"
     )
@@ -120,9 +120,10 @@ def test_what_fares_the_same_is_said_in_a_line_and_not_drawn() -> None:
     shown = show(Query("a", np.array(left) / 1000, np.array(right) / 1000, labels=LABELS), PATIENTS)
     same, asked = shown.sentences()
     assert same == (
-        "975 of 1,000 patients fare the same: 788 recovered, 33 mild, 26 moderate, 40 severe, 14 critical, 74 died."
+        "975 of 1,000 patients fare the same in both groups: 788 recovered, 33 mild, 26 moderate, 40 severe, "
+        "14 critical, 74 died. The other 25 are shown."
     )
-    assert asked == "Of the other 25 patients, which would you rather have?"
+    assert asked == "Two groups of 1,000 patients: which would you rather have?"
     assert [row.label for row in shown.rows] == [*reversed(LABELS)]
     assert sum(row.a for row in shown.rows) == sum(row.b for row in shown.rows) == 25
 

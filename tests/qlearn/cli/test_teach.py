@@ -117,7 +117,7 @@ def test_where_the_policy_differs_from_equal_gaps_is_said_of_named_states(tmp_pa
 def test_where_no_whole_numbers_tell_more_finer_ones_go_on(tmp_path: Path) -> None:
     bounds, answered = [], 0
     for days in ("10", "20"):
-        with Teach(tmp_path, "--problem", "random", "--seed", "3", "--days", days) as teach:
+        with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.001", "--days", days) as teach:
             assert ("Going on after" in teach.prompted()) == (answered > 0)
             answer_all(teach, VALUES)
             assert teach.leave()[0] == 0
@@ -129,6 +129,21 @@ def test_where_no_whole_numbers_tell_more_finer_ones_go_on(tmp_path: Path) -> No
         before, answered = answered, len(told(tmp_path / "answers-random.jsonl"))
         assert answered > before
     assert bounds[1] < bounds[0]
+
+
+def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(tmp_path: Path) -> None:
+    answered, bounds = [0], []
+    for tolerance in ("0.05", "0.005"):
+        with Teach(tmp_path, "--problem", "random", "--tolerance", tolerance) as teach:
+            answer_all(teach, VALUES)
+            teach.leave()
+        said = " ".join(teach.shown.split())
+        assert f"start again with --tolerance {float(tolerance) / 10:g}: what you answered stays." in said
+        assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
+        bounds += [float(found) / 100 for found in re.findall(r"loses at most ([\d.]+)%", said)]
+        assert bounds[-1] <= float(tolerance)
+        answered.append(len(told(tmp_path / "answers-random.jsonl")))
+    assert 0 < answered[1] < answered[2]
 
 
 def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_path: Path) -> None:
@@ -163,7 +178,7 @@ def test_a_choice_from_a_csv(tmp_path: Path) -> None:
         answer_all(teach, ILL)
         code, _ = teach.leave()
     assert code == 0
-    assert "Of 10 patients, which would you rather have?" in teach.shown
+    assert "Two groups of 10 patients: which is better off?" in teach.shown
     assert re.search("of 10 patients are the same: [1-9] (well|ill|died)", teach.shown)
     assert "Your choice: new.\nFinished: " in teach.shown  # 6.3, and the others 5.9 and 3.4
     assert "(Rounded" not in teach.shown
@@ -278,7 +293,7 @@ def test_a_problem_and_its_words_of_the_users(
     code, shown, _ = taught("a\n", monkeypatch, capsys, "--problem", f"{__name__}:own", "--days", "5")
     assert code == 0
     assert shown.startswith("Mine\nWhat matters to me.\n")
-    assert "Of 5 weeks, which would you rather have?" in shown
+    assert "Two groups of 5 weeks: which would you rather have?" in shown
     code, shown, _ = taught("a\n", monkeypatch, capsys, "--problem", f"my={__name__}:own")
     assert f" --problem my={__name__}:own " in shown  # with which it goes on
     code, _, errors = taught("", monkeypatch, capsys, "--problem", f"{__name__}:number")
@@ -337,7 +352,7 @@ def test_icu_sepsis_is_asked_about_patients(
     code, shown, _ = taught("a\n", monkeypatch, capsys)
     assert code == 0
     assert shown.startswith("ICU-Sepsis\nThe patients are alike at the start.")
-    assert "Question 1\n\nOf 10 patients, which would you rather have?" in shown
+    assert "Question 1\n\nTwo groups of 10 patients: which is better off?" in shown
     assert icu_sepsis().labels[0] in shown
 
 

@@ -1,0 +1,169 @@
+"""What a person keeps of a session: one page of HTML that needs nothing else, no script and no address."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from html import escape
+from typing import Any
+
+_COLOURS = ((127, 39, 4), (217, 95, 14), (254, 196, 79), (198, 219, 239), (107, 174, 214), (8, 81, 156))
+_STYLE = """
+body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: #14202b; background: #fff;
+  font: 16px/1.45 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }
+h1 { font-size: 1.6rem; line-height: 1.25; margin: 0; } h2 { font-size: 1.15rem; margin: 1.8rem 0 .4rem; }
+p, ul { margin: .4rem 0; } .soft { color: #4a5864; }
+table { border-collapse: collapse; table-layout: fixed; width: 100%; font-variant-numeric: tabular-nums; }
+caption { text-align: left; color: #4a5864; padding-bottom: .4rem; }
+th, td { box-sizing: border-box; text-align: left; vertical-align: top; font-weight: 400; padding: .3rem .6rem;
+  border-top: 1px solid #d9e0e6; }
+thead th, thead td { font-size: .85rem; color: #4a5864; border-top: 0; vertical-align: bottom; }
+.number { text-align: right; } .guess { width: 12%; } .range { width: 16%; } .drawn { width: 48%; padding: 0 1.2rem; }
+.scale tbody * { vertical-align: middle; } .nr { width: 2.4rem; } .when { width: 9.8rem; } .remarks { width: 28%; }
+svg { display: block; width: 100%; overflow: visible; }
+.conflict { border: 1.5px solid #b45f00; background: #fff4dc; border-radius: 8px; padding: .2rem 1rem;
+  margin: .8rem 0; }
+.log { border-top: 1px solid #c9d2da; margin-top: 2rem; padding-top: .6rem; font-size: .85rem; }
+@media (max-width: 34rem) {
+  body { margin-top: 1rem; } table { font-size: .9rem; } th, td { padding: .3rem .2rem; }
+  .drawn { width: 32%; padding: 0 .8rem; } .guess { width: 14%; } .range { width: 24%; }
+  .nr { width: 1.4rem; } .when { width: 6rem; } .remarks { width: 22%; }
+}
+@media print {
+  body { margin: 0; max-width: none; font-size: 11pt; } thead { display: table-header-group; }
+  tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
+  * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+}
+"""
+
+
+def report_page(
+    title: str,
+    when: str,
+    end: Mapping[str, Any],
+    answers: Sequence[Mapping[str, Any]],
+    waiting: bool,
+    log: str | None = None,
+    checksum: str | None = None,
+) -> str:
+    """The page. when: said as it is given; end, answers: as in the replies of ``Interview``; waiting: whether more
+    could be asked; log, checksum: the name of the file of the answers, and what its last line ends in."""
+    name = title or "Your judgement"
+    parts = [
+        f"<h1>{_text(name)}: a report</h1>",
+        f'<p class="soft">{_text(when)}. {_text(_counted(end["counts"]))}</p>',
+    ]
+    if waiting:
+        parts.append("<p><b>Not finished: more could be asked.</b> This is how things stood.</p>")
+    if end["open"]:
+        parts.append(f"<p>{_text(end['open'])}</p>")
+    if end["scale"]:
+        parts += ["<h2>What the levels are worth</h2>", *_scale(end["scale"], end["certainty"])]
+    if end["statements"]:
+        parts += ["<h2>What follows from the answers</h2>", *_statements(end["statements"])]
+    if end["conflicts"]:
+        parts.append("<h2>What does not go together</h2>")
+        parts += map(_conflict, end["conflicts"])
+    parts += ["<h2>Every answer</h2>", *_answers(answers, end["conflicts"])]
+    if log is not None:
+        check = "" if checksum is None else f", whose last line has the checksum {checksum}"
+        parts.append(f'<p class="soft log">The answers are kept in the file {_text(log)}{_text(check)}.</p>')
+    body = "\n".join(parts)
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{_text(name)}: a report</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _text(words: object) -> str:
+    return escape(str(words))
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    named = {
+        "equal": "equally good",
+        "cannot tell": "cannot tell",
+        "unused": "not used",
+        "withdrawn": "taken back besides",
+    }
+    among = ", ".join(f"{counts[key]} {words}" for key, words in named.items() if counts[key])
+    n = counts["answered"]
+    return f"{n} {'answer' if n == 1 else 'answers'}{f' ({among})' if among else ''}."
+
+
+def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
+    said = "From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open"
+    yield f'<table class="scale">\n<caption>{said} ({_text(certainty)}).</caption>'
+    marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
+    axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
+    yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
+    yield '<th scope="col" class="number guess">Best guess</th><th scope="col" class="number range">Range</th>'
+    yield "</tr></thead>\n<tbody>"
+    for i, row in enumerate(rows):
+        low, high = row["low"], row["high"]
+        between = "fixed" if low == high else f"{low:.0f} to {high:.0f}"
+        picture = _interval(low, row["value"], high, _colour(1.0 - i / max(1, len(rows) - 1)))
+        yield (
+            f'<tr><th scope="row">{_text(row["label"])}</th><td class="drawn">{picture}</td>'
+            f'<td class="number">{row["value"]:.0f}</td><td class="number">{between}</td></tr>'
+        )
+    yield "</tbody>\n</table>"
+
+
+def _interval(low: float, value: float, high: float, colour: str) -> str:
+    grid = "".join(f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>' for x in (0, 25, 50, 75, 100))
+    return (
+        f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="10" height="14" rx="3" '
+        f'fill="{colour}" stroke="#33414d"/><circle cx="{value:.2f}%" cy="17" r="6" fill="#fff" stroke="#14202b" '
+        'stroke-width="3"/></svg>'
+    )
+
+
+def _colour(share: float) -> str:
+    """From the worst level's (0) to the best one's (1)."""
+    at = share * (len(_COLOURS) - 1)
+    low = min(int(at), len(_COLOURS) - 2)
+    pairs = zip(_COLOURS[low], _COLOURS[low + 1], strict=True)
+    return f"rgb({','.join(str(round(a + (at - low) * (b - a))) for a, b in pairs)})"
+
+
+def _statements(lines: Iterable[str]) -> Iterator[str]:
+    """Paragraphs; the lines that are indented as a list under the one before."""
+    within = False
+    for line in lines:
+        item = line.startswith("  ")
+        if item != within:
+            yield "<ul>" if item else "</ul>"
+        yield f"<li>{_text(line.strip())}</li>" if item else f"<p>{_text(line)}</p>"
+        within = item
+    if within:
+        yield "</ul>"
+
+
+def _conflict(entries: Sequence[Mapping[str, Any]]) -> str:
+    items = "".join(f"<li>{_text(entry['sentence'])}</li>" for entry in entries)
+    said = f"These {len(entries)} answers do not go together; to change any one of them would mend it:"
+    if len(entries) == 1:
+        said = "This answer does not go with the order of the levels:"
+    return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
+
+
+def _answers(answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[Mapping[str, Any]]]) -> Iterator[str]:
+    among = {entry["id"] for entries in conflicts for entry in entries}
+    columns = {"nr": "#", "answer": "Answer", "when": "When (UTC)", "remarks": "Remarks"}
+    head = "".join(f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items())
+    yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
+    for number, one in enumerate(answers, 1):
+        stands = not one["withdrawn"]
+        remarks = {
+            "taken back": not stands,
+            "does not go together with others": stands and one["id"] in among,
+            "not used": stands and not one["used"],
+            "asked again, to see how steady answers are": one["repeat"],
+        }
+        said = _text(one["sentence"]) if stands else f"<s>{_text(one['sentence'])}</s>"
+        when = _text((one["time"] or "")[:16].replace("T", " "))
+        noted = ", ".join(words for words, holds in remarks.items() if holds)
+        yield f'<tr><td>{number}</td><td>{said}</td><td class="soft">{when}</td><td>{noted}</td></tr>'
+    yield "</tbody>\n</table>"

@@ -1,0 +1,147 @@
+"""A session as a page in the browser: ``serve`` until Ctrl+C, or ``WebServer`` beside other work.
+
+Needs the extra: pip install 'elicit-qlearn[web]'.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import signal
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from types import TracebackType
+from typing import Self
+
+from elicit._support.distribution import with_advice
+from elicit.person.interview import Interview, Subject
+from elicit.person.session import Session
+
+_HTTP = 80
+_FAREWELL = 5  # seconds for requests that are under way when the server stops
+
+
+class WebServer:
+    """The page of a session, served by a thread of its own from now until ``close``.
+
+    host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1, ::1 and localhost;
+    any other one asks for ``let_others_in=True``, and is not encrypted: who can read the network can read the answers,
+    and take part. port: 0 takes a free one. Several servers must not share a session.
+
+    Raises ModuleNotFoundError, with the command to install it, where a package of the extra is missing; ValueError for
+    an address that lets others in, or is none to open; OSError where the port is in use.
+    """
+
+    def __init__(
+        self, session: Session, subject: Subject, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+    ) -> None:
+        try:
+            import uvicorn
+
+            from elicit.person.web_app import Door, Impatient, application
+        except ModuleNotFoundError as error:
+            raise with_advice(error) from None
+        listening = _listening(host, port, let_others_in)
+        self.port: int = listening.getsockname()[1]
+        """Where it listens."""
+        name = f"[{host}]" if ":" in host else host
+        names = {name, "localhost", "127.0.0.1", "[::1]"}
+        ports = {f":{self.port}", *([""] if self.port == _HTTP else [])}  # browsers leave that one out
+        self._door = Door(self.port, {each.lower() + end for each in names for end in ports})
+        self._origin = f"http://{name}:{self.port}"
+        config = uvicorn.Config(
+            application(Interview(session, subject), self._door),
+            loop="asyncio",
+            http=Impatient,
+            ws="none",
+            lifespan="off",
+            log_config=None,
+            log_level="critical",  # below it says what is wrong with what strangers send
+            access_log=False,
+            proxy_headers=False,
+            server_header=False,
+            timeout_graceful_shutdown=_FAREWELL,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(
+            target=self._server.run, kwargs={"sockets": [listening]}, name="elicit page", daemon=True
+        )
+        self._thread.start()
+        while not self._server.started and self._thread.is_alive():
+            time.sleep(0.005)
+
+    def new_address(self) -> str:
+        """An address that lets in one browser, once; the one before does not any more."""
+        return f"{self._origin}/?token={self._door.new_token()}"
+
+    def close(self) -> None:
+        """Stop; what is under way is finished, if that takes no more than seconds. The session stays open."""
+        self._server.should_exit = True
+        self._thread.join()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def serve(
+    session: Session, subject: Subject, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+) -> None:
+    """Serve the page of a session until Ctrl+C. Prints the address, a line of standard output, and a new one for each
+    line of standard input: each lets in one browser, once. Arguments and errors as of ``WebServer``."""
+    with (
+        suppress(KeyboardInterrupt),  # a second one, while the first one is heeded
+        WebServer(session, subject, host, port, let_others_in=let_others_in) as server,
+        suppress(KeyboardInterrupt),
+    ):
+        print(server.new_address(), flush=True)
+        print(
+            "Open this address in a browser; it works once. Enter: another one. Ctrl+C: stop. Every answer is kept.",
+            file=sys.stderr,
+            flush=True,
+        )
+        for _ in _lines_entered():
+            print(server.new_address(), flush=True)
+        threading.Event().wait()
+
+
+def _lines_entered() -> Iterator[str]:
+    """The lines of standard input, if there is one."""
+    if hasattr(signal, "SIGTTIN") and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background it is an error, and does not stop the process
+    with suppress(OSError):
+        while sys.stdin and (line := sys.stdin.readline()):
+            yield line
+
+
+def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
+    """A socket that listens. Raises ValueError and OSError."""
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except OSError as error:
+        raise ValueError(f"{host!r} is no address of this machine: {error.strerror}") from None
+    family, _, _, _, where = found[0]
+    address = ipaddress.ip_address(str(where[0]).partition("%")[0])
+    if not address.is_loopback and not let_others_in:
+        raise ValueError(
+            f"{host} can be reached by other machines, and what is sent there is not encrypted: if you mean that, say "
+            "let_others_in=True, or --let-others-in; else listen on 127.0.0.1"
+        )
+    if address.is_unspecified:
+        raise ValueError(f"{host} is no address to open: name the one of this machine by which others reach it")
+    listening = socket.socket(family)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(where)
+        listening.listen()
+    except OSError as error:
+        listening.close()
+        raise OSError(error.errno, f"cannot listen on {host}, port {port}: {error.strerror}") from None
+    return listening

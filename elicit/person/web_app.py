@@ -1,0 +1,272 @@
+"""The page as an ASGI application: who is let in, what is served, and how an error is said.
+
+Whoever opens the address with the launch token gets a cookie; without it there is nothing. What a browser says of where
+a request comes from must fit too, so that no other page that it has open can use the cookie.
+"""
+
+import asyncio
+import errno
+import hmac
+import json
+import logging
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from elicit.person.interview import Interview
+from elicit.tutors.log_lines import BadLog
+
+PAGE = Path(__file__).with_name("page")
+_TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+_MOST = 16 * 1024  # bytes of a message: an id and a choice
+PATIENCE = 10.0
+"""Seconds that a request may take to arrive."""
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_HEADERS = {
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), geolocation=(), microphone=()",
+}
+_NOT_LET_IN = (
+    "This page is not open to this browser. The address that the program printed lets in one browser, once. For "
+    "another one press Enter where the program runs, and open the address that it prints then."
+)
+_CLOSED_DOOR = f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Not open to this browser</title>
+<link rel="icon" href="data:,">
+</head>
+<body>
+<main>
+<h1>Not open to this browser</h1>
+<p>{_NOT_LET_IN}</p>
+<p>If the program was stopped, start it again: what was answered is kept.</p>
+</main>
+</body>
+</html>
+"""
+
+_log = logging.getLogger(__name__)
+
+
+class Impatient(H11Protocol):
+    """HTTP/1.1, but a connection that has brought no request after some seconds is closed. Later ones need no such
+    limit: a refused request ends its connection."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self.loop.call_later(PATIENCE, self._give_up)
+
+    def _give_up(self) -> None:
+        if self.cycle is None and not self.transport.is_closing():
+            self.transport.close()
+
+
+class Door:
+    """Who is let in: the launch token that is valid now, and the cookie for which it is exchanged. port: names the
+    cookie, for a browser sends a host's cookies to all its ports. hosts: the names, in lower case and with their ports,
+    by which the page may be called."""
+
+    def __init__(self, port: int, hosts: Iterable[str]) -> None:
+        self.cookie = f"elicit-{port}"
+        self.hosts = frozenset(hosts)
+        self.secret = secrets.token_urlsafe(32)
+        self._token: str | None = None
+
+    def new_token(self) -> str:
+        """A token that works once; the one before does not any more."""
+        self._token = secrets.token_urlsafe(32)
+        return self._token
+
+    def takes(self, token: str) -> bool:
+        """Whether this is the token, which is then used up."""
+        valid = self._token
+        if valid is None or not _same(token, valid):
+            return False
+        self._token = None
+        return True
+
+    def knows(self, request: Request) -> bool:
+        """Whether a request has the cookie. Another program on this host may have set one of the same name."""
+        pairs = (pair.partition("=") for line in request.headers.getlist("cookie") for pair in line.split(";"))
+        return any(_same(value.strip(), self.secret) for name, _, value in pairs if name.strip() == self.cookie)
+
+
+def application(interview: Interview, door: Door) -> ASGIApp:
+    """The page, and ``POST /api``, which takes a message for the interview and replies; JSON both ways."""
+
+    async def page(request: Request) -> Response:
+        return _file(request.path_params.get("name", "page.html"))
+
+    async def api(request: Request) -> Response:
+        return await _reply(interview, await _message(request))
+
+    routes = [Route("/", page), Route("/page/{name}", page), Route("/api", api, methods=["POST"])]
+    app = Starlette(routes=routes, exception_handlers={HTTPException: _refused})
+    app.router.redirect_slashes = False  # there is one name for a thing
+    return _Guarded(app, door)
+
+
+class _Guarded:
+    """Lets no request through that is not the person's, and puts the headers on every response."""
+
+    def __init__(self, app: ASGIApp, door: Door) -> None:
+        self._app, self._door = app, door
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers.update(_HEADERS)
+                if message["status"] >= 400:  # the rest of such a request is not waited for
+                    headers["connection"] = "close"
+            await send(message)
+
+        request = Request(scope)
+        app = self._elsewhere(request) or self._stranger(request) or self._app
+        await app(scope, receive, with_headers)
+
+    def _elsewhere(self, request: Request) -> Response | None:
+        """The refusal of what a browser sends for another page: to another name (which now means this machine), or from
+        another origin."""
+        called = [host.lower() for host in request.headers.getlist("host")]
+        if len(called) != 1 or called[0] not in self._door.hosts:
+            return _error(421, "This page is not called so: open the address that the program printed.")
+        origins, site = request.headers.getlist("origin"), request.headers.get("sec-fetch-site")
+        to_read = request.method in ("GET", "HEAD")
+        # followed from elsewhere, or typed; SameSite=Strict says what it may see
+        visit = (
+            to_read and request.scope["path"] == "/" and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
+        )
+        ours = site in (None, "none", "same-origin") or visit
+        if any(origin.lower() != f"http://{called[0]}" for origin in origins) or not ours:
+            return _error(403, "This came from another page, and was refused.")
+        if not to_read and not origins and site is None:
+            return _error(403, "A message must say where it comes from: its Origin is missing.")
+        return None
+
+    def _stranger(self, request: Request) -> Response | None:
+        """The way in, or the refusal of what comes without the cookie."""
+        known = self._door.knows(request)
+        path, tokens = request.scope["path"], request.query_params.getlist("token")
+        if tokens and path == "/" and request.method == "GET":
+            if self._door.takes(tokens[-1]) or known:
+                return self._let_in(request)
+        elif known:
+            return None
+        if path == "/api":
+            return _error(403, _NOT_LET_IN)
+        return HTMLResponse(_CLOSED_DOOR, 403)
+
+    def _let_in(self, request: Request) -> Response:
+        if request.headers.get("sec-fetch-site", "none") in ("none", "same-origin"):
+            response: Response = RedirectResponse("/", 303)
+        else:  # a link on another page: a redirection would still count as its doing, and go without the cookie
+            response = HTMLResponse("", headers={"refresh": "0; url=/"})
+        response.set_cookie(self._door.cookie, self._door.secret, httponly=True, samesite="strict")
+        return response
+
+
+async def _message(request: Request) -> dict[str, Any]:
+    """What a request's body says. Raises HTTPException."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != "application/json":
+        raise HTTPException(415, "A message must be application/json.")
+    too_long = HTTPException(413, f"A message has at most {_MOST:,} bytes.")
+    declared = request.headers.get("content-length", "0")
+    if not declared.isdecimal() or int(declared) > _MOST:
+        raise too_long
+    body = b""
+    try:
+        async with asyncio.timeout(PATIENCE):
+            async for part in request.stream():
+                body += part
+                if len(body) > _MOST:
+                    raise too_long
+    except TimeoutError:
+        raise HTTPException(408, "The message did not arrive in time: send it again.") from None
+    except ClientDisconnect:
+        raise HTTPException(400, "The message ended too early.") from None
+    try:
+        message = json.loads(body)
+    except (ValueError, RecursionError):
+        message = None
+    if not isinstance(message, dict):
+        raise HTTPException(400, "A message must be a JSON object.")
+    return message
+
+
+async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
+    """What the interview replies, computed beside, so that others need not wait; or what went wrong, without a word of
+    what was answered."""
+    try:
+        reply = await run_in_threadpool(interview.handle, message)
+        return Response(json.dumps(reply), media_type="application/json")
+    except BadLog as error:
+        _log.error("%s", error)
+        return _error(
+            507,
+            "Another program moved or changed the file of the answers, so nothing more is written to it. What was "
+            "saved before is not touched. Start the program again: it says what it finds.",
+        )
+    except OSError as error:
+        _log.error("%s", error)
+        room = error.errno in (None, *_NO_ROOM)
+        why = error.strerror or "the disk may be full"
+        return _error(
+            507,
+            f"Your answer could not be saved: {why}. Nothing that was saved before is lost. "
+            f"{'Free some space' if room else 'Mend that'}, and answer again.",
+        )
+    except ValueError as error:
+        _log.warning("a message was refused: %s", error)
+        return _error(400, "This could not be done; the program says why where it runs. Reload the page.")
+    except Exception:
+        _log.exception("a message could not be answered")
+        return _error(
+            500,
+            "Something went wrong in the program, which says more where it runs. What was saved is not lost: reload "
+            "the page, or start the program again.",
+        )
+
+
+def _file(name: str) -> Response:
+    """A file of the page, which must be one of those that lie there."""
+    for path in PAGE.iterdir():
+        if path.name == name and path.suffix in _TYPES:
+            return Response(path.read_bytes(), media_type=_TYPES[path.suffix])
+    raise HTTPException(404, "There is no such page.")
+
+
+async def _refused(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return _error(error.status_code, error.detail, error.headers)
+
+
+def _error(status: int, text: str, headers: Any = None) -> Response:
+    return Response(json.dumps({"error": text}), status, headers, "application/json")
+
+
+def _same(one: str, other: str) -> bool:
+    """Whether two secrets are the same, in a time that does not tell how much of them is."""
+    return hmac.compare_digest(one.encode(), other.encode())

@@ -1,0 +1,459 @@
+"""The page in a real browser: whatever the person does there, each answer is in the log once."""
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit import AnswerLog, Verdict, Words
+from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, executable, served
+
+WIDE = {"width": 1100, "height": 760}
+NARROW = {"width": 390, "height": 844}
+CONFLICTING = "4 recovered and 6 died rather than 10 moderate", "10 moderate as good as 5 recovered and 5 died"
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with browser() as one:
+        yield one
+
+
+class Windows:
+    """The windows of one person's browser, and what they complain of."""
+
+    def __init__(self, chromium: Any, log: Path) -> None:
+        self.log = log
+        self.complaints: list[str] = []
+        self._chromium = chromium
+        self._context: Any = None
+
+    def open(self, server: Any, size: dict[str, int] = WIDE, **how: Any) -> Any:
+        """A window of the page. The first one of a server is let in by its address; later ones have the cookie."""
+        self._context = self._context or self._chromium.new_context(viewport=size, **how)
+        page = self._context.new_page()
+        page.set_viewport_size(size)
+        page.set_default_timeout(5000)
+        page.on("console", lambda said: self.complaints.append(said.text))
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("dialog", lambda dialog: self.complaints.append(dialog.message))
+        page.goto(server.new_address())
+        page.wait_for_selector("h1")
+        return page
+
+    def close(self) -> None:
+        if self._context is not None:
+            self._context.close()
+
+    def entries(self) -> list[tuple[str, Verdict | None, bool]]:
+        """The query, the verdict, and whether it stands, of every answer in the log."""
+        return [(e.answer.query.id, e.answer.verdict, not e.retracted) for e in AnswerLog.read(self.log)]
+
+
+@pytest.fixture
+def windows(chromium: Any, tmp_path: Path) -> Iterator[Windows]:
+    one = Windows(chromium, tmp_path / "log.jsonl")
+    yield one
+    one.close()
+    assert not one.complaints
+
+
+def at(page: Any, name: str) -> None:
+    """Wait until the page is there, and takes answers."""
+    page.locator(".place b", has_text=re.compile(f"^{name}$")).wait_for()
+    page.wait_for_selector(".sheet:not([aria-busy]) .pick:enabled")
+
+
+def click(page: Any, choice: str) -> None:
+    page.click(f"[data-choice='{choice}']")
+
+
+def practise(page: Any) -> None:
+    at(page, "Practice")
+    click(page, "a")
+    at(page, "Question 1")
+
+
+def name(page: Any, words: str) -> Any:
+    return page.get_by_role("button", name=words, exact=True)
+
+
+def truthfully(page: Any) -> str:
+    """The choice of somebody to whom moderate is worth 55 of 100: by what the page shows."""
+    worth = []
+    for card in page.locator(".card").all():
+        rows = dict(row.split(" ", 1)[::-1] for row in map(clean, card.locator(".row").all_inner_texts()))
+        worth.append(sum({"recovered": 100, "moderate": 55, "died": 0}[label] * int(n) for label, n in rows.items()))
+    return "equal" if worth[0] == worth[1] else "a" if worth[0] > worth[1] else "b"
+
+
+def clean(row: str) -> str:
+    return " ".join(row.replace("✓", "").replace("✕", "").split())
+
+
+TRUTH = [("q0", 1), ("q1", -1), ("q2", 1), ("q3", -1), ("q4", -1)]
+
+
+def test_a_session_by_mouse(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        at(page, "Practice")
+        click(page, truthfully(page))
+        at(page, "Question 1")
+        assert page.inner_text(".note") == "Just so. Now the questions that count."
+        for n in range(1, 6):
+            at(page, f"Question {n}")
+            assert page.title() == f"Question {n} - ICU-Sepsis"
+            assert page.inner_text(".saved").endswith("Nothing answered yet" if n == 1 else "saved on this computer")
+            click(page, truthfully(page))
+        at(page, "Finished")
+        assert page.evaluate("document.activeElement.tagName") == "H1"
+        assert "The plan rests on 5 answers and may lose at most 0.8%." in page.inner_text(".body")
+        assert page.locator(".worth tbody tr").all_inner_texts()[0].split() == ["recovered", "100", "fixed"]
+        with page.expect_download() as kept:
+            name(page, "Keep a report").click()
+        page.locator("button:focus", has_text="Keep a report").wait_for()
+        assert re.fullmatch(r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename)
+        assert "10 moderate rather than 4 recovered and 6 died" in Path(kept.value.path()).read_text()
+    assert [(id, verdict) for id, verdict, _ in windows.entries()] == TRUTH
+
+
+def test_a_session_by_keyboard(windows: Windows) -> None:
+    keys = {"a": ("ArrowLeft", "a"), "b": ("ArrowRight", "B"), "equal": ("ArrowDown",)}
+    with served(windows.log) as server:
+        page = windows.open(server)
+        at(page, "Practice")
+        page.keyboard.press(keys[truthfully(page)][0])
+        for n in range(1, 6):
+            at(page, f"Question {n}")
+            page.keyboard.press(keys[truthfully(page)][n % 2])
+        at(page, "Finished")
+        page.keyboard.press("u")
+        at(page, "Question 5")
+        page.keyboard.press("Control+z")
+        at(page, "Question 4")
+        page.keyboard.press("Shift+?")
+        at(page, "Question 5")
+        page.keyboard.press("ArrowDown")
+        at(page, "Finished")
+        # what is no key is reached by Tab, from the heading on
+        for _ in range(9):
+            page.keyboard.press("Tab")
+            if page.evaluate("document.activeElement.textContent") == "Your answers":
+                break
+        page.keyboard.press("Enter")
+        at(page, "Your answers")
+    stands = [(id, verdict) for id, verdict, stands in windows.entries() if stands]
+    assert stands == [*TRUTH[:3], ("q3", None), ("q4", 0)]
+
+
+def test_keys_that_are_held_or_meant_for_something_else_do_not_answer(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        for key in ("Control+a", "Alt+a", "Shift+ArrowLeft", "Meta+b", "Backspace", "Control+Shift+z", "u", "x"):
+            page.keyboard.press(key)
+        at(page, "Question 1")
+        page.keyboard.down("a")
+        at(page, "Question 2")
+        for _ in range(5):
+            page.keyboard.down("a")  # which repeats
+        page.keyboard.up("a")
+        page.locator(".pick").first.dblclick()
+        at(page, "Question 3")
+        page.evaluate("document.querySelector('.pick').click()")
+        page.keyboard.press("b")
+        page.keyboard.press("b")
+        at(page, "Question 4")
+        page.set_viewport_size({"width": 390, "height": 500})
+        page.keyboard.press("ArrowDown")  # scrolls: the buttons are below
+        at(page, "Question 4")
+    assert [id for id, _, _ in windows.entries()] == ["q0", "q1", "q2"]
+
+
+def test_a_reload_goes_on_where_it_was(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        click(page, "b")
+        at(page, "Question 2")
+        before = page.inner_text(".body")
+        page.reload()
+        at(page, "Question 2")
+        assert page.inner_text(".body") == before
+        assert "1 answer saved" in page.inner_text(".saved")
+    with served(windows.log) as server:  # and so does tomorrow
+        page.goto(server.new_address())
+        at(page, "Question 2")
+        assert page.inner_text(".body") == before
+
+
+def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        assert name(page, "Undo last answer").is_disabled()
+        for n in (2, 3, 4):
+            click(page, truthfully(page))
+            at(page, f"Question {n}")
+        assert re.match(
+            "Takes back: .* (5 recovered|10 moderate)", name(page, "Undo last answer").get_attribute("title")
+        )
+        name(page, "Undo last answer").click()
+        at(page, "Question 3")
+        assert page.inner_text(".note") == "Taken back."
+        name(page, "Your answers").click()
+        at(page, "Your answers")
+        items = page.locator(".list li").all_inner_texts()
+        assert len(items) == 3
+        assert "taken back" in items[0]
+        page.locator(".list li").last.get_by_role("button").click()
+        page.locator(".gone").nth(1).wait_for()
+        name(page, "Back to the question").click()
+        at(page, "Question 2")
+    assert [(id, stands) for id, _, stands in windows.entries()] == [("q0", False), ("q1", True), ("q2", False)]
+
+
+def test_a_question_in_two_tabs_is_answered_once(windows: Windows) -> None:
+    with served(windows.log) as server:
+        one = windows.open(server)
+        practise(one)
+        other = windows.open(server, NARROW)
+        at(other, "Question 1")
+        click(one, "a")
+        at(one, "Question 2")
+        click(other, "b")
+        at(other, "Question 2")
+        assert other.inner_text(".note").startswith("That question was answered already, perhaps in another window: ")
+        click(other, "a")
+        at(other, "Question 3")
+        one.evaluate("window.dispatchEvent(new Event('focus'))")  # the person comes back to it
+        at(one, "Question 3")
+    assert [id for id, _, _ in windows.entries()] == ["q0", "q1"]
+
+
+def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
+    with served(windows.log, QUESTIONS[:3]) as server:
+        page = windows.open(server)
+        practise(page)
+        click(page, "b" if truthfully(page) == "a" else "a")
+        at(page, "Question 2")
+        click(page, truthfully(page))
+        at(page, "Question 3")
+        click(page, "equal")
+        at(page, "Finished")
+        assert page.inner_text(".note").startswith("This does not go together with earlier answers")
+        box = page.locator(".conflict")
+        assert box.locator("h2").inner_text() == "These two answers do not go together: which would you change?"
+        assert box.locator("li span").all_inner_texts() == list(CONFLICTING)
+        box.get_by_role("button", name=f"Take back: {CONFLICTING[0]}").click()
+        at(page, "Question 3")
+        click(page, truthfully(page))
+        at(page, "Finished")
+        assert not page.locator(".conflict").count()
+    stands = [(id, verdict) for id, verdict, stands in windows.entries() if stands]
+    assert stands == [("q1", -1), ("q2", 0), ("q0", 1)]
+
+
+def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        port = server.port
+    assert not windows.complaints
+    click(page, "a")
+    banner = page.locator(".banner:visible")
+    banner.wait_for()
+    assert banner.inner_text().startswith(
+        "Your answer (Group A is better) has not been saved yet. The program on this "
+    )
+    assert "Try again" in page.evaluate("document.activeElement.textContent")
+    violated(page)
+    with served(windows.log, port=port) as server:
+        name(page, "Try again").click()
+        banner.get_by_text("does not know this window").wait_for()
+        again = windows.open(server)  # which is let in, and with it the whole browser
+        at(again, "Practice")
+        name(page, "Try again").click()
+        at(page, "Question 2")
+        assert not banner.count()
+        name(page, "Undo last answer").click()
+        at(page, "Question 1")
+    assert [(id, stands) for id, _, stands in windows.entries()] == [("q0", False)]
+    assert all(said.startswith("Failed to load resource") for said in windows.complaints)
+    windows.complaints.clear()
+
+
+def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows) -> None:
+    replies = [
+        {"why": [], "to_come": None, "ready": False},
+        {"why": ["It is still open how <i>you</i> weigh this."], "to_come": [10, 20], "ready": True},
+    ]
+
+    def outlook(route: Any) -> None:
+        if route.request.post_data_json["do"] == "outlook" and route.request.post_data_json["id"] == "q0":
+            route.fulfill(json={"id": "q0", **(replies.pop(0) if len(replies) > 1 else replies[0])})
+        else:
+            route.continue_()
+
+    with served(windows.log) as server:
+        page = windows.open(server)
+        page.route("**/api", outlook)
+        practise(page)
+        page.get_by_text("about 10 to 20 more").wait_for()
+        page.click("summary")
+        assert page.inner_text(".why p") == "It is still open how <i>you</i> weigh this."
+        click(page, "a")
+        at(page, "Question 2")
+        assert "more" not in page.inner_text(".place")
+
+
+def test_a_slow_question_says_so(windows: Windows) -> None:
+    ready = threading.Event()
+
+    class Slow(Listed):
+        def ask(self) -> Any:
+            ready.wait(30)
+            return super().ask()
+
+    with served(windows.log, ask=Slow) as server:
+        ready.set()
+        page = windows.open(server)
+        practise(page)
+        ready.clear()
+        click(page, "a")
+        page.get_by_text("Working out what comes next ...").wait_for()
+        assert all(one.is_disabled() for one in page.get_by_role("button").all())
+        page.keyboard.press("a")
+        ready.set()
+        at(page, "Question 2")
+    assert len(windows.entries()) == 1
+
+
+def violated(page: Any) -> None:
+    """Fails where axe-core finds what keeps somebody out."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page)
+    assert not found.violations_count, found.generate_report()
+
+
+def fits(page: Any) -> None:
+    """Fails where there is something to scroll sideways."""
+    assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
+
+
+@pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
+def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict[str, int]) -> None:
+    def check() -> None:
+        violated(page)
+        fits(page)
+
+    with served(windows.log, QUESTIONS[:3]) as server:
+        page = windows.open(server, size)
+        at(page, "Practice")
+        check()
+        practise(page)
+        page.click("summary")
+        check()
+        page.click("summary")
+        assert page.evaluate("document.querySelector('.mid').getBoundingClientRect().bottom < window.innerHeight")
+        click(page, "a")
+        at(page, "Question 2")
+        click(page, "cannot tell")
+        at(page, "Question 3")
+        name(page, "Pause, go on later").click()
+        at(page, "Paused")
+        assert "start the same command again" in page.inner_text(".body")
+        check()
+        name(page, "Back to the question").click()
+        at(page, "Question 3")
+        name(page, "Undo last answer").click()
+        at(page, "Question 2")
+        click(page, "a" if "10 moderate" in page.locator(".card").first.inner_text() else "b")
+        at(page, "Question 3")
+        click(page, "equal")
+        at(page, "Finished")
+        check()
+        name(page, "Your answers").click()
+        at(page, "Your answers")
+        check()
+        name(page, "Back to what came out").click()
+        with page.expect_download() as kept:
+            name(page, "Keep a report").click()
+        report = windows.log.with_name(kept.value.suggested_filename)
+        kept.value.save_as(report)
+        page.goto(report.as_uri())
+        check()
+
+
+LONG = '<b>bold</b> & "quoted"', "Supercalifragilisticexpialidocious", "a long name with many words"
+ODD = tuple(f"{LONG[i % 3]} {i}" for i in range(20))
+ODD_WORDS = Words('<i>units</i> of "much"', "go", "<script>alert(1)</script>", "<img src=x onerror=alert(1)>")
+
+
+@pytest.mark.parametrize("total", [30, 2_000_000])
+def test_odd_names_many_levels_and_large_numbers_are_only_shown(windows: Windows, total: int) -> None:
+    rng = np.random.default_rng(0)
+    questions = bags(*((rng.multinomial(total, np.ones(20) / 20), total * np.eye(20, dtype=int)[7]) for _ in range(2)))
+    with ExitStack() as stack:
+        server = stack.enter_context(
+            served(windows.log, [type(q)(q.id, q.left * total, q.right * total) for q in questions], ODD, ODD_WORDS)
+        )
+        page = windows.open(server)
+        practise(page)
+        for size in (WIDE, NARROW):
+            page.set_viewport_size(size)
+            fits(page)
+            tops = [
+                [row.bounding_box()["y"] for row in card.locator(".row").all()] for card in page.locator(".card").all()
+            ]
+            assert (tops[0] == tops[1]) == (size == WIDE)
+        assert ODD[0] in page.inner_text(".body")
+        assert ODD_WORDS.title == page.inner_text(".brand b")
+        assert not page.locator(".elicit :is(i:not(.icon), img, script)").count()
+        assert bool(page.locator(".icon").count()) == (total == 30)
+        click(page, "a")
+        at(page, "Question 2")
+        name(page, "Undo last answer").click()
+        at(page, "Question 1")
+        click(page, "b")
+        at(page, "Question 2")
+        click(page, "cannot tell")
+        at(page, "Finished")
+        page.set_viewport_size(NARROW)
+        fits(page)
+        violated(page)
+
+
+def test_the_sides_are_named_as_the_problem_says(windows: Windows) -> None:
+    with served(windows.log, labels=LABELS, words=Words("days", side="holiday")) as server:
+        page = windows.open(server)
+        assert page.inner_text("h1").endswith("Two holidays of 10 days: which would you rather have?")
+        assert page.locator(".card h2").all_inner_texts() == ["Holiday A", "Holiday B"]
+
+
+def test_where_the_browser_is_missing_a_user_is_told_and_ci_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setenv("CI", "true")
+    with pytest.raises(pytest.fail.Exception, match="apt-get install chromium-headless-shell"):
+        executable()
+    monkeypatch.delenv("CI")
+    with pytest.raises(pytest.skip.Exception, match="apt-get install chromium-headless-shell"):
+        executable()
+
+
+def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows) -> None:
+    with served(windows.log, bags(((0, 0, 10), (10, 0, 0)))) as server:
+        page = windows.open(server)
+        practise(page)
+        click(page, "b" if "10 recovered" in clean(page.locator(".card").first.inner_text()) else "a")
+        at(page, "Finished")
+        assert page.inner_text(".conflict h2").startswith("This answer does not go with the order of the levels")
+        page.locator(".conflict").get_by_role("button").click()
+        at(page, "Question 1")

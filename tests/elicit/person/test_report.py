@@ -1,0 +1,112 @@
+"""The report that a person keeps: all that was said, in a page that needs nothing else."""
+
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from elicit import AnswerLog, Session, Words
+from elicit.person.interview import Interview, Subject
+from elicit.person.report import report_page
+from tests.browser_cases import QUESTIONS, Listed
+
+LABELS = ("died & <i>gone</i>", 'not "well"', "well")
+
+
+class Parts(HTMLParser):
+    """The elements of a page, in order, and its text."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+        self.attributes: list[tuple[str, str | None]] = []
+        self.text = ""
+        self.feed(page)
+        self.text = " ".join(self.text.split())
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.attributes += attributes
+
+    def handle_data(self, data: str) -> None:
+        self.text += data + " "
+
+
+def asked(path: Path, *choices: str) -> dict[str, Any]:
+    """The report of a session of three questions, of which so many were answered so."""
+    subject = Subject(LABELS, Words("people", title="A <title>"), report=lambda _: ["It is", "  one <thing>", "All."])
+    with Session(lambda known: Listed(QUESTIONS[:3], known), path) as session:
+        interview = Interview(session, subject)
+        for choice in choices:
+            question = session.question()
+            assert question is not None
+            interview.handle({"do": "answer", "id": question.id, "choice": choice})
+        return interview.handle({"do": "report"})
+
+
+def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_path: Path) -> None:
+    reply = asked(tmp_path / "mine.jsonl", "equal", "cannot tell")
+    page = Parts(reply["html"])
+    assert not {"script", "i", "thing", "link", "img", "iframe", "a"} & set(page.tags)
+    assert not [name for name, _ in page.attributes if name in ("src", "href") or name.startswith("on")]
+    assert "http" not in reply["html"]
+    assert reply["name"].startswith("a-title-report-")
+    assert "A <title>: a report" in page.text
+    assert "2 answers (1 equally good, 1 cannot tell)." in page.text
+    assert "cannot tell" in page.text
+    assert '10 not "well" as good as ' in page.text
+    assert "died & <i>gone</i> " in page.text
+    log = AnswerLog.read(tmp_path / "mine.jsonl")
+    assert f"in the file mine.jsonl, whose last line has the checksum {log.checksum}" in page.text
+    assert (tmp_path / "mine.jsonl").read_text().rstrip().endswith(f'"{log.checksum}"}}')
+
+
+def test_a_report_says_whether_more_could_be_asked(tmp_path: Path) -> None:
+    assert "Not finished: more could be asked." in asked(tmp_path / "a", "equal")["html"]
+    assert "Not finished" not in asked(tmp_path / "b", *["cannot tell"] * 3)["html"]
+
+
+@pytest.fixture
+def end() -> dict[str, Any]:
+    return {
+        "open": "There is no finer question.",
+        "scale": [
+            {"label": "well", "value": 100.0, "low": 100.0, "high": 100.0},
+            {"label": "ill", "value": 40.4, "low": 31.0, "high": 55.0},
+            {"label": "died", "value": 0.0, "low": 0.0, "high": 0.0},
+        ],
+        "certainty": "if your answers are right",
+        "statements": ["It is", "  one", "  two", "All.", "  three"],
+        "counts": {"answered": 3, "equal": 0, "cannot tell": 0, "unused": 1, "withdrawn": 1},
+        "conflicts": [[{"id": "x", "sentence": "x rather than y"}, {"id": "y", "sentence": "y rather than x"}]],
+    }
+
+
+def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(end: dict[str, Any]) -> None:
+    one = {"verdict": 1, "time": "2026-01-02T03:04:05.678+00:00", "withdrawn": False, "used": True, "repeat": False}
+    answers = [
+        {**one, "id": "x", "sentence": "x rather than y", "used": False},
+        {**one, "id": "z", "sentence": "z rather than y", "withdrawn": True, "used": False},
+        {**one, "id": "y", "sentence": "y rather than x", "repeat": True, "time": None},
+    ]
+    page = Parts(report_page("", "today", end, answers, waiting=False))
+    assert "1 x rather than y 2026-01-02 03:04 does not go together with others, not used 2 " in page.text
+    assert "2 z rather than y 2026-01-02 03:04 taken back 3 " in page.text
+    assert page.text.endswith(
+        "3 y rather than x does not go together with others, asked again, to see how steady answers are"
+    )
+    assert page.tags.count("s") == 1
+    assert "These 2 answers do not go together" in page.text
+    assert "3 answers (1 not used, 1 taken back besides)." in page.text
+
+
+def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:
+    page = Parts(report_page("Mine", "today", end, [], waiting=False))
+    assert "well 100 fixed ill 40 31 to 55 died 0 fixed" in page.text
+    placed = [(name, value) for name, value in page.attributes if name in ("x", "width", "cx") and value != "100%"]
+    assert ("x", "31.0%") in placed
+    assert ("width", "24.0%") in placed
+    assert ("cx", "40.40%") in placed
+    assert [page.tags.count(tag) for tag in ("svg", "rect", "circle", "ul", "li")] == [4, 3, 3, 3, 5]
+    assert "The answers are kept" not in page.text
