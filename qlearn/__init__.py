@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from elicit.asking.elicitation import Audit
+    from qlearn.environments.level_rewards import LevelVector, OrdinalReward
+    from qlearn.environments.rollouts import RolloutShares, rollout_shares
     from qlearn.learners.learner import Learner, Result, Status, drive
     from qlearn.learners.loss_bound import Guarantee, loss_bound
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 
 _NAMES = {  # imported when first used, so that the command line starts fast
     "elicit.asking.elicitation": ("Audit",),
+    "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),
+    "qlearn.environments.rollouts": ("RolloutShares", "rollout_shares"),
     "qlearn.learners.learner": ("Learner", "Result", "Status", "drive"),
     "qlearn.learners.loss_bound": ("Guarantee", "loss_bound"),
     "qlearn.learners.policy_iteration": ("InteractivePolicyIteration",),
@@ -46,8 +50,11 @@ __all__ = [
     "LateQLearning",
     "LateValueIteration",
     "Learner",
+    "LevelVector",
     "OrdinalMDP",
+    "OrdinalReward",
     "Result",
+    "RolloutShares",
     "Status",
     "draw_values",
     "drive",
@@ -56,6 +63,7 @@ __all__ = [
     "loss_bound",
     "policy_loss",
     "random_mdp",
+    "rollout_shares",
     "value_iteration",
 ]
 
@@ -65,15 +73,16 @@ def __getattr__(name: str) -> Any:
         from elicit._support.distribution import version
 
         return version()
-    if name in _MODULES:
+    if name in _MODULES or name in _LATER:
         try:
-            return import_module(_MODULES[name])
+            module = import_module(_MODULES.get(name) or _LATER[name])
         except ModuleNotFoundError as error:
             from elicit._support.distribution import with_advice
 
             raise with_advice(error) from None
-    if name in _LATER:
-        value = getattr(import_module(_LATER[name]), name)
+        if name in _MODULES:
+            return module
+        value = getattr(module, name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'qlearn' has no attribute {name!r}")
