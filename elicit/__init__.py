@@ -50,6 +50,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
 _LATER = {name: place for place, names in _PLACES.items() for name in names}
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
+    "objectives": "elicit.objectives",
     "plot": "elicit.plot",
     "showing": "elicit.person.showing",
     "testing": "elicit.testing",

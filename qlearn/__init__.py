@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from elicit.asking.elicitation import Audit
     from qlearn.environments.level_rewards import LevelVector, OrdinalReward
-    from qlearn.environments.rollouts import RolloutShares, rollout_shares
+    from qlearn.environments.rollout_shares import RolloutShares
+    from qlearn.environments.rollouts import rollout_shares
     from qlearn.learners.learner import Learner, Result, Status, drive
     from qlearn.learners.loss_bound import Guarantee, loss_bound
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
@@ -17,11 +18,14 @@ if TYPE_CHECKING:
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
     from qlearn.problems.icu_sepsis import icu_sepsis
     from qlearn.problems.random_mdp import draw_values, random_mdp
+    from qlearn.training.interactive_training import InteractiveTraining
+    from qlearn.training.training_result import TrainedPolicy, TrainingResult, TrainingStatus
 
 _NAMES = {  # imported when first used, so that the command line starts fast
     "elicit.asking.elicitation": ("Audit",),
     "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),
-    "qlearn.environments.rollouts": ("RolloutShares", "rollout_shares"),
+    "qlearn.environments.rollout_shares": ("RolloutShares",),
+    "qlearn.environments.rollouts": ("rollout_shares",),
     "qlearn.learners.learner": ("Learner", "Result", "Status", "drive"),
     "qlearn.learners.loss_bound": ("Guarantee", "loss_bound"),
     "qlearn.learners.policy_iteration": ("InteractivePolicyIteration",),
@@ -32,6 +36,8 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
     "qlearn.problems.icu_sepsis": ("icu_sepsis",),
     "qlearn.problems.random_mdp": ("draw_values", "random_mdp"),
+    "qlearn.training.interactive_training": ("InteractiveTraining",),
+    "qlearn.training.training_result": ("TrainedPolicy", "TrainingResult", "TrainingStatus"),
 }
 _LATER = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {  # to be written as qlearn.strategies.max_regret, say
@@ -46,6 +52,7 @@ __all__ = [
     "Guarantee",
     "InteractivePolicyIteration",
     "InteractiveQLearning",
+    "InteractiveTraining",
     "InteractiveValueIteration",
     "LateQLearning",
     "LateValueIteration",
@@ -56,6 +63,9 @@ __all__ = [
     "Result",
     "RolloutShares",
     "Status",
+    "TrainedPolicy",
+    "TrainingResult",
+    "TrainingStatus",
     "draw_values",
     "drive",
     "evaluate_policy",

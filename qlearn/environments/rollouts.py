@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,16 +12,7 @@ from elicit._support.validation import is_whole, require
 from elicit.model.scale import Floats
 from qlearn.environments.level_rewards import levels_of
 from qlearn.environments.levels import After, Level, Levels
-
-
-class RolloutShares(NamedTuple):
-    """``shares`` (k,): the mean over episodes of the discounted share of time at each level; ``errors`` (k,): its
-    standard errors; ``undecided``: the share of time after episodes were cut off, at levels that nobody saw. ``shares``
-    and ``undecided`` total 1."""
-
-    shares: Floats
-    errors: Floats
-    undecided: float
+from qlearn.environments.rollout_shares import RolloutShares
 
 
 def rollout_shares(
