@@ -50,7 +50,7 @@ from qlearn.training.training_result import TrainedPolicy, TrainingResult, Train
 
 _CORNERS = 2  # questions about what no policy has reached, after each training
 _MATTERS = 0.5  # of the tolerance: what a difference must exceed to count for a strategy, and a training gain
-_LEAST = 0.01  # of the tolerance: what a training must promise where there is no question left
+_LEAST = 0.1  # of the tolerance: what a training must promise where there is no question left
 _ABOUT = 12  # differences whose signs a simple question should tell
 _LOOKED_AT = 512  # differences, those with the greatest bounds, among which a strategy picks
 
@@ -347,7 +347,8 @@ class InteractiveTraining:
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
         """The best policy against a row of vectors (n, k) that no policy is known to have."""
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
-        return Pair(unseen[row], self._policies[at].shares, about, ("unseen", unseen[row].tobytes()))
+        place = ("unseen", at, np.round(unseen[row], 2).tobytes())
+        return Pair(unseen[row], self._policies[at].shares, about, place)
 
     def _audit(self, shares: Floats, at: int) -> bool:
         """Ask about a pair of policies that the answers have settled, if audits are wanted; whether it does."""

@@ -98,4 +98,4 @@ def as_shares(shares: ArrayLike, k: int) -> tuple[Floats, float]:
     require(len(given) == 1, "shares", f"one vector of {k} shares", shares)
     total = float(given.sum())
     require(0 < total <= 1 + 1e-6, "shares", "of a total of 1, or less where runs were cut off", shares)
-    return given[0] / total, max(0.0, 1.0 - total)
+    return given[0] / total, 1.0 - total if total < 1.0 - _ON else 0.0
