@@ -57,6 +57,9 @@ def as_rst(lines: list[str]) -> list[str]:
     out: list[str] = []
     for paragraph in "\n".join(lines).strip("\n").split("\n\n"):
         rows = paragraph.split("\n")
+        if all(row.startswith("    ") for row in rows):  # an example, set in
+            out += ["::", "", *rows, ""]
+            continue
         first = _COLUMNS.match(rows[0])
         width = first.end() if first else 0
         if width and all(row[:width].rstrip() != row[:width] and row[width:].strip() for row in rows):
@@ -76,11 +79,12 @@ def _plain(text: str) -> str:
 
 
 _WHERE = r"~?(?:\w+\.)*"  # the module of a name
+_ARRAY = rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}"
 _LONG = {  # what Sphinx makes of aliases within other types, and of types that are no text where they stand
     rf"{_WHERE}TypeAliasForwardRef\('(\w+)'\)": r"\1",
     rf"{_WHERE}_Buffer \| [^=]*?{_WHERE}_NestedSequence\[complex \| bytes \| str\]": "ArrayLike",
-    rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}float64\]\]": "Floats",
-    rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}(\w+)(?:\[{_WHERE}Any\])?\]\]": r"NDArray[\1]",
+    rf"{_ARRAY}float64\]\]": "Floats",
+    rf"{_ARRAY}(\w+)(?:\[{_WHERE}Any\])?\]\]": r"NDArray[\1]",
 }
 
 
