@@ -353,6 +353,8 @@ class Elicitation:
             )
         if EXPECTED in entry.metadata:
             self.audits.append(Audit(answer.query, Verdict(entry.metadata[EXPECTED]), answer.verdict))
+        if entry.repeat:  # the first answer stands
+            return None
         said = self._undecided if answer.verdict is None else answer.verdict
         self._untold |= answer.verdict is None
         self._answered.add(answer.query.d, said, binding=not entry.used or said == Verdict.EQUAL)

@@ -56,16 +56,16 @@ class TutorReport:
     """What ``tutor_report`` found; ``str()`` says it in sentences. Estimates hold intervals of ``level``.
 
     answers: that prefer a side or call a tie, of them ``ties``, and of them ``unused``, which were told but not learned
-    from. Not among them: ``cannot_tell`` and ``retracted``. against_order: how many of the ``by_order`` answers to
-    pairs that the order of the levels settles go against it. repeated: questions asked more than once. couples: their
-    first two answers, the next two, and so on. consistency: share of couples that agree, exact (Clopper and Pearson
-    1934). error_rate_repeated: from the couples without ties, exact. error_rate: share of these very answers (ties left
-    out) that are wrong, by the model. precision: logits per unit of d.e (median, quantiles). lapse: share answered at
-    random, half of it wrong (mean, shortest interval). doubtful: (id, probability) of the answers that are more
-    probably wrong than right. left_share: share of the ``sided`` answers (0 where no sides are on record) that prefer
-    the side shown left, exact; ``exchanged`` of these were shown the other way round. left_p: two-sided exact p-value
-    of that share against 1/2, which it is without a bias if a coin decided about the sides; nan where they were never,
-    or always, exchanged.
+    from (repeats of a session are not told). Not among them: ``cannot_tell`` and ``retracted``. against_order: how many
+    of the ``by_order`` answers to pairs that the order of the levels settles go against it. repeated: questions asked
+    more than once. couples: their first two answers, the next two, and so on. consistency: share of couples that agree,
+    exact (Clopper and Pearson 1934). error_rate_repeated: from the couples without ties, exact. error_rate: share of
+    these very answers (ties left out) that are wrong, by the model. precision: logits per unit of d.e (median,
+    quantiles). lapse: share answered at random, half of it wrong (mean, shortest interval). doubtful: (id, probability)
+    of the answers that are more probably wrong than right. left_share: share of the ``sided`` answers (0 where no sides
+    are on record) that prefer the side shown left, exact; ``exchanged`` of these were shown the other way round.
+    left_p: two-sided exact p-value of that share against 1/2, which it is without a bias if a coin decided about the
+    sides; nan where they were never, or always, exchanged.
     """
 
     k: int
@@ -227,7 +227,7 @@ def read_log(log: Told, k: int | None) -> _Record:
         np.array([answer.swapped for answer in told], dtype=np.bool_),
         len(standing) - len(told),
         sum(entry.retracted for entry in entries),
-        sum(not entry.used and entry.answer.verdict is not None for entry in standing),
+        sum(not entry.used and not entry.repeat and entry.answer.verdict is not None for entry in standing),
     )
 
 

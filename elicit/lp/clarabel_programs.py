@@ -27,6 +27,10 @@ class Programs:
         self.solves = 0
         self._solver: Any = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the solver, which cannot be copied: a copy makes its own."""
+        return {**vars(self), "_solver": None}
+
     def solve(self, t: Floats) -> Solved | None:
         """Minimise t.g (t of order 1) over the region. Any status but Solved gives None."""
         region, p = self.region, self.region.p

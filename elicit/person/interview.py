@@ -17,8 +17,9 @@ Every message is ``{"do": ...}``; the reply to the first five is the screen that
 ``withdraw``
     ``id`` of an answer that is taken back, whichever it is.
 ``outlook``
-    ``id`` of the question: what is computed beside it. The reply: ``why`` (sentences), ``to_come`` ([least, most], or
-    null), ``ready`` (whether nothing is to be added any more: until then ask again).
+    ``id`` of the question: what is computed beside it. The reply: ``why`` (sentences), ``to_come`` ([least, most], how
+    many questions come after this one, or null), ``ready`` (whether nothing is to be added any more: until then ask
+    again).
 ``answers``
     the reply: ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``, ``time``, ``withdrawn``, ``used``
     and ``repeat``; and ``conflicts``, lists of ids.
@@ -32,55 +33,92 @@ or null), ``question`` (null at the end) and ``end`` (null before). A question: 
 rows have few enough to be drawn one by one) and ``rows``, best level first, each with ``label``, ``level`` (0 the
 worst), ``a`` and ``b``. The end: ``open`` (why there is no question though more could be asked, or null), ``scale``
 (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals),
-``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and ``sentence``).
+``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and ``sentence``). ``counts``: ``answered``, of them
+``equal``, ``cannot tell`` and ``unused``; ``withdrawn``; and ``repeated``, the questions that were put again, which
+nothing else counts, of them ``alike``: answered as before.
 """
 
 from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from datetime import datetime
 from inspect import signature
-from typing import Any
+from itertools import chain
+from types import TracebackType
+from typing import Any, Self
 
-from elicit.model.query import Query
+from elicit.model.query import Answer, Query, Verdict
+from elicit.person.background import Background
 from elicit.person.findings import certainty, scale_rows
+from elicit.person.look_ahead import LookAhead
+from elicit.person.outlook import Outlook
 from elicit.person.report import report_page
-from elicit.person.session import Compares, Session
+from elicit.person.session import Asker, Compares, Session, SessionStatus, Told
 from elicit.person.showing import MOST_ICONS, Shown, Words, practice, printable, show
 from elicit.tutors.answer_log import Entry
+
+_UNUSED = "This does not go together with earlier answers, so it is not used: see “Your answers”."
+_REPEATED = (
+    "That question was put a second time, to see whether the answers agree. What follows is the same either way."
+)
 
 
 def _no_more(_: Any) -> list[str]:
     return []
 
 
+def _unsaid(_: Any) -> None:
+    return None
+
+
 @dataclass(frozen=True, eq=False)
 class Subject:
     """What is taught, in words. labels: the k levels, worst first; words: how the problem speaks; of: how many outcomes
     to show on a side, where there is a choice; report: says in sentences what has come out, given what
-    ``Session.result`` returns; finer: what to do where the next question is not one of whole numbers; seed: decides
-    which side is A."""
+    ``Session.result`` returns; stakes: says in a sentence what more questions are for, given the same, or None; finer:
+    what to do where the next question is not one of whole numbers; seed: decides which side is A, and more that is left
+    to chance."""
 
     labels: tuple[str, ...]
     words: Words = field(default_factory=Words)
     of: int = 10
     report: Callable[[Any], list[str]] = field(default=_no_more, repr=False)
+    stakes: Callable[[Any], str | None] = field(default=_unsaid, repr=False)
     finer: str = ""
     seed: int = 0
 
 
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """What is computed beside a question, ``shown`` by its id: of this asker, if it could be copied."""
+
+    shown: str
+    asker: Asker
+    ahead: LookAhead | None = None
+    outlook: Outlook | None = None
+
+
 class Interview:
     """A session as screens and messages (see the module). Raises what ``Session`` and its log raise, after which the
-    same message may be sent again; ValueError for what is no message."""
+    same message may be sent again; ValueError for what is no message.
+
+    While the person reads, a thread computes what is asked next after each answer that could be given. ``close``, or
+    leaving the Interview as a context manager, ends it; the session stays open."""
 
     def __init__(self, session: Session, subject: Subject) -> None:
         self._session, self._subject = session, subject
         self._lock = threading.RLock()
         self._practised = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # the id last logged as put
+        self.shown: Shown | None = None
+        """What the last screen asks, for hosts that draw it themselves; None where it asks nothing."""
+        self._background = Background()
+        self._beside: _Beside | None = None
+        self._since: list[Verdict | None] = []  # what was answered since
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
             "practised": self._practise,
@@ -102,18 +140,31 @@ class Interview:
             signature(does).bind(**parts)
         except TypeError:
             raise ValueError("the parts of this message are not those it should have") from None
-        with self._lock:
+        with nullcontext() if does == self._outlook else self._lock:
             return does(**parts)
+
+    def close(self) -> None:
+        """End what is computed beside. The session stays open, and so may this be used again."""
+        self._background.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words
         standing = [entry for entry in session.log if not entry.retracted]
+        answered = sum(not entry.repeat for entry in standing)
         last = standing[-1].answer if standing else None
         screen: dict[str, Any] = {
             "title": printable(words.title),
             "preamble": printable(words.preamble),
             "stage": "practice",
-            "answered": len(standing),
+            "answered": answered,
             "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
             "note": note,
             "question": None,
@@ -121,16 +172,26 @@ class Interview:
         }
         if not self._practised and not standing:
             shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
+            self.shown = shown
+            self._background.start(self._first_question())
             return {**screen, "question": self._drawn(shown, 0)}
         query = session.question()
         shown_now = None if query is None else self._shown(query)
         if shown_now is None or not shown_now.exact:
+            self.shown = None
             # an answer to rounded numbers could make what is said at the end untrue
             return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
         if self._put != shown_now.id:
             session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
             self._put = shown_now.id
-        return {**screen, "stage": "question", "question": self._drawn(shown_now, len(standing) + 1)}
+        self.shown = shown_now
+        self._compute_beside(shown_now)
+        return {**screen, "stage": "question", "question": self._drawn(shown_now, answered + 1)}
+
+    def _first_question(self) -> Iterator[None]:
+        with self._lock:
+            self._session.question()
+        yield
 
     def _practise(self, choice: str) -> dict[str, Any]:
         self._practised = True
@@ -155,29 +216,73 @@ class Interview:
                 "That answer stands; you can take it back."
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
-        self._session.answer(id, verdict)
+        self._session.answer(id, verdict, ahead=self._told_ahead)
         self._practised = True
-        if self._session.log[-1].used:
-            return self._screen()
-        return self._screen("This does not go together with earlier answers, so it is not used: see “Your answers”.")
+        said = self._session.log[-1]
+        return self._screen(_REPEATED if said.repeat else None if said.used else _UNUSED)
+
+    def _compute_beside(self, shown: Shown) -> None:
+        """See to it that what is to be known beside a question, which is on the screen now, is computed."""
+        session, subject, now = self._session, self._subject, self._beside
+        asker = session.asker
+        if now is not None and now.shown == shown.id and now.asker is asker:
+            return
+        before, since = None if now is None else now.outlook, tuple(self._since)
+        self._beside, self._since = _Beside(shown.id, asker), []
+        if (twin := session.twin()) is None:
+            return
+        pending = session.next_told()
+        assert pending is not None  # or nothing would be shown
+        ahead = None
+        if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
+            ahead = now.ahead  # shown is, or was, a repeat
+        elif session.makes_askers:
+            ahead = LookAhead(asker, twin, pending, self._shown(pending).swapped)
+        outlook = Outlook(twin, shown, pending, subject.stakes, self._rounded, subject.seed, before, since)
+        self._beside = _Beside(shown.id, asker, ahead, outlook)
+        self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
+
+    def _told_ahead(self, asker: Asker, answer: Answer) -> Told | None:
+        """The asker after an answer, where that was computed; what else is computed beside is given up."""
+        ahead = None if self._beside is None else self._beside.ahead
+        found = None if ahead is None else ahead.told(asker, answer)
+        self._background.stop()
+        self._since.append(answer.verdict)
+        return found
+
+    def _rounded(self, query: Query) -> bool:
+        return not self._shown(query).exact
+
+    def _forget(self) -> None:
+        """What was put and computed is of no use any more."""
+        self._put = self._beside = None
+        self._since = []
+        self._background.stop()
 
     def _undo(self, id: str) -> dict[str, Any]:
         standing = [entry for entry in self._session.log if not entry.retracted]
         if not standing or standing[-1].answer.query.id != id:
             return self._screen("Nothing was taken back: that is not the last answer any more.")
-        self._put = None
+        self._forget()
         self._session.undo()
         return self._screen("Taken back.")
 
     def _withdraw(self, id: str) -> dict[str, Any]:
         if not any(entry.answer.query.id == id and not entry.retracted for entry in self._session.log):
             return self._screen("Nothing was taken back: no such answer stands any more.")
-        self._put = None
+        self._forget()
         self._session.withdraw(id)
         return self._screen("Taken back. The other answers stay.")
 
     def _outlook(self, id: str) -> dict[str, Any]:
-        return {"id": id, "why": [], "to_come": None, "ready": True}
+        """Without the lock: nobody waits for it, nor it for anybody."""
+        now = self._beside
+        outlook = now.outlook if now is not None and now.shown == id else None
+        if outlook is None:
+            return {"id": id, "why": [], "to_come": None, "ready": True}
+        ready = outlook.ready  # first: what is there then stays
+        to_come = None if outlook.to_come is None else [*outlook.to_come]
+        return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
 
     def _answers(self) -> dict[str, Any]:
         said = [
@@ -188,7 +293,7 @@ class Interview:
                 "time": entry.metadata.get("time"),
                 "withdrawn": entry.retracted,
                 "used": entry.used,
-                "repeat": False,
+                "repeat": entry.repeat,
             }
             for entry in self._session.log
         ]
@@ -220,13 +325,15 @@ class Interview:
             "open": f"There is no finer question of whole numbers. {subject.finer}".strip() if open_still else None,
             "scale": [] if known is None else [row._asdict() for row in scale_rows(known, subject.labels)],
             "certainty": None if known is None else certainty(known),
-            "statements": list(map(printable, subject.report(session.result()))),
+            "statements": [*map(printable, subject.report(session.result())), *_repeats(status)],
             "counts": {
                 "answered": status.answered,
                 "equal": status.equal,
                 "cannot tell": status.cannot_tell,
                 "unused": status.unused,
                 "withdrawn": status.withdrawn,
+                "repeated": status.repeated,
+                "alike": status.alike,
             },
             "conflicts": self._conflicts(),
         }
@@ -259,3 +366,10 @@ class Interview:
 
     def _sentence(self, entry: Entry) -> str:
         return self._shown(entry.answer.query).sentence(entry.answer.verdict)
+
+
+def _repeats(status: SessionStatus) -> list[str]:
+    """How many repeats were answered as before."""
+    n = status.repeated
+    questions = "question was" if n == 1 else "questions were"
+    return [f"{status.alike} of {n} repeated {questions} answered as before."] if n else []

@@ -159,7 +159,7 @@ def _answers(answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[
         remarks = {
             "taken back": not stands,
             "does not go together with others": stands and one["id"] in among,
-            "not used": stands and not one["used"],
+            "not used": stands and not one["used"] and not one["repeat"],
             "asked again, to see how steady answers are": one["repeat"],
         }
         said = _text(one["sentence"]) if stands else f"<s>{_text(one['sentence'])}</s>"

@@ -7,6 +7,7 @@ answered before a restart the asker is made to know (``known=``). It is restarte
 the log, as with another comparator, and where an answer is withdrawn that others followed.
 """
 
+import copy
 import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -14,13 +15,17 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
 from types import TracebackType
-from typing import Any, Protocol, Self, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
 
+from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
+from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import OnConflict
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, tie_of
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.tutors.answer_log import CONTRADICTS, EXPECTED, AnswerLog, Entry
+from elicit.tutors.answer_log import CONTRADICTS, EXPECTED, REPEATS, AnswerLog, Entry
+
+_AGAIN = " again"  # after the id of a query that is put again
 
 
 @runtime_checkable
@@ -61,10 +66,19 @@ MakeAsker: TypeAlias = Callable[[list[Entry]], Asker]
 known=known), say."""
 
 
+class Told(NamedTuple):
+    """An asker that was told an answer; contradicts: None, or the ids of the answers, this one among them, that do not
+    go together, where it had to be dropped."""
+
+    asker: Asker
+    contradicts: list[str] | None
+
+
 @dataclass(frozen=True)
 class SessionStatus:
     """Where a session stands. ``answered``: the answers that stand, among them so many ``equal``, ``cannot_tell``, and
-    ``unused`` for what they contradict; ``withdrawn``: those taken back; ``finished``: there is no question left."""
+    ``unused`` for what they contradict; ``withdrawn``: those taken back; ``finished``: there is no question left. Not
+    among these: ``repeated``, how many questions were put again, of which ``alike`` were answered as before."""
 
     answered: int
     equal: int
@@ -72,13 +86,16 @@ class SessionStatus:
     unused: int
     withdrawn: int
     finished: bool
+    repeated: int = 0
+    alike: int = 0
 
     def __str__(self) -> str:
         more = {"equal": self.equal, "cannot tell": self.cannot_tell, "unused": self.unused}
         among = ", ".join(f"{n} {name}" for name, n in more.items() if n)
         state = "finished" if self.finished else "a question waits"
         taken_back = f", {self.withdrawn} withdrawn" if self.withdrawn else ""
-        return f"{state}: {self.answered} answered{f' ({among})' if among else ''}{taken_back}"
+        again = f", {self.alike} of {self.repeated} repeats as before" if self.repeated else ""
+        return f"{state}: {self.answered} answered{f' ({among})' if among else ''}{taken_back}{again}"
 
 
 class Session:
@@ -86,8 +103,10 @@ class Session:
 
     asker: a function that makes an asker from the answers it is to know (``MakeAsker``), or a new asker; the latter
     cannot undo, withdraw, or go on with a log whose questions are not its own. log: an AnswerLog, or the path of one,
-    which the session then closes. who: whose answers these are, for the log. clock: seconds since 1970, only to be
-    written down; nothing depends on it.
+    which the session then closes. who: whose answers these are, for the log. audit: in front of this share of the
+    questions an earlier one is put again, to see whether the answers agree; which, and where, depends on ``seed`` and
+    the answers that stand. The asker is not told what is said of it, and nothing else depends on it. clock: seconds
+    since 1970, only to be written down; nothing depends on it.
 
     An answer that contradicts the others is marked unused in the log and settles its own pair only; ``conflicts`` says
     what does not go together. Once enough of that is withdrawn it counts again. Not for several threads at a time.
@@ -102,8 +121,17 @@ class Session:
         log: AnswerLog | str | PathLike[str],
         *,
         who: str | None = None,
+        audit: float = 0.0,
+        seed: Seed = 0,
         clock: Callable[[], float] = time.time,
     ) -> None:
+        require(
+            is_number(audit, 0, 1),
+            "audit, the share of questions in front of which one is put again,",
+            "in 0..1",
+            audit,
+        )
+        self._audit, self._key = float(audit), fold(key_of(seed), name_code("questions put again"))
         self._given = asker if isinstance(asker, Asker) and not isinstance(asker, type) else None
         self._make = asker if self._given is None and callable(asker) else None
         if self._given is None and self._make is None:
@@ -130,43 +158,68 @@ class Session:
 
     @property
     def asker(self) -> Asker:
-        """Who asks now, told all that is in the log: another one after ``undo`` and ``withdraw``."""
+        """Who asks now, told all that is in the log: another one after ``undo`` and ``withdraw``, and after an answer
+        that was looked ahead to."""
         if self._asker is None:
             self._asker = self._resumed()
         if self._untold is not None:
-            id, contradicts = self._untold.query.id, _tell(self._asker, self._untold)
-            self._untold = None
-            if contradicts is not None:
-                self._mark_unused(id, contradicts)
+            self._take(Told(self._asker, tell(self._asker, self._untold)))
         return self._asker
+
+    @property
+    def makes_askers(self) -> bool:
+        """Whether it was given a function that makes an asker, not an asker."""
+        return self._make is not None
+
+    def twin(self) -> Asker | None:
+        """A copy of the asker, for another thread to try out on it what may be answered; None where it cannot be
+        copied. ``copy.deepcopy`` of an asker must be one that shares nothing with it that changes."""
+        try:
+            return copy.deepcopy(self.asker)
+        except Exception:  # whatever a part of it says to that
+            return None
 
     def question(self) -> Query | None:
         """The question to put now, the same until it is answered; None when there is none left. Computes it."""
-        query = next(iter(self._pending().values()), None)
+        query = self.next_told()
         if query is not None:
+            query = self._repeat() or query
             self._put_at.setdefault(query.id, time.monotonic())
         return query
+
+    def next_told(self) -> Query | None:
+        """The first query that the asker waits for: ``question``, unless that puts an earlier one again."""
+        return next(iter(self._pending().values()), None)
 
     def shown(self, id: str, swapped: bool = False, **how: Any) -> None:
         """Log that a pending question is put to the person, perhaps right to left, and how: any JSON. Raises
         StaleAnswer where no such query is pending."""
-        query = self._pending().get(id)
+        query = self._to_answer(id)
         if query is None:
             raise StaleAnswer(f"no pending query has the id {id!r}: show what question() returns")
         self._log.append_asked(query, swapped, **self._now(), **how)
         self._put_at[id] = time.monotonic()
 
-    def answer(self, id: str, verdict: Verdict | int | None, **metadata: Any) -> Answer:
+    def answer(
+        self,
+        id: str,
+        verdict: Verdict | int | None,
+        *,
+        ahead: Callable[[Asker, Answer], Told | None] | None = None,
+        **metadata: Any,
+    ) -> Answer:
         """Take the answer to the pending query of this id, a verdict on ``query.left``, also where it was shown right
         to left; None is "cannot tell". When this returns it is on the disk; returns it as it was logged.
 
         Told again what was answered so already, it does nothing: so a page may send an answer twice. Raises StaleAnswer
         for another verdict than the one that stands, and for an id that was never asked; and what ``AnswerLog.append``
-        raises, after which the question is still pending. metadata: any JSON, for the log.
+        raises, after which the question is still pending. metadata: any JSON, for the log. ahead: what may have told
+        that answer to a copy of the asker already (``LookAhead.told``): once the answer is on the disk, a session that
+        makes its askers goes on with that one.
         """
         asker = self.asker
         said = _last(self._standing()[1], id)
-        query = None if said else self._pending().get(id)
+        query = None if said else self._to_answer(id)
         said = said or (None if query else _last([entry for entry in self._log if not entry.retracted], id))
         if said is not None:
             answer = Answer(said.query, verdict)  # type: ignore[arg-type]  # which turns the code into a Verdict
@@ -180,12 +233,19 @@ class Session:
             raise StaleAnswer(f"no pending query has the id {id!r}: answer what question() returns")
         swapped = next((one.swapped for one in reversed(self._log.asked) if one.query.id == id), False)
         answer = Answer(query, verdict, swapped)  # type: ignore[arg-type]
+        latency = {"latency": round(time.monotonic() - self._put_at[id], 3)} if id in self._put_at else {}
+        if (first := self._repeated(query)) is not None:
+            before = {REPEATS: first.query.id, EXPECTED: int(first.verdict or 0)}
+            self._log.append(answer, used=False, **{**self._now(), **latency, **before, **metadata})
+            self._put_at.pop(id, None)
+            return answer
         implied = asker.implied if isinstance(asker, Audits) else {}
         audited = {EXPECTED: int(implied[id])} if id in implied else {}
-        latency = {"latency": round(time.monotonic() - self._put_at[id], 3)} if id in self._put_at else {}
         self._log.append(answer, **{**self._now(), **latency, **audited, **metadata})
         self._untold = answer
         self._put_at.pop(id, None)
+        if ahead is not None and self.makes_askers and (told := ahead(asker, answer)) is not None:
+            self._take(told)
         _ = self.asker  # which is told
         return answer
 
@@ -209,7 +269,11 @@ class Session:
                 "such as lambda known: choose(vectors, comparator, known=known)"
             )
         known = {entry.answer.query.id for entry in self._standing()[0]}
+        repeat = any(entry.repeat for entry in self._log if entry.answer.query.id == id)
         self._log.retract(id, **{**self._now(), **metadata})
+        if repeat:  # the asker knows nothing of it
+            self._put_at.clear()
+            return
         self._asker, self._untold = None, None
         self._put_at.clear()
         # after the last answer what came before is told again, and its question comes back
@@ -233,8 +297,9 @@ class Session:
 
     def status(self) -> SessionStatus:
         """Where the session stands. Computes the next question, to see whether there is one."""
-        entries = list(self._log)
+        entries = [entry for entry in self._log if not entry.repeat]
         standing = [entry for entry in entries if not entry.retracted]
+        again = [entry for entry in self._log if entry.repeat and not entry.retracted]
         verdicts = [entry.answer.verdict for entry in standing]
         return SessionStatus(
             answered=len(standing),
@@ -243,6 +308,8 @@ class Session:
             unused=sum(not entry.used for entry in standing),
             withdrawn=len(entries) - len(standing),
             finished=not self._pending(),
+            repeated=len(again),
+            alike=sum(entry.metadata[EXPECTED] == entry.answer.verdict for entry in again),
         )
 
     def result(self) -> Any:
@@ -262,6 +329,14 @@ class Session:
     ) -> None:
         self.close()
 
+    def _take(self, told: Told) -> None:
+        """Go on with an asker that was told what was not told yet."""
+        assert self._untold is not None
+        id = self._untold.query.id
+        self._asker, self._untold = told.asker, None
+        if told.contradicts is not None:
+            self._mark_unused(id, told.contradicts)
+
     def _pending(self) -> dict[str, Query]:
         return {query.id: query for query in self.asker.ask()}
 
@@ -271,9 +346,39 @@ class Session:
         return {"time": when, **self._stamp}
 
     def _standing(self) -> tuple[list[Entry], list[Entry]]:
-        """The entries not withdrawn: those that the asker knew when it was made, and those told to it since."""
+        """The entries not withdrawn, repeats left out: those that the asker knew when it was made, and those told to it
+        since."""
         entries, n = list(self._log), self._log.restarted
-        return [e for e in entries[:n] if not e.retracted], [e for e in entries[n:] if not e.retracted]
+        before, since = ([e for e in some if not e.retracted and not e.repeat] for some in (entries[:n], entries[n:]))
+        return before, since
+
+    def _to_answer(self, id: str) -> Query | None:
+        """The query of this id, if it waits for an answer."""
+        repeat = self._repeat() if self._pending() else None
+        return repeat if repeat is not None and repeat.id == id else self._pending().get(id)
+
+    def _repeat(self) -> Query | None:
+        """The earlier question that is to be put again now, as a query of its own, if one is."""
+        standing = [entry for entry in self._log if not entry.retracted]
+        if not standing or standing[-1].repeat:
+            return None
+        first = [entry.answer for entry in standing if not entry.repeat]
+        chance, which = fold(self._key, len(first), [0, 1])
+        if uniform(chance) >= self._audit:
+            return None
+        again = {entry.metadata[REPEATS] for entry in standing if entry.repeat}
+        # not the last one, which is remembered
+        may = [said.query for said in first[:-1] if said.verdict is not None and said.query.id not in again]
+        if not may:
+            return None
+        query = may[int(which) % len(may)]
+        return replace(query, id=f"{query.id}{_AGAIN}")
+
+    def _repeated(self, query: Query) -> Answer | None:
+        """What was answered to a query the first time, if it is a repeat."""
+        if not query.id.endswith(_AGAIN) or query.id in self._pending():
+            return None
+        return _last([entry for entry in self._log if not entry.retracted], query.id.removesuffix(_AGAIN))
 
     def _mark_unused(self, id: str, contradicts: Sequence[str]) -> None:
         self._log.mark_unused(id, **{CONTRADICTS: [name for name in contradicts if name != id]})
@@ -304,7 +409,7 @@ class Session:
                 if _counts(entry):
                     return False
                 continue  # a practice question, say
-            contradicts = _tell(asker, entry.answer)
+            contradicts = tell(asker, entry.answer)
             if contradicts is None and not entry.used:
                 return False
             if contradicts is not None and entry.used:  # a crash came between
@@ -313,7 +418,7 @@ class Session:
 
     def _restarted(self) -> Asker:
         """An asker that knows all that stands, but for what contradicts it; and the log says so."""
-        before = [entry for entry in self._log if not entry.retracted]
+        before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
         known = [replace(entry, used=True) if _counts(entry) else entry for entry in before]
         contradicts: dict[int, list[str]] = {}
         while True:
@@ -353,7 +458,7 @@ class Session:
         return PolytopeComparator(k, tie=tie_of(known))
 
 
-def _tell(asker: Asker, answer: Answer) -> list[str] | None:
+def tell(asker: Asker, answer: Answer) -> list[str] | None:
     """Tell an asker; the ids of the answers that do not go together where this one had to be dropped."""
     try:
         asker.tell([answer])

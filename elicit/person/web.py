@@ -6,6 +6,7 @@ Needs the extra: pip install 'elicit-qlearn[web]'.
 from __future__ import annotations
 
 import ipaddress
+import os
 import signal
 import socket
 import sys
@@ -52,8 +53,9 @@ class WebServer:
         ports = {f":{self.port}", *([""] if self.port == _HTTP else [])}  # browsers leave that one out
         self._door = Door(self.port, {each.lower() + end for each in names for end in ports})
         self._origin = f"http://{name}:{self.port}"
+        self._interview = Interview(session, subject)
         config = uvicorn.Config(
-            application(Interview(session, subject), self._door),
+            application(self._interview, self._door),
             loop="asyncio",
             http=Impatient,
             ws="none",
@@ -81,6 +83,7 @@ class WebServer:
         """Stop; what is under way is finished, if that takes no more than seconds. The session stays open."""
         self._server.should_exit = True
         self._thread.join()
+        self._interview.close()
 
     def __enter__(self) -> Self:
         return self
@@ -138,7 +141,8 @@ def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
         raise ValueError(f"{host} is no address to open: name the one of this machine by which others reach it")
     listening = socket.socket(family)
     try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if os.name == "posix":  # elsewhere it would let another program listen there too
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind(where)
         listening.listen()
     except OSError as error:

@@ -45,8 +45,8 @@ _HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
 }
 _NOT_LET_IN = (
-    "This page is not open to this browser. The address that the program printed lets in one browser, once. For "
-    "another one press Enter where the program runs, and open the address that it prints then."
+    "The address that the program printed lets in one browser, once. For this one, press Enter in the terminal where "
+    "the program runs, and open the address that it prints then."
 )
 _CLOSED_DOOR = f"""<!doctype html>
 <html lang="en">
@@ -235,8 +235,8 @@ async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
         why = error.strerror or "the disk may be full"
         return _error(
             507,
-            f"Your answer could not be saved: {why}. Nothing that was saved before is lost. "
-            f"{'Free some space' if room else 'Mend that'}, and answer again.",
+            f"This could not be saved: {why}. What was saved before is not lost. "
+            f"{'Free some space' if room else 'Mend that'}, and try again.",
         )
     except ValueError as error:
         _log.warning("a message was refused: %s", error)

@@ -79,10 +79,16 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
     _css = (_PAGE / "style.css").read_text(encoding="utf-8")
 
     def __init__(self, session: Session, subject: Subject) -> None:
-        super().__init__()
+        session.question()  # now, or a thread would compute it while the next cells may use the session
         self._session, self._title = session, printable(subject.words.title)
         self._interview = Interview(session, subject)
+        super().__init__()
         self.on_msg(self._take)
+
+    def close(self) -> None:
+        """Take the widget away from all windows; the session stays open."""
+        self._interview.close()
+        super().close()
 
     def __repr__(self) -> str:
         """What a notebook shows where it cannot show the widget: "a session of ICU-Sepsis: 3 answered"."""

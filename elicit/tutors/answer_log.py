@@ -43,7 +43,9 @@ from elicit.tutors.log_lines import (
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 _RETRACT = "retract"  # in a log of version 1, what names the id of the answer that is withdrawn
 EXPECTED = "expected"
-"""The metadata of an audit's answer: the verdict that the other answers imply."""
+"""The metadata of an audit's answer: the verdict that the other answers imply; of a repeat's: the first answer's."""
+REPEATS = "repeats"
+"""The metadata of an answer to a question that was put again: the id of the first. Comparators do not learn from it."""
 CONTRADICTS = "contradicts"
 """The metadata of an answer that was marked unused for what it contradicts: the ids of those answers."""
 
@@ -62,6 +64,11 @@ class Entry:
     def retracted(self) -> bool:
         """Whether the answer was taken back."""
         return self.retraction is not None
+
+    @property
+    def repeat(self) -> bool:
+        """Whether it is to a question that was answered before, put again to see whether the answers agree."""
+        return REPEATS in self.metadata
 
 
 @dataclass(frozen=True)

@@ -67,9 +67,11 @@ def check(files: list[Path]) -> int:
         if log is not None and not faults:
             entries = list(log)
             withdrawn = sum(entry.retracted for entry in entries)
-            unused = sum(not entry.used for entry in entries) - withdrawn
+            repeats = sum(entry.repeat and not entry.retracted for entry in entries)
+            unused = sum(not entry.used for entry in entries) - withdrawn - repeats
             checked = "whole" if log.checked else "readable, but of version 1, which has no checksums"
-            print(f"{path}: {checked}; {len(entries)} answers, {withdrawn} of them withdrawn, {unused} unused")
+            kinds = f"{withdrawn} of them withdrawn, {unused} unused" + (f", {repeats} repeats" if repeats else "")
+            print(f"{path}: {checked}; {len(entries)} answers, {kinds}")
     return code
 
 
@@ -133,7 +135,8 @@ def _row(number: int, entry: Entry) -> tuple[str, ...]:
     verdict = entry.answer.verdict
     word = "cannot tell" if verdict is None else {1: "left", 0: "equal", -1: "right"}[int(verdict)]
     shown = " (shown right to left)" if entry.answer.swapped else ""
-    state = ", withdrawn" if entry.retracted else "" if entry.used else ", unused"
+    standing = ", repeat" if entry.repeat else "" if entry.used else ", unused"
+    state = ", withdrawn" if entry.retracted else standing
     said = {name: str(entry.metadata[name]) for name in ("time", "who", "latency") if name in entry.metadata}
     time, who, latency = (said.get(name, "") for name in ("time", "who", "latency"))
     query = entry.answer.query

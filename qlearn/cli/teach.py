@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.factories import Own
-from qlearn.experiments.settings import FROM_0, POSITIVE, NameOrOwn, Number
+from qlearn.experiments.settings import FROM_0, POSITIVE, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
     from elicit import Session, Subject
@@ -30,7 +30,7 @@ def add_to(commands: Any) -> None:
         help="answer the questions yourself, in the terminal or the browser",
         description="Puts questions about simple groups of outcomes, keeps each answer on the disk before the next "
         "question, and says at the end what was learned. Leave at any moment, and start the same command to go on. "
-        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), q (quit).",
+        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), w (why), q (quit).",
     )
     command.set_defaults(command=run)
     command.add_argument(
@@ -78,6 +78,14 @@ def add_to(commands: Any) -> None:
         help="of an MDP: questions end once the policy can lose no more than this share of the value range "
         "[%(default)s]",
     )
+    command.add_argument(
+        "--audit",
+        type=number_parser(SHARE),
+        default=0.1,
+        metavar="X",
+        help="in front of this share of the questions an earlier one is put again, to see whether the answers agree; "
+        "nothing is learned from it [%(default)s]",
+    )
     page = command.add_argument_group("in the browser", "The answers stay on this machine, and only it is listened to.")
     page.add_argument(
         "--web",
@@ -114,6 +122,7 @@ def run(
     unit: str | None,
     seed: int,
     tolerance: float,
+    audit: float,
     web: bool,
     port: int,
     host: str,
@@ -129,6 +138,7 @@ def run(
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
+    again += ["--audit", f"{audit:g}"]
     again += [] if name.lower().endswith(".csv") else ["--tolerance", f"{tolerance:g}"]
     if web:
         again += ["--web", *(["--port", str(port)] if port else []), *([] if host == _HOST else ["--host", host])]
@@ -138,7 +148,7 @@ def run(
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
             print("Getting ready ...", file=sys.stderr, flush=True)
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), taught.header))
-            session = stack.enter_context(Session(taught.make, kept))
+            session = stack.enter_context(Session(taught.make, kept, audit=audit, seed=seed))
         # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to be written
         except (ImportError, ValueError, OSError) as error:
             return fail(str(error))

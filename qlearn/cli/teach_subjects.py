@@ -57,7 +57,8 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
         return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    return Taught(Subject(mdp.labels, words, days, partial(_policy_report, mdp, tolerance), finer, seed), make, header)
+    report, stakes = partial(_policy_report, mdp, tolerance), partial(_policy_stakes, tolerance)
+    return Taught(Subject(mdp.labels, words, days, report, stakes, finer, seed), make, header)
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -112,6 +113,16 @@ def _policy_report(mdp: OrdinalMDP, tolerance: float, result: Result) -> list[st
     return [*lines, f"  and {more} more"] if more > 0 else lines
 
 
+def _policy_stakes(tolerance: float, result: Result) -> str | None:
+    """What the policy learned so far can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    return (
+        f"The plan learned so far may fall short of your best plan by up to {_percent(result.loss_bound)}; questions "
+        f"end at {100 * tolerance:g}%."
+    )
+
+
 def _percent(share: float) -> str:
     """Rounded up, so that it still bounds."""
     return f"{max(0.0, np.ceil(share * 1e4 - 1e-9)) / 100:g}%"
@@ -132,7 +143,7 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         return choose(vectors, _comparator(comparator, len(labels), seed), labels=names, known=known)
 
     finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
-    return Taught(Subject(labels, words, days, _choice_report, finer, seed), make, header)
+    return Taught(Subject(labels, words, days, _choice_report, _choice_stakes, finer, seed), make, header)
 
 
 def _choice_report(result: Choice) -> list[str]:
@@ -140,6 +151,13 @@ def _choice_report(result: Choice) -> list[str]:
     finished = result.status is not ChoiceStatus.WAITING
     status = result.status.value if finished else "Not finished: more could be asked."
     return [f"Your choice: {result.label}.", status, f"Another one is better by at most {bound}."]
+
+
+def _choice_stakes(result: Choice) -> str | None:
+    """What the choice can lose."""
+    if np.isnan(result.loss_bound):
+        return None
+    return f"The best guess so far is not certain: another one may be better by up to {_percent(result.loss_bound)}."
 
 
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:

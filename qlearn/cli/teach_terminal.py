@@ -6,27 +6,27 @@ import io
 import shutil
 import sys
 import textwrap
-from typing import Literal
+from collections.abc import Sequence
+from typing import Any, Literal
 
-from elicit.model.comparator import Comparator
-from elicit.model.query import Query
-from elicit.person.findings import certainty, scale_rows
-from elicit.person.interview import Subject
-from elicit.person.session import Compares, Session
-from elicit.person.showing import NARROWEST, Choice, Shown, practice, printable, show
+from elicit.person.findings import ScaleRow
+from elicit.person.interview import Interview, Subject
+from elicit.person.session import Session
+from elicit.person.showing import NARROWEST, Choice, printable
 from elicit.tutors.log_lines import BadLog
 from qlearn.cli.options import fail
 
-_Key = Choice | Literal["undo", "quit"]
+_Key = Choice | Literal["undo", "why", "quit"]
 _MEANS: dict[str, _Key] = {
     **dict.fromkeys(("a", "left", "1"), "a"),
     **dict.fromkeys(("b", "right", "2"), "b"),
     **dict.fromkeys(("e", "=", "equal", "same"), "equal"),
     **dict.fromkeys(("?", "cannot tell", "unknown"), "cannot tell"),
     **dict.fromkeys(("u", "undo"), "undo"),
+    **dict.fromkeys(("w", "why"), "why"),
     **dict.fromkeys(("q", "quit", "exit"), "quit"),
 }
-_KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; q: quit"
+_KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit"
 _WIDEST = 100
 _BAR = 40  # columns of an interval, at most
 _LEAST_BAR = 10
@@ -36,7 +36,8 @@ class Terminal:
     """A session with the person at standard input. again: the command that goes on."""
 
     def __init__(self, session: Session, subject: Subject, again: str) -> None:
-        self._session, self._subject, self._again = session, subject, again
+        self._interview, self._log, self._again = Interview(session, subject), session.log, again
+        self._finer = subject.finer
         self._width = min(max(shutil.get_terminal_size().columns, NARROWEST), _WIDEST)
         for stream in (sys.stdin, sys.stdout):  # a name that the terminal cannot write, or a key that is no letter
             if isinstance(stream, io.TextIOWrapper):
@@ -44,99 +45,111 @@ class Terminal:
 
     def converse(self) -> int:
         """Ask until there is no question left, or the person leaves; returns the exit code."""
-        try:
-            code = self._ask_all()
-        except KeyboardInterrupt:
-            self._say("")
-            code = self._leave(130)
-        except (OSError, BadLog) as error:
-            return fail(f"stopped: {error}. What was answered before is kept; to go on: {self._again}")
-        return code
+        with self._interview:
+            try:
+                code = self._ask_all()
+            except KeyboardInterrupt:
+                self._say("")
+                code = self._leave(130)
+            except (OSError, BadLog) as error:
+                return fail(f"stopped: {error}. What was answered before is kept; to go on: {self._again}")
+            return code
 
     def _ask_all(self) -> int:
-        session, words = self._session, self._subject.words
-        for part in (words.title, words.preamble):
+        screen = self._handle("state")
+        for part in (screen["title"], screen["preamble"]):
             if part:
                 self._say(part)
-        answered = self._answered()
-        if answered:
-            self._say(f"Going on after {_answers(answered)}.")
-        elif not self._practised():
-            return self._leave(0)
+        if screen["answered"]:
+            self._say(f"Going on after {_answers(screen['answered'])}.")
         while True:
-            query = session.question()
-            shown = None if query is None else self._shown(query)
-            if shown is not None and shown.exact:
-                key = self._put(shown)
-            else:  # an answer to rounded numbers could make what is said at the end untrue
-                open_still = "" if shown is None else f" of whole numbers. {self._subject.finer}"
-                self._say(f"\nThere are no more questions{open_still or '.'}")
-                self._say("Enter: what was learned; u: undo; q: quit")
-                key = self._read({"": "done"}, "done")
-                if key == "done":
-                    self._report()
+            if screen["note"]:
+                self._say(screen["note"])
+                screen["note"] = None  # once
+            match screen["stage"]:
+                case "practice":
+                    self._say("\nFirst one to practise, whose answer does not count.\n")
+                    key = self._put()
+                case "question":
+                    self._say(f"\nQuestion {screen['question']['number']}{self._more_to_come(screen)}\n")
+                    key = self._put()
+                case _:
+                    open_still = f" of whole numbers. {self._finer}" if screen["end"]["open"] else "."
+                    self._say(f"\nThere are no more questions{open_still}")
+                    self._say("Enter: what was learned; u: undo; q: quit")
+                    key = self._read({"": "done"}, "done")
+            match key:
+                case "done":
+                    self._report(screen["end"])
                     return 0
-            if key == "quit":
-                return self._leave(0)
-            if key == "undo":
-                self._undo()
+                case "quit":
+                    return self._leave(0)
+                case "why":
+                    self._why(screen)
+                case "undo" if screen["stage"] != "practice":
+                    if screen["last"] is None:
+                        self._say("There is no answer to undo.")
+                    else:
+                        screen = self._handle("undo", id=screen["last"]["id"])
+                case _ if screen["stage"] == "practice":
+                    screen = self._handle("practised", choice=key)
+                case _:
+                    screen = self._handle("answer", id=screen["question"]["id"], choice=key)
 
-    def _practised(self) -> bool:
-        """Put the practice question until it is answered; False where the person leaves."""
-        subject = self._subject
-        shown = practice(subject.labels, subject.words, subject.of, self._subject.seed)
-        obvious = "A" if not shown.swapped else "B"
-        self._say("\nFirst one to practise, whose answer does not count.\n")
-        self._print(shown)
-        key = self._read({}, "quit")
-        if key == "quit":
-            return False
-        if key == obvious.lower():
-            self._say("Just so. Now the questions that count.")
-        else:
-            self._say(f"Most would say {obvious}: all there are at the best level. Now the questions that count.")
-        return True
+    def _put(self) -> str:
+        """Show the question; what the person wants."""
+        assert self._interview.shown is not None
+        print(self._interview.shown.text(self._width))
+        self._say(f"\n{_KEYS}")
+        return self._read({}, "quit")
 
-    def _put(self, shown: Shown) -> str:
-        """Put a question, and take its answer; what else the person wants is returned."""
-        self._session.shown(shown.id, shown.swapped, shown=shown.record())
-        self._say(f"\nQuestion {self._answered() + 1}\n")
-        self._print(shown)
-        key = self._read({}, "quit")
-        if key in ("undo", "quit"):
-            return key
-        self._session.answer(shown.id, shown.verdict(key))  # type: ignore[arg-type]  # it is a Choice now
-        return key
-
-    def _undo(self) -> None:
-        if not self._answered():
-            self._say("There is no answer to undo.")
+    def _why(self, screen: dict[str, Any]) -> None:
+        """Why the question is asked, and how many come after it, as far as that was computed meanwhile."""
+        if screen["stage"] == "practice":
+            self._say("To try the keys.")
             return
-        self._session.undo()
-        self._say("Taken back.")
+        beside = self._handle("outlook", id=screen["question"]["id"])
+        for sentence in beside["why"]:
+            self._say(printable(sentence))
+        if not beside["ready"] and not beside["why"]:
+            self._say("Still being worked out: ask again in a moment.")
+        elif not beside["why"]:
+            self._say("Nothing is known of that.")
 
-    def _report(self) -> None:
-        session, subject = self._session, self._subject
-        status = session.status()
-        counts = (status.equal, "equal"), (status.cannot_tell, "cannot tell"), (status.unused, "not used")
-        among = ", ".join(f"{n} {name}" for n, name in (*counts, (status.withdrawn, "taken back besides")) if n)
-        self._say(f"\n{_answers(status.answered)}{f' ({among})' if among else ''}\n")
-        if isinstance(session.asker, Compares):
-            for line in scale_report(session.asker.comparator, subject.labels, self._width):
+    def _more_to_come(self, screen: dict[str, Any]) -> str:
+        to_come = self._handle("outlook", id=screen["question"]["id"])["to_come"]
+        if to_come is None:
+            return ""
+        least, most = to_come
+        return f" (about {f'{least} to {most}' if least < most else most} more)" if most else " (perhaps the last one)"
+
+    def _report(self, end: dict[str, Any]) -> None:
+        counts = end["counts"]
+        kinds = ("equal", "equal"), ("cannot tell", "cannot tell"), ("unused", "not used")
+        among = ", ".join(
+            f"{counts[n]} {name}" for n, name in (*kinds, ("withdrawn", "taken back besides")) if counts[n]
+        )
+        self._say(f"\n{_answers(counts['answered'])}{f' ({among})' if among else ''}\n")
+        if end["scale"]:
+            for line in scale_report([ScaleRow(**row) for row in end["scale"]], end["certainty"], self._width):
                 print(line)
         self._say("")
-        for line in subject.report(session.result()):
+        for line in end["statements"]:
             self._say(line)
-        for conflict in session.conflicts():
+        for conflict in end["conflicts"]:
             self._say(f"\nThese {len(conflict)} answers do not go together; to change any one of them would mend it:")
             for entry in conflict:
-                self._say(f"  - {self._shown(entry.answer.query).sentence(entry.answer.verdict)}")
-        self._say(f"\nAll answers are in {session.log.path}.")
+                self._say(f"  - {entry['sentence']}")
+        self._say(f"\nAll answers are in {self._log.path}.")
 
     def _leave(self, code: int) -> int:
-        self._say(f"Kept: {_answers(self._answered())}. To go on:")
+        answered = sum(not entry.retracted and not entry.repeat for entry in self._log)
+        self._say(f"Kept: {_answers(answered)}. To go on:")
         print(f"  {printable(self._again)}", flush=True)
         return code
+
+    def _handle(self, do: str, **parts: str) -> dict[str, Any]:
+        return self._interview.handle({"do": do, **parts})
 
     def _read(self, more: dict[str, str], at_end: str) -> str:
         """The next line that means something; ``at_end`` where there are no more."""
@@ -155,17 +168,6 @@ class Terminal:
             if said:
                 self._say(f"{said[:40]!r} is no answer. {_KEYS}")
 
-    def _shown(self, query: Query) -> Shown:
-        subject = self._subject
-        return show(query, subject.words, subject.of, self._subject.seed, subject.labels)
-
-    def _answered(self) -> int:
-        return sum(not entry.retracted for entry in self._session.log)
-
-    def _print(self, shown: Shown) -> None:
-        print(shown.text(self._width))
-        self._say(f"\n{_KEYS}")
-
     def _say(self, text: str) -> None:
         """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its ends stay."""
         before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
@@ -181,12 +183,11 @@ def _answers(n: int) -> str:
     return f"{n} answer{'' if n == 1 else 's'}"
 
 
-def scale_report(comparator: Comparator, labels: tuple[str, ...], width: int) -> list[str]:
+def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[str]:
     """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with its interval."""
-    rows = scale_rows(comparator, labels)
     name = min(max(len(row.label) for row in rows), width - 20)
     bar = min(_BAR, width - name - 22)
-    said = f"What the levels are worth, from 0 to 100 (best guess, interval; {certainty(comparator)}):"
+    said = f"What the levels are worth, from 0 to 100 (best guess, interval; {certainty}):"
     lines = textwrap.wrap(said, width)
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"

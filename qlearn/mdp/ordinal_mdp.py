@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -132,6 +132,10 @@ class OrdinalMDP:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._freeze()  # unpickled arrays are writeable
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """Itself, for it never changes: to copy a learner does not copy its problem."""
+        return self
 
     @classmethod
     def from_dense(

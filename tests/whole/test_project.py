@@ -157,13 +157,12 @@ def test_where_nothing_is_installed_there_is_no_version(package):
     ]
 
 
-@pytest.mark.parametrize("package", ["joblib", "pandas"])
-def test_a_module_whose_extra_is_missing_says_what_installs_it(package):
+def test_a_module_whose_extra_is_missing_says_what_installs_it():
     code = (
-        f"import sys, qlearn; sys.modules[{package!r}] = None\n"
+        "import sys, qlearn; sys.modules['pandas'] = None\n"
         "try:\n    qlearn.ablation\nexcept ModuleNotFoundError as error:\n    print(error)\n"
     )
-    assert run(code) == [f"{package} is not installed: pip install 'elicit-qlearn[ablation]'"]
+    assert run(code) == ["pandas is not installed: pip install 'elicit-qlearn[ablation]'"]
 
 
 @pytest.mark.parametrize("package", ["elicit", "qlearn"])

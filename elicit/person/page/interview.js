@@ -294,7 +294,7 @@ export function mount(root, send, options = {}) {
       const tags = [];
       if (one.withdrawn) tags.push("taken back");
       else if (among.has(one.id)) tags.push("does not go together with others");
-      if (!one.withdrawn && !one.used) tags.push("not used");
+      if (!one.withdrawn && !one.used && !one.repeat) tags.push("not used");
       if (one.repeat) tags.push("asked again, to see how steady answers are");
       const words = part("span", "words", {}, [part(one.withdrawn ? "s" : "span", "", {}, [one.sentence])]);
       words.append(...tags.map((tag) => part("span", "tag", {}, [tag])));

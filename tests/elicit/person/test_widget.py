@@ -100,7 +100,9 @@ def test_a_notebook_without_the_widget_shows_how_many_are_answered(widget, sessi
     data, *_ = widget._repr_mimebundle_()
     assert data["text/plain"] == "a session of Three courses: 1 answered"
     with elicit.Session(make, elicit.AnswerLog(k=3)) as other:
-        assert repr(elicit.InterviewWidget(other, elicit.Subject(LABELS))) == "a session: 0 answered"
+        untitled = elicit.InterviewWidget(other, elicit.Subject(LABELS))
+        assert repr(untitled) == "a session: 0 answered"
+        untitled.close()
 
 
 def test_the_front_end_is_the_page_s_and_stands_alone(widget):

@@ -178,8 +178,10 @@ def test_a_choice_from_a_csv(tmp_path: Path) -> None:
         answer_all(teach, ILL)
         code, _ = teach.leave()
     assert code == 0
-    assert "Two groups of 10 patients: which is better off?" in teach.shown
-    assert re.search("of 10 patients are the same: [1-9] (well|ill|died)", teach.shown)
+    assert "Two groups of 10 patients: which would you rather have?" in teach.shown
+    assert re.search(
+        r"of 10 patients are the same in both groups: [1-9] (well|ill|died)", " ".join(teach.shown.split())
+    )
     assert "Your choice: new.\nFinished: " in teach.shown  # 6.3, and the others 5.9 and 3.4
     assert "(Rounded" not in teach.shown
     assert AnswerLog.read(tmp_path / "answers-care.jsonl").header["unit"] == "patients"
@@ -191,7 +193,7 @@ def test_words_for_keys_undo_and_quit(
     typed = "LEFT\n\nwhat\n=\nu\nu\n?\nright\nundo\nquit\nnever read\n"
     code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
     assert code == 0
-    assert "'what' is no answer. a or b: that one; e: equal; ?: cannot tell; u: undo; q: quit" in " ".join(
+    assert "'what' is no answer. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit" in " ".join(
         shown.split()
     )
     assert shown.count("Taken back.") == 2

@@ -1,0 +1,59 @@
+"""What is asked next after each answer that could be given, computed while the person reads."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from threading import Condition
+
+from elicit.model.query import Answer, Query, Verdict
+from elicit.person.session import Asker, Told, tell
+
+_LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
+
+
+class LookAhead:
+    """Copies of an asker, each told another answer to its pending query, so that what they ask next is known already.
+
+    asker: who asks; twin: a copy of it, with which nothing else is done; swapped: whether the query is shown right to
+    left. ``steps`` computes what is not computed yet, perhaps in another thread than ``told``."""
+
+    def __init__(self, asker: Asker, twin: Asker, query: Query, swapped: bool) -> None:
+        self.asker, self.query = asker, query
+        self._twin, self._swapped = twin, swapped
+        self._told: dict[Verdict | None, Told] = {}
+        self._computing: tuple[Verdict | None] | None = None
+        self._changed = Condition()
+
+    def steps(self) -> Iterator[None]:
+        """Compute, one answer a step. What fails is left out: it will fail again, and be told, when it is needed."""
+        for verdict in _LIKELY_FIRST:
+            if verdict in self._told:
+                continue
+            with self._changed:
+                self._computing = (verdict,)
+            try:
+                asker = copy.deepcopy(self._twin)
+                found = Told(asker, tell(asker, Answer(self.query, verdict, self._swapped)))
+                asker.ask()
+                self._told[verdict] = found
+            except Exception:
+                pass
+            finally:
+                with self._changed:
+                    self._computing = None
+                    self._changed.notify_all()
+            yield
+
+    def waits_for(self, asker: Asker, query: Query) -> bool:
+        """Whether it is about the answers to this query of this asker."""
+        return asker is self.asker and query.id == self.query.id
+
+    def told(self, asker: Asker, answer: Answer) -> Told | None:
+        """The asker after this answer, which is given away; None where that was not computed. Waits for it where it is
+        being computed."""
+        if not self.waits_for(asker, answer.query) or answer.swapped != self._swapped:
+            return None
+        with self._changed:
+            self._changed.wait_for(lambda: self._computing != (answer.verdict,))
+        return self._told.pop(answer.verdict, None)

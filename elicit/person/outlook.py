@@ -1,0 +1,199 @@
+"""What a person is told of a question beside it: why it is asked, and how many are still to come."""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from elicit._support.hashing import fold, key_of, name_code
+from elicit.asking.bags import says_left
+from elicit.model.comparator import Comparator, TrustsDraws, bounds_of, draws_in, lapse_of
+from elicit.model.query import Answer, Query, Verdict
+from elicit.model.scale import Floats, tail_sums
+from elicit.person.session import Asker, Compares, tell
+from elicit.person.showing import Shown, printable
+
+_PLAYS = 12
+"""Sessions that are played. One more like them is within their range in 11 of 13 cases; in 10 without the longest,
+which may be far longer than the others."""
+_FEWEST = 4  # that a range is made of
+_FEWEST_SO_FAR = 8  # while others are still played
+_SECONDS = 15.0  # that all this takes at most, but for a last step
+_LONGEST = 60  # questions that are played
+_NO_DIFFERENCE = 1e-12
+
+
+@dataclass(eq=False)
+class _Play:
+    """A session with a simulated tutor, from the present question on: its asker, the tutor, and the answers so far."""
+
+    asker: Asker
+    says: Callable[[Query], Verdict]
+    answers: list[Verdict | None] = field(default_factory=list)
+    over: bool = False
+
+
+class Outlook:
+    """What is to be said beside a question that is shown. One thread may compute it, by ``steps``, while others read.
+
+    twin: a copy of the asker, which is not changed; shown: the question; pending: the query that the asker waits for,
+    another one than the shown where that is a repeat; stakes: says of ``twin.result()`` what depends on it, or nothing;
+    ends: whether a session ends in front of a query; seed: of what is left to chance; before: the outlook of the
+    question before, and answered: what the asker was told since: the sessions played then in which just that was
+    answered go on."""
+
+    def __init__(
+        self,
+        twin: Asker,
+        shown: Shown,
+        pending: Query,
+        stakes: Callable[[Any], str | None],
+        ends: Callable[[Query], bool],
+        seed: int,
+        before: Outlook | None = None,
+        answered: Sequence[Verdict | None] = (),
+    ) -> None:
+        self.why: tuple[str, ...] = ()
+        """Why the question is asked, in sentences."""
+        self.to_come: tuple[int, int] | None = None
+        """The least and the greatest number of questions after this one; None where nothing tells."""
+        self.ready = False
+        """Whether nothing is to be added any more."""
+        self._twin, self._shown, self._pending = twin, shown, pending
+        self._stakes, self._ends, self._seed = stakes, ends, seed
+        self._before, self._answered = before, [*answered]
+        self._plays: list[_Play] = []
+        if before is not None:  # at once; these may be in use still, and go on only in ``steps``
+            self._plays = before._going_on(self._answered)
+            self._count(_FEWEST)
+
+    def steps(self) -> Iterator[None]:
+        """Compute, in steps, once those of ``before`` have ended. Where one fails the rest is left out."""
+        try:
+            yield from self._steps()
+        finally:
+            self.ready = True
+
+    def _steps(self) -> Iterator[None]:
+        until = time.monotonic() + _SECONDS
+        if self._before is not None:
+            self._plays = self._before._going_on(self._answered)
+            self._before = None  # nor what was before that
+        known = self._twin.comparator if isinstance(self._twin, Compares) else None
+        if known is not None:
+            sentence = what_is_open(self._shown, known)
+            self.why = () if sentence is None else (sentence,)
+            yield
+        stakes = self._stakes(copy.deepcopy(self._twin).result())
+        self.why = self.why if stakes is None else (*self.why, stakes)
+        yield
+        for play in self._all_plays(known):
+            while not play.over and time.monotonic() < until:
+                self._go_on(play)
+                yield
+            if not play.over:
+                break
+            self._count(_FEWEST_SO_FAR)
+        self._count(_FEWEST)
+
+    def _going_on(self, answered: list[Verdict | None]) -> list[_Play]:
+        """The plays that began with these answers, from there on."""
+        n = len(answered)
+        same = [play for play in self._plays if play.answers[:n] == answered]
+        return [_Play(play.asker, play.says, play.answers[n:], play.over) for play in same]
+
+    def _all_plays(self, known: Comparator | None) -> Iterator[_Play]:
+        """Those that go on, and new ones with plausible tutors."""
+        yield from tuple(self._plays)
+        draws = None if known is None else draws_in(known)
+        if known is None or draws is None:
+            return
+        gaps, weights, precision = draws
+        lapse, key = lapse_of(known), fold(key_of(self._seed), name_code(self._pending.id))
+        for number in range(len(self._plays), _PLAYS):
+            chance = np.random.default_rng([int(key), number])
+            one = int(chance.choice(len(weights), p=weights / weights.sum()))
+            play = _Play(copy.deepcopy(self._twin), _tutor(gaps[:, one], precision[one : one + 1], lapse, chance))
+            self._plays.append(play)
+            yield play
+
+    def _go_on(self, play: _Play) -> None:
+        """One question and its answer."""
+        query = next(iter(play.asker.ask()), None)
+        if query is None or len(play.answers) == _LONGEST or self._ends(query):
+            play.over = True
+            return
+        verdict = play.says(query)
+        tell(play.asker, Answer(query, verdict))
+        play.answers.append(verdict)
+
+    def _count(self, fewest: int) -> None:
+        played = sorted(len(play.answers) for play in self._plays if play.over)
+        if len(played) >= fewest:
+            here = self._pending.id == self._shown.id  # which is not one of those to come
+            self.to_come = played[0] - here, played[-2] - here
+
+
+def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Generator) -> Callable[[Query], Verdict]:
+    """One with the scale of these gaps (p,) who errs as much as precision (1,) and lapse say."""
+
+    def says(query: Query) -> Verdict:
+        score = tail_sums(query.d[None, :]) @ gaps
+        if abs(score[0]) <= _NO_DIFFERENCE:
+            return Verdict.EQUAL
+        left = chance.random() < says_left(score[:, None], precision, lapse)[0, 0]
+        return Verdict.BETTER if left else Verdict.WORSE
+
+    return says
+
+
+def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
+    """What the comparator leaves open of a question, in a sentence; None where it knows nothing."""
+    sure = f", with {comparator.level:.0%} probability," if isinstance(comparator, TrustsDraws) else ""
+    left, right = shown.vectors
+    d = left - right
+    sides = np.flatnonzero(d > 0), np.flatnonzero(d < 0)
+    labels = [printable(label) for label in shown.labels]
+    for one, (low, *rest) in ((a, b) for a, b in (sides, sides[::-1]) if len(a) == 1 and len(b) == 2):
+        level, (high,) = int(one[0]), rest
+        if low < level < high:
+            least, most = _place(comparator, int(low), level, int(high))
+            return (
+                f"It is still open how you weigh {labels[level]} against a mixture of {labels[high]} and "
+                f"{labels[low]}: so far{sure} 1 {labels[level]} counts for something between {least} and {most} on "
+                f"the way from {labels[low]} (0) to {labels[high]} (100)."
+            )
+    total = float(left.sum())
+    worth = np.array([float(bound[0]) for bound in bounds_of(comparator, d[None, :])]) * (100.0 / total)
+    if not np.isfinite(worth).all():
+        return None
+    least, most = (-worth[::-1] if shown.swapped else worth).tolist()
+    measure = f"where all {labels[-1]} is worth 100 and all {labels[0]} 0"
+    if least < 0 < most:
+        return (
+            f"It is still open which of the two you would rather have: so far{sure} A may be worth up to "
+            f"{_up(most)} more than B, or up to {_up(-least)} less, {measure}."
+        )
+    near, far = sorted((abs(least), abs(most)))
+    return f"It is still open how far apart the two are: so far{sure} {int(near)} to {_up(far)}, {measure}."
+
+
+def _up(number: float) -> int:
+    return int(np.ceil(number - 1e-6))
+
+
+def _place(comparator: Comparator, low: int, level: int, high: int) -> tuple[int, int]:
+    """Between which whole numbers a level lies on the way from a lower one (0) to a higher one (100)."""
+    shares = np.linspace(0.0, 1.0, 101)
+    d = np.zeros((101, comparator.k))
+    d[:, level] = 1.0
+    d[:, low] -= 1.0 - shares
+    d[:, high] -= shares
+    least, most = bounds_of(comparator, d)
+    above, below = np.flatnonzero(least >= -1e-9), np.flatnonzero(most <= 1e-9)
+    return int(above.max(initial=0)), int(below.min(initial=100))

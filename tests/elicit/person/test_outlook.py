@@ -1,0 +1,168 @@
+"""What is said beside a question holds: why it is asked, and how many come after it."""
+
+import copy
+import threading
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    AnswerLog,
+    Answers,
+    Bags,
+    PolytopeComparator,
+    PosteriorComparator,
+    Query,
+    Session,
+    TruthfulTutor,
+    Verdict,
+    choose,
+)
+from elicit.person.interview import Interview, Subject
+from elicit.person.outlook import Outlook, what_is_open
+from elicit.person.showing import show
+from qlearn import InteractivePolicyIteration, random_mdp
+
+LEVELS = ("died", "ill", "well")
+MDP = random_mdp(12, 3, 5, discount=0.9, seed=3)[0]
+
+
+def bag(good: int, seed: int = 0) -> Any:
+    """ "Of 10: 10 ill, or so many well and the others died?", as it is shown."""
+    return show(Query(f"{good}", [0, 1, 0], [1 - good / 10, 0, good / 10], labels=LEVELS), seed=seed)
+
+
+def learning(known: Any) -> Any:
+    return InteractivePolicyIteration(MDP, PolytopeComparator(5), bags=Bags(10), known=known)
+
+
+def outlook_of(asker: Any, **more: Any) -> Outlook:
+    query = asker.ask()[0]
+    found = Outlook(asker, show(query), query, lambda _: "Much.", lambda query: not show(query).exact, 0, **more)
+    assert not found.ready
+    for _ in found.steps():
+        assert not found.ready
+    assert found.ready
+    return found
+
+
+def to_its_end(asker: Any, values: Any) -> list[Verdict | None]:
+    """The answers of a truthful tutor."""
+    said, says = [], TruthfulTutor(values)
+    while (queries := asker.ask()) and show(queries[0]).exact:
+        said.append(says(queries[0]).verdict)
+        asker.tell([Answer(queries[0], said[-1])])
+    return said
+
+
+def test_why_names_what_is_open_in_whole_numbers_that_hold() -> None:
+    knows = PolytopeComparator(3)
+    said = "It is still open how you weigh ill against a mixture of well and died: so far{} 1 ill counts for something "
+    on_the_way = " on the way from died (0) to well (100)."
+    assert what_is_open(bag(5), knows) == said.format("") + "between 0 and 100" + on_the_way
+    d = np.array([[-0.667, 1, -0.333], [-0.2, 1, -0.8]])
+    knows = knows.update(Answers(d, [1, -1]))  # above .333, below .8
+    assert what_is_open(bag(5, seed=3), knows) == said.format("") + "between 33 and 80" + on_the_way
+    posterior = PosteriorComparator(3, particles=200)
+    assert said.format(", with 95% probability,") in str(what_is_open(bag(5), posterior))
+
+
+def test_why_of_other_questions_is_in_terms_of_the_sides_shown() -> None:
+    knows, labels = PolytopeComparator(4), ("died", "bad", "fair", "well")
+    said = {}
+    for seed in range(8):
+        shown = show(Query("q", [0.4, 0, 0.6, 0], [0, 0.7, 0, 0.3], labels=labels), seed=seed)
+        said[shown.swapped] = what_is_open(shown, knows)
+    measure = ", where all well is worth 100 and all died 0."
+    start = "It is still open which of the two you would rather have: so far A may be worth up to "
+    assert said == {
+        False: f"{start}30 more than B, or up to 40 less{measure}",
+        True: f"{start}40 more than B, or up to 30 less{measure}",
+    }
+    sure = show(Query("q", [0, 0, 0.1, 0.9], [0.5, 0.5, 0, 0], labels=labels))
+    assert what_is_open(sure, knows) == f"It is still open how far apart the two are: so far 50 to 100{measure}"
+
+
+def test_the_number_to_come_is_that_of_sessions_like_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("elicit.person.outlook._SECONDS", 600.0)  # on whatever machine
+    asker = learning(())
+    found = outlook_of(asker)
+    assert found.why[1] == "Much."
+    assert found.to_come is not None
+    assert found.to_come == outlook_of(learning(())).to_come  # again the same
+    least, most = found.to_come
+    assert most - least < 15
+    scales = np.sort(np.random.default_rng(1).random((10, 5)))
+    to_come = [len(to_its_end(copy.deepcopy(asker), values)) - 1 for values in scales]
+    assert sum(least <= n <= most for n in to_come) >= 7
+
+
+def test_sessions_that_were_answered_alike_go_on() -> None:
+    before, asker = outlook_of(learning(())), learning(())
+    first = asker.ask()[0]
+    asker.tell([Answer(first, Verdict.BETTER)])
+    played: list[Any] = []
+
+    class Watched:
+        """An asker that says how often a copy of it is told."""
+
+        def __init__(self) -> None:
+            self.ask, self.result, self.comparator = asker.ask, asker.result, asker.comparator
+
+        def tell(self, answers: Any, on_conflict: Any = "raise") -> None:
+            played.append(answers)
+            raise FloatingPointError
+
+    query = asker.ask()[0]
+    found = Outlook(
+        Watched(),
+        show(query),
+        query,
+        lambda _: None,
+        lambda _: False,
+        0,
+        before,
+        [Verdict.BETTER],  # type: ignore[arg-type]
+    )
+    steps = found.steps()
+    with pytest.raises(FloatingPointError):
+        list(steps)
+    assert found.ready
+    assert len(played) == 1  # only then a new one was played
+    assert found.why == (what_is_open(show(query), asker.comparator),)
+
+
+def test_nothing_is_said_of_what_nothing_tells() -> None:
+    vectors = np.array([[1.0, 0, 1], [0, 2, 0]])
+    asker = choose(vectors, AlwaysAsk(3))
+    assert outlook_of(asker).to_come is None  # it names no plausible scales
+    assert outlook_of(SimpleNamespace(ask=asker.ask, tell=asker.tell, result=asker.result)).why == ("Much.",)
+
+
+def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
+    subject = Subject(MDP.labels, stakes=lambda result: f"{result.asked} so far.")
+    with Session(learning, AnswerLog()) as session, Interview(session, subject) as interview:
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        for asked in range(3):
+            id = screen["question"]["id"]
+            while not interview.handle({"do": "outlook", "id": id})["ready"]:
+                threading.Event().wait(0.01)
+            reply = interview.handle({"do": "outlook", "id": id})
+            assert reply["id"] == id
+            assert reply["why"][0].startswith("It is still open how you weigh level ")
+            assert reply["why"][1] == f"{asked} so far."
+            least, most = reply["to_come"]
+            assert 0 <= least <= most
+            other = interview.handle({"do": "outlook", "id": "another"})
+            assert other == {"id": "another", "why": [], "to_come": None, "ready": True}
+            screen = interview.handle({"do": "answer", "id": id, "choice": "a"})
+    with Session(learning(()), AnswerLog()) as session, Interview(session, subject) as interview:
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        id = screen["question"]["id"]
+        while not interview.handle({"do": "outlook", "id": id})["ready"]:
+            threading.Event().wait(0.01)
+        assert interview.handle({"do": "outlook", "id": id})["to_come"]  # also of an asker that was given

@@ -1,0 +1,174 @@
+"""A question put again is reported, and nothing else depends on it."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elicit import AnswerLog, PolytopeComparator, Query, Session, TruthfulTutor, Verdict, choose, tutor_report
+from elicit.person.interview import Interview, Subject
+from elicit.tutors.answer_log import EXPECTED, REPEATS
+from elicit.tutors.merge_logs import merge_logs
+from qlearn.cli.main import main
+
+K = 5
+VECTORS = np.random.default_rng(0).multinomial(20, np.ones(K) / K, 14).astype(float)
+
+
+def make(known: Any) -> Any:
+    return choose(VECTORS, PolytopeComparator(K), order=True, known=known)
+
+
+def says(query: Query) -> Verdict | None:
+    return TruthfulTutor([0, 10, 11, 40, 99])(query).verdict
+
+
+def answer(session: Session, most: int = 1000, other: bool = False) -> list[str]:
+    """The ids of so many questions, answered; those put again otherwise than before, if ``other``."""
+    ids: list[str] = []
+    while len(ids) < most and (query := session.question()):
+        waits = session.next_told()
+        assert waits is not None
+        verdict = says(query)
+        repeats = query.id != waits.id
+        session.answer(query.id, -verdict if verdict is not None and repeats and other else verdict)
+        ids.append(query.id)
+        assert session.log[-1].repeat == repeats
+    return ids
+
+
+def told(log: AnswerLog, repeats: bool = True) -> list[Any]:
+    return [(e.answer.query.id, e.answer.verdict, e.used) for e in log if not e.retracted and (repeats or not e.repeat)]
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "log.jsonl"
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_the_asker_asks_and_ends_as_without(path, other):
+    plain = Session(make, AnswerLog())
+    answer(plain)
+    with Session(make, path, audit=0.7, seed=1) as session:
+        answer(session, other=other)
+        status, log = session.status(), session.log
+        again = [entry for entry in log if entry.repeat]
+        assert len(again) == status.repeated >= 3
+        assert status.alike == (0 if other else len(again))
+        assert status.answered == len(plain.log) == len(log) - len(again)
+        assert status.unused == 0
+        assert told(log, repeats=False) == told(plain.log)
+        assert session.conflicts() == ()
+        assert session.result().answers.ids == plain.result().answers.ids
+        assert session.result().order == plain.result().order
+        assert str(status).endswith(f", {status.alike} of {status.repeated} repeats as before")
+    entries = [*AnswerLog.read(path)]
+    for i, entry in enumerate(entries):
+        if entry.repeat:
+            before = [e.answer for e in entries[:i] if not e.repeat]
+            (first,) = (said for said in before if said.query.id == entry.metadata[REPEATS])
+            assert first is not before[-1]
+            assert first.query.d.tolist() == entry.answer.query.d.tolist()
+            assert (entry.metadata[EXPECTED], entry.used) == (first.verdict, False)
+            assert not entries[i - 1].repeat
+    assert len({entry.metadata[REPEATS] for entry in entries if entry.repeat}) == status.repeated
+    # whoever is given the log learns the first answers
+    assert make(AnswerLog.read(path)).result().order == plain.result().order
+    assert make(AnswerLog.read(path)).ask() == ()
+
+
+def test_left_before_every_question_and_undone_it_is_the_same(path):
+    with Session(make, AnswerLog(), audit=0.7, seed=1) as session:
+        ids = answer(session)
+    for name in ids:
+        with Session(make, path, audit=0.7, seed=1) as session:
+            assert session.question().id == name
+            answer(session, 1)
+            assert session.undo().query.id == name
+            assert session.question().id == name
+            session.answer(name, says(session.question()))
+            session.answer(name, says(session.log[-1].answer.query))  # sent twice
+    with Session(make, path, audit=0.7, seed=1) as session:
+        assert session.question() is None
+        assert session.log.restarted == 0
+        assert [row[0] for row in told(session.log)] == ids
+        for name in reversed(ids):
+            assert session.undo().query.id == name
+            assert session.question().id == name
+        assert session.status().answered == session.status().repeated == 0
+
+
+def test_after_the_first_was_withdrawn_it_can_be_answered_anew(path):
+    with Session(make, path, audit=0.7, seed=1) as session:
+        answer(session)
+        again = next(entry for entry in session.log if entry.repeat)
+        session.withdraw(again.metadata[REPEATS])
+        repeats = session.status().repeated
+        answer(session)
+        assert session.status().repeated >= repeats
+        assert session.question() is None
+        session.withdraw(again.answer.query.id)
+        assert session.status().withdrawn == 1
+        before = told(session.log)
+    with Session(make, path, audit=0.7, seed=1) as session:
+        assert told(session.log) == before
+
+
+def test_programs_that_read_the_log_tell_them_apart(path, capsys):
+    with Session(make, path, audit=0.7, seed=1) as session:
+        answer(session, other=True)
+        n, repeats = session.status().answered, session.status().repeated
+    report = tutor_report(AnswerLog.read(path))
+    assert (report.unused, report.repeated, report.couples) == (0, repeats, repeats)
+    assert report.consistency.value == 0.0
+    assert main(["log", "check", str(path)]) == 0
+    assert f"{n + repeats} answers, 0 of them withdrawn, 0 unused, {repeats} repeats" in capsys.readouterr().out
+    assert main(["log", "show", str(path)]) == 0
+    assert capsys.readouterr().out.count(", repeat ") == repeats
+    merge_logs([AnswerLog.read(path)], path.with_suffix(".merged"))
+    with Session(make, path.with_suffix(".merged")) as session:
+        assert session.question() is None
+        assert (session.status().answered, session.status().repeated) == (n, repeats)
+
+
+def test_an_interview_says_only_afterwards_that_it_was_one():
+    notes, numbers, log = [], [], AnswerLog()
+    with Session(make, log, audit=0.7, seed=1) as session, Interview(session, Subject(tuple("abcde"))) as interview:
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        while screen["stage"] == "question":
+            question = screen["question"]
+            numbers.append(question["number"])
+            query = session.question()
+            assert query is not None
+            assert question["id"] == query.id
+            shown = log.asked[-1]
+            assert shown.query.id == query.id
+            verdict = says(query)
+            choice = "equal" if verdict == 0 else "a" if (verdict == 1) != shown.swapped else "b"
+            screen = interview.handle({"do": "answer", "id": query.id, "choice": choice})
+            notes.append(screen["note"])
+            assert screen["last"]["id"] == query.id
+            if log[-1].repeat and len(notes) < 12:
+                screen = interview.handle({"do": "undo", "id": query.id})
+                assert screen["question"] == question
+                screen = interview.handle({"do": "answer", "id": query.id, "choice": choice})
+        repeats = session.status().repeated
+        assert [note is not None for note in notes] == [entry.repeat for entry in log if not entry.retracted]
+        assert {*notes} == {None, notes[-1] or next(note for note in notes if note)}
+        assert screen["answered"] == max(numbers) == len(notes) - repeats
+        assert screen["end"]["counts"]["repeated"] == screen["end"]["counts"]["alike"] == repeats >= 3
+        said = f"{repeats} of {repeats} repeated questions were answered as before."
+        assert screen["end"]["statements"][-1] == said
+        answers = interview.handle({"do": "answers"})["answers"]
+        assert [one["repeat"] for one in answers] == [entry.repeat for entry in log]
+    # sides are at random anew
+    sides: dict[str, set[bool]] = {}
+    for asked in log.asked:
+        sides.setdefault(asked.query.id.removesuffix(" again"), set()).add(asked.swapped)
+    assert any(len(both) == 2 for both in sides.values())
+
+
+def test_what_is_no_share():
+    with pytest.raises(ValueError, match="audit"):
+        Session(make, AnswerLog(), audit=1.5)
