@@ -6,6 +6,7 @@ from importlib.metadata import version as installed_version
 NAME = "elicit-qlearn"
 _EXTRAS = dict.fromkeys(("joblib", "matplotlib", "pandas", "threadpoolctl", "tqdm"), "ablation")
 _EXTRAS |= dict.fromkeys(("gymnasium", "mo_gymnasium", "pygame"), "gym")
+_EXTRAS |= dict.fromkeys(("stable_baselines3", "torch"), "sb3")
 
 
 def version() -> str:
