@@ -81,6 +81,8 @@ class Levels:
                 found = level(observation, reward, info)
         except KeyError:
             raise self._missing(reward, info) from None
+        if type(found) is int and 0 <= found < self.k:  # the quick way
+            return found
         try:
             if 0 <= found < self.k and found == int(found):
                 return int(found)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.training.black_boxes import exact, loss_of, poor, run, shares_of, training_of
 from elicit import (
     AlwaysAsk,
     Answer,
@@ -18,7 +19,6 @@ from elicit import (
 from qlearn import InteractiveTraining, RolloutShares, TrainingStatus, drive, icu_sepsis, random_mdp, value_iteration
 from qlearn.training.training_bound import STANDARD_ERRORS
 from tests.own_cases import Exact
-from tests.training_cases import exact, loss_of, poor, run, shares_of, training_of
 
 
 def problem(seed, k=5):

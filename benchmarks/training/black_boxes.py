@@ -1,4 +1,4 @@
-"""Trainers for tests: random MDPs as black boxes, solved exactly or badly on purpose."""
+"""Trainers that show nothing of themselves, random MDPs solved exactly or badly on purpose, and runs with them."""
 
 from collections.abc import Callable
 
