@@ -91,6 +91,13 @@ def test_rows_about_certificates_are_those_of_their_page():
     assert copied <= measured
 
 
+def test_the_page_on_evidence_leads_to_every_page_of_results():
+    text = (DOCS / "evidence.md").read_text(encoding="utf-8")
+    results = [path.name for path in (ROOT / "benchmarks").glob("RESULTS*.md")]
+    assert results
+    assert not [name for name in results if f"](../benchmarks/{name})" not in text]
+
+
 def test_every_folder_of_the_code_has_its_line_in_the_page_on_carrying_on():
     text = (DOCS / "carrying-on.md").read_text(encoding="utf-8")
     folders = [path.parent for package in REFERENCE for path in (ROOT / package).glob("*/__init__.py")]
