@@ -92,7 +92,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
 
     def __repr__(self) -> str:
         """What a notebook shows where it cannot show the widget: "a session of ICU-Sepsis: 3 answered"."""
-        answered = sum(not entry.retracted for entry in self._session.log)
+        answered = sum(not (entry.retracted or entry.repeat) for entry in self._session.log)
         return f"a session{f' of {self._title}' if self._title else ''}: {answered} answered"
 
     def _take(self, _: Any, content: Any, buffers: Any) -> None:

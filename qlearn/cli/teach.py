@@ -20,6 +20,7 @@ _PROBLEM = NameOrOwn(("icu-sepsis", "random"), "(seed) returns an OrdinalMDP, or
 _COMPARATORS = ("polytope", "posterior")
 _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 for a free one")
 _HOST = "127.0.0.1"
+_AUDIT = 0.1
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
@@ -81,7 +82,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--audit",
         type=number_parser(SHARE),
-        default=0.1,
+        default=_AUDIT,
         metavar="X",
         help="in front of this share of the questions an earlier one is put again, to see whether the answers agree; "
         "nothing is learned from it [%(default)s]",
@@ -138,8 +139,8 @@ def run(
     path = log or Path(f"answers-{short}.jsonl")
     again = ["qlearn", "teach", "--problem", name, "--comparator", comparator, "--log", str(path)]
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
-    again += ["--audit", f"{audit:g}"]
     again += [] if name.lower().endswith(".csv") else ["--tolerance", f"{tolerance:g}"]
+    again += [] if audit == _AUDIT else ["--audit", f"{audit:g}"]
     if web:
         again += ["--web", *(["--port", str(port)] if port else []), *([] if host == _HOST else ["--host", host])]
         again += ["--let-others-in"] if let_others_in else []
@@ -169,7 +170,7 @@ def _served(session: Session, subject: Subject, again: str, host: str, port: int
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
         return fail(str(error))
-    kept = sum(not entry.retracted for entry in session.log)
+    kept = sum(not entry.retracted and not entry.repeat for entry in session.log)
     print(f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}", flush=True)
     return 0
 

@@ -134,7 +134,7 @@ def test_where_no_whole_numbers_tell_more_finer_ones_go_on(tmp_path: Path) -> No
 def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(tmp_path: Path) -> None:
     answered, bounds = [0], []
     for tolerance in ("0.05", "0.005"):
-        with Teach(tmp_path, "--problem", "random", "--tolerance", tolerance) as teach:
+        with Teach(tmp_path, "--problem", "random", "--tolerance", tolerance, "--audit", "0") as teach:
             answer_all(teach, VALUES)
             teach.leave()
         said = " ".join(teach.shown.split())
@@ -151,11 +151,11 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
         keys = answer_all(teach, VALUES)
         teach.leave()
     undisturbed = report(teach.shown)
-    chance, log, kept = random.Random(1), tmp_path / "killed.jsonl", 0
+    chance, log, kept, repeats = random.Random(1), tmp_path / "killed.jsonl", 0, 0
     for _ in range(4):
         with Teach(tmp_path, "--problem", "random", "--log", "killed.jsonl") as teach:
             first = teach.prompted()
-            assert (f"Going on after {kept} answer" in first) == (kept > 0)
+            assert (f"Going on after {kept - repeats} answer" in first) == (kept > 0)
             practised = int(not kept)
             acknowledged = kept + len(answer_all(teach, VALUES, practised + chance.randint(0, 2))) - practised
             assert teach.process.stdin is not None
@@ -163,6 +163,7 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
             teach.process.stdin.flush()
             time.sleep(chance.uniform(0, 0.1))
         kept = len(told(log))
+        repeats = sum(entry.repeat for entry in AnswerLog.read(log))
         assert acknowledged <= kept <= acknowledged + 1
     with Teach(tmp_path, "--problem", "random", "--log", "killed.jsonl") as teach:
         answer_all(teach, VALUES)
@@ -170,6 +171,7 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
     assert report(teach.shown) == undisturbed
     assert told(log) == told(tmp_path / "whole.jsonl")
     assert len(keys) - 1 == len(told(log))
+    assert repeats
 
 
 def test_a_choice_from_a_csv(tmp_path: Path) -> None:
@@ -209,6 +211,29 @@ def test_words_for_keys_undo_and_quit(
         (None, False),
         (log[2].answer.verdict, True),
     ]
+
+
+def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> None:
+    numbers = []
+    with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.002", "--audit", "0") as teach:
+        teach.prompted()
+        assert "To try the keys." in teach.say("w")
+        text = teach.say("a")
+        while "There are no more questions" not in text:
+            numbers.append(int(re.search(r"Question (\d+)", text)[1]))  # type: ignore[index]
+            why = teach.say("w")
+            while "It is still open how you weigh level" not in " ".join(why.split()):
+                assert "Still being worked out" in why
+                why = teach.say("w")
+            again = re.search(r"Question (\d+)", why)
+            assert again
+            assert int(again[1]) == numbers[-1]
+            time.sleep(0.5)
+            text = teach.say(truthful(why[again.start() :], VALUES))
+        assert teach.leave()[0] == 0
+    assert numbers == [*range(1, len(numbers) + 1)]
+    said = re.findall(r"Question \d+ \((about \d+( to \d+)? more|perhaps the last one)\)", teach.shown)
+    assert said
 
 
 def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(
@@ -260,10 +285,10 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
 ) -> None:
     monkeypatch.chdir(tmp_path)
     careless = "".join(f"{key}\n" for key in random.Random(2).choices("ab", k=40))
-    taught(careless, monkeypatch, capsys, "--problem", "random", "--comparator", "posterior")
+    taught(careless, monkeypatch, capsys, "--problem", "random", "--comparator", "posterior", "--audit", "0")
     given = told(Path("answers-random.jsonl"))
     assert all(entry.used for entry in AnswerLog.read("answers-random.jsonl"))
-    code, shown, _ = taught("a\n" * 60, monkeypatch, capsys, "--problem", "random", "--comparator", "polytope")
+    code, shown, _ = taught("a\n" * 60, monkeypatch, capsys, "--problem", "random", "--audit", "0")
     assert code == 0
     assert f"Going on after {len(given)} answers." in shown
     assert told(Path("answers-random.jsonl"))[: len(given)] == given
