@@ -151,11 +151,11 @@ def report(problems: int) -> Iterator[list[str]]:
     yield ["# Training by few questions", "", machine()]
     yield [
         "Tolerance 1% of the value range. Means with 95% t-intervals, and the greatest. *Loss*: in percent of the "
-        "value range, from where episodes start; of the terrain against the same learner trained on the true values "
-        "(below 0: better than that, by chance). *Bound kept*: of the runs with a finite bound, those that lose no more. "
-        "*Equal gaps lose*: what training on the guess of equal gaps (objectives: equal weights) loses, on average and "
-        "at most. *Ends*: the statuses. Exact trainings state a gap of 0; the tile-coded learner states none, so that "
-        "there is no bound."
+        "value range, from where episodes start; of the terrain against the same learner trained on the true "
+        "values (below 0: better than that, by chance). *Bound kept*: of the runs with a finite bound, those that "
+        "lose no more. *Equal gaps lose*: what training on the guess of equal gaps (objectives: equal weights) "
+        "loses, on average and at most. *Ends*: the statuses. Exact trainings state a gap of 0; the tile-coded "
+        "learner states none, so that there is no bound."
     ]
 
     def paper(k: int) -> Problem:

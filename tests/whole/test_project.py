@@ -121,6 +121,7 @@ def test_importing_a_package_stays_light(package):
     "name",
     [
         "elicit.graph.preference_graph",
+        "elicit.objectives.as_levels",
         "elicit.plot.polytope",
         "elicit.testing.check_comparator",
         "qlearn.ablation.ablate",
