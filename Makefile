@@ -5,7 +5,7 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation figures teach browser test test-slow lint bench bench-huge notebooks clean
+.PHONY: ablation figures browser teach test test-slow lint docs bench bench-huge notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
@@ -32,6 +32,10 @@ lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: $(READY)  ## the site in build/docs, without a warning
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
+	$(BIN)/python -m sphinx -q -E -W --keep-going -c docs -d build/doctrees . build/docs
+
 bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md, docs/exploration.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(BIN)/python -m benchmarks.learning.learning_cost --out benchmarks/RESULTS.md
@@ -57,4 +61,4 @@ $(READY): pyproject.toml constraints.txt
 	touch $@
 
 clean:
-	rm -rf .venv results .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv results build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -52,6 +52,7 @@ _LATER = {name: place for place, names in _PLACES.items() for name in names}
 _LATER["InterviewWidget"] = "elicit.person.widget"  # needs an extra, so `from elicit import *` leaves it out
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
+    "objectives": "elicit.objectives",
     "plot": "elicit.plot",
     "showing": "elicit.person.showing",
     "testing": "elicit.testing",

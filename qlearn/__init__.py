@@ -5,6 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from elicit.asking.elicitation import Audit
+    from qlearn.environments.level_rewards import LevelVector, OrdinalReward
+    from qlearn.environments.rollout_shares import RolloutShares
+    from qlearn.environments.rollouts import rollout_shares
     from qlearn.learners.learner import Learner, Result, Status, drive
     from qlearn.learners.loss_bound import Guarantee, loss_bound
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
@@ -15,9 +18,14 @@ if TYPE_CHECKING:
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
     from qlearn.problems.icu_sepsis import icu_sepsis
     from qlearn.problems.random_mdp import draw_values, random_mdp
+    from qlearn.training.interactive_training import InteractiveTraining
+    from qlearn.training.training_result import TrainedPolicy, TrainingResult, TrainingStatus
 
 _NAMES = {  # imported when first used, so that the command line starts fast
     "elicit.asking.elicitation": ("Audit",),
+    "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),
+    "qlearn.environments.rollout_shares": ("RolloutShares",),
+    "qlearn.environments.rollouts": ("rollout_shares",),
     "qlearn.learners.learner": ("Learner", "Result", "Status", "drive"),
     "qlearn.learners.loss_bound": ("Guarantee", "loss_bound"),
     "qlearn.learners.policy_iteration": ("InteractivePolicyIteration",),
@@ -28,6 +36,8 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
     "qlearn.problems.icu_sepsis": ("icu_sepsis",),
     "qlearn.problems.random_mdp": ("draw_values", "random_mdp"),
+    "qlearn.training.interactive_training": ("InteractiveTraining",),
+    "qlearn.training.training_result": ("TrainedPolicy", "TrainingResult", "TrainingStatus"),
 }
 _LATER = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {  # to be written as qlearn.strategies.max_regret, say
@@ -42,13 +52,20 @@ __all__ = [
     "Guarantee",
     "InteractivePolicyIteration",
     "InteractiveQLearning",
+    "InteractiveTraining",
     "InteractiveValueIteration",
     "LateQLearning",
     "LateValueIteration",
     "Learner",
+    "LevelVector",
     "OrdinalMDP",
+    "OrdinalReward",
     "Result",
+    "RolloutShares",
     "Status",
+    "TrainedPolicy",
+    "TrainingResult",
+    "TrainingStatus",
     "draw_values",
     "drive",
     "evaluate_policy",
@@ -56,6 +73,7 @@ __all__ = [
     "loss_bound",
     "policy_loss",
     "random_mdp",
+    "rollout_shares",
     "value_iteration",
 ]
 
@@ -65,15 +83,16 @@ def __getattr__(name: str) -> Any:
         from elicit._support.distribution import version
 
         return version()
-    if name in _MODULES:
+    if name in _MODULES or name in _LATER:
         try:
-            return import_module(_MODULES[name])
+            module = import_module(_MODULES.get(name) or _LATER[name])
         except ModuleNotFoundError as error:
             from elicit._support.distribution import with_advice
 
             raise with_advice(error) from None
-    if name in _LATER:
-        value = getattr(import_module(_LATER[name]), name)
+        if name in _MODULES:
+            return module
+        value = getattr(module, name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'qlearn' has no attribute {name!r}")

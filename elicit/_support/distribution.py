@@ -8,6 +8,7 @@ _EXTRAS = dict.fromkeys(("joblib", "matplotlib", "pandas", "tqdm"), "ablation")
 _EXTRAS |= dict.fromkeys(("gymnasium", "mo_gymnasium", "pygame"), "gym")
 _EXTRAS |= dict.fromkeys(("starlette", "uvicorn"), "web")
 _EXTRAS |= {"anywidget": "widget"}
+_EXTRAS |= dict.fromkeys(("stable_baselines3", "torch"), "sb3")
 
 
 def version() -> str:

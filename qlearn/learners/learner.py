@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+R_co = TypeVar("R_co", covariant=True)
 
 
 class Status(Enum):
@@ -236,14 +238,38 @@ class Learner:
         )
 
 
+class Drivable(Protocol[R_co]):
+    """What ``drive`` drives: a learner, or whatever else asks, is told, and has a result."""
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+
+    @property
+    def implied(self) -> dict[str, Verdict]:
+        """Of pending queries that are audits, by query id: the verdict that the answers so far imply."""
+
+    def ask(self) -> tuple[Query, ...]:
+        """The pending queries, the same until told; () where there are none."""
+
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries; those dropped are returned."""
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Let ``signs`` answer from now on, where it can."""
+
+    def result(self) -> R_co:
+        """What is known so far."""
+
+
 def drive(
-    learner: Learner,
+    learner: Drivable[R_co],
     tutor: Tutor,
     log: AnswerLog | None = None,
-    progress: Callable[[Result], None] | None = None,
+    progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
-) -> Result:
-    """Ask and tell until the learner has finished.
+) -> R_co:
+    """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be trained.
 
     Every answer goes to ``log`` before the learner is told; one that contradicts the others is then marked unused
     there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is

@@ -121,20 +121,22 @@ def loss_over_draws(
     spare, target = 1.0 - level + LEVEL_ROUNDING, -1.0 if enough is None else enough - doubt
     beyond = 0.0  # weight of the draws that are certain to lose more than the target
     for start in range(0, len(order), BLOCK):
-        if first[order[start]] <= max(target, _quantile(upper[order[:start]], draws.weights[order[:start]], spare)):
+        if first[order[start]] <= max(
+            target, upper_quantile(upper[order[:start]], draws.weights[order[:start]], spare)
+        ):
             break
         block = order[start : start + BLOCK]
         weights = draws.weights[block]
         room = np.inf if enough is None else spare - beyond
-        small = _quantile(lower, draws.weights, spare)  # losses up to it do not matter to the quantile
+        small = upper_quantile(lower, draws.weights, spare)  # losses up to it do not matter to the quantile
         lower[block], upper[block] = game.losses(np.ascontiguousarray(gain[:, block]), target, weights, room, small)
         beyond += float(weights[lower[block] > target].sum())
         if enough is not None and beyond > spare:
             return np.inf
-    return min(1.0, _quantile(upper, draws.weights, spare) + doubt)
+    return min(1.0, upper_quantile(upper, draws.weights, spare) + doubt)
 
 
-def _quantile(x: Floats, weights: Floats, spare: float) -> float:
+def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
     """The least of x (m,) such that those above weigh at most ``spare``; 0 for none."""
     order = np.argsort(-x, kind="stable")
     above = np.cumsum(weights[order])

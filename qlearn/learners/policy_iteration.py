@@ -13,9 +13,9 @@ from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Tier, Tiers, best_guess, lapse_of, simultaneous_bounds
+from elicit.model.comparator import Comparator, Tier, Tiers, best_guess, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
@@ -25,6 +25,7 @@ from qlearn.learners.query_strategies import (
     Strategy,
     best,
     draws_of,
+    simple_pair,
     strategy_of,
     telling_violation,
     worth_asking,
@@ -116,8 +117,10 @@ class InteractivePolicyIteration(Learner):
             over.d[rows], over.states[rows], over.actions[rows], _MATTERS * self._enough, self._elicitation.comparator
         )
         order = rows[best(self._strategy, candidates, len(rows))]
-        if self._bags is not None and (simple := self._simple(candidates, over.d[order[:_ABOUT]], self._bags)):
-            return simple
+        if self._bags is not None:
+            about = over.d[order[:_ABOUT]]
+            if simple := simple_pair(self._elicitation, self._bags, candidates, about, self._mdp.labels):
+                return self._elicitation.open([simple])
         return self._open(over, order[self._elicitation.next_batch(over.d[order])])
 
     @one_thread
@@ -143,20 +146,6 @@ class InteractivePolicyIteration(Learner):
             self._found = comparator, over, found
             self._rounds += 1
         return self._found[1:]
-
-    def _simple(self, candidates: Candidates, about: Floats, bags: Bags) -> tuple[Query, ...]:
-        """A question of simple bags that tells of the signs of ``about`` (c, k); none where no such tells anything."""
-        asked, draws = bags.questions(self._mdp.k), candidates.draws
-        d = asked.left / bags.days - asked.right / bags.days
-        may = self._elicitation.may_ask(d, _nowhere)
-        if self._elicitation.gave_up:
-            may &= (np.abs(tail_sums(d) @ draws.gaps) > self._elicitation.indifference).any(axis=1)
-        row, _ = bags.best(draws, about, lapse_of(candidates.comparator), np.flatnonzero(~may).tolist())
-        if row < 0:
-            return ()
-        sentence = bags.sentence(asked.left[row], asked.right[row], self._mdp.labels)
-        pair = Pair(asked.left[row] / bags.days, asked.right[row] / bags.days, sentence, _nowhere(row))
-        return self._elicitation.open([pair])
 
     def _solved_for(self, values: Floats) -> Advantages:
         """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
@@ -215,11 +204,6 @@ class InteractivePolicyIteration(Learner):
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]
         return place(state, over.actions[row], over.policy[state])
-
-
-def _nowhere(row: int) -> tuple[int, int, int]:
-    """The place of a question of bags, which is about no state: each has its own."""
-    return -1, row, row
 
 
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:

@@ -13,7 +13,7 @@ plausible these are; ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.validation import require
-from elicit.asking.bags import entropy, says_left
-from elicit.asking.elicitation import Elicitation, Place
+from elicit.asking.bags import Bags, entropy, says_left
+from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.region import Region
 from elicit.model.comparator import Comparator, draws_in, lapse_of, simultaneous_bounds
@@ -157,3 +157,24 @@ def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[
             f"{'nan' if scores.shape == (len(candidates),) else f'shape {scores.shape}'}"
         )
     return [int(i) for i in np.argsort(-scores, kind="stable")[:how_many]]
+
+
+def simple_pair(
+    elicitation: Elicitation, bags: Bags, candidates: Candidates, about: Floats, labels: Sequence[str]
+) -> Pair | None:
+    """A question of simple bags that tells of the signs of ``about`` (c, k); None where none tells anything. Bags are
+    about no state: each question has a place of its own."""
+    asked, draws = bags.questions(len(labels)), candidates.draws
+    d = asked.left / bags.days - asked.right / bags.days
+    may = elicitation.may_ask(d, _own_place)
+    if elicitation.gave_up:
+        may &= (np.abs(tail_sums(d) @ draws.gaps) > elicitation.indifference).any(axis=1)
+    row, _ = bags.best(draws, about, lapse_of(candidates.comparator), np.flatnonzero(~may).tolist())
+    if row < 0:
+        return None
+    sentence = bags.sentence(asked.left[row], asked.right[row], labels)
+    return Pair(asked.left[row] / bags.days, asked.right[row] / bags.days, sentence, _own_place(row))
+
+
+def _own_place(row: int) -> tuple[int, int, int]:
+    return -1, row, row

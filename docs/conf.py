@@ -1,0 +1,111 @@
+"""The site, made from the root of the repository by ``make docs``: so a link leads to the same page here and there.
+
+Docstrings are plain text with ``code`` and, for many parameters, two columns: ``as_rst`` says so to Sphinx.
+"""
+
+import re
+from importlib.metadata import version as version_of
+from typing import Any
+
+project = "elicit + qlearn"
+copyright = "2026, the elicit + qlearn authors"
+version = release = version_of("elicit-qlearn")
+
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
+root_doc = "docs/index"
+include_patterns = ["docs/**.md", "benchmarks/*.md", "CHANGELOG.md", "CONTRIBUTING.md"]
+exclude_patterns = [".venv", ".git", ".*_cache", ".hypothesis", "build", "dist", "results", "notebooks", "tests"]
+source_suffix = {".md": "markdown"}
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 3
+
+html_theme = "pydata_sphinx_theme"
+html_title = project
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_additional_pages = {"index": "start.html"}  # the root leads to docs/index.html
+templates_path = ["_templates"]
+html_sidebars = {"**": ["pages.html"]}
+html_show_sourcelink = False
+html_theme_options = {
+    "navbar_center": [],
+    "navbar_persistent": [],
+    "navbar_end": ["search-field", "theme-switcher"],
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+}
+
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_default_options = {"members": True}
+_ALIASES = ("ArrayLike", "Decisions", "Floats", "Known", "Seed", "Strategy", "Verdicts")
+autodoc_type_aliases = {name: name for name in _ALIASES}
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 100
+toc_object_entries_show_parents = "hide"
+
+_CODE = re.compile(r"(``.+?``)", re.DOTALL)
+_COLUMNS = re.compile(r"(\S(?:.*?\S)?) {2,}(?=\S)")
+
+
+def as_rst(lines: list[str]) -> list[str]:
+    """A docstring's lines as reStructuredText: what is no ``code`` means itself, and parameters in one column with what
+    they are in another become a list of definitions."""
+    out: list[str] = []
+    for paragraph in "\n".join(lines).strip("\n").split("\n\n"):
+        rows = paragraph.split("\n")
+        if all(row.startswith("    ") for row in rows):  # an example, set in
+            out += ["::", "", *rows, ""]
+            continue
+        first = _COLUMNS.match(rows[0])
+        width = first.end() if first else 0
+        if width and all(row[:width].rstrip() != row[:width] and row[width:].strip() for row in rows):
+            for row in rows:
+                if name := row[:width].strip():
+                    out.append(f"``{name}``")
+                out.append("    " + _plain(row[width:]))
+        else:
+            out += _plain(paragraph).split("\n")
+        out.append("")
+    return out
+
+
+def _plain(text: str) -> str:
+    parts = _CODE.split(text)
+    return "".join(part if part.startswith("``") else re.sub(r"([\\*|`]|_(?=\W|$))", r"\\\1", part) for part in parts)
+
+
+_WHERE = r"~?(?:\w+\.)*"  # the module of a name
+_ARRAY = rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}"
+_LONG = {  # what Sphinx makes of aliases within other types, and of types that are no text where they stand
+    rf"{_WHERE}TypeAliasForwardRef\('(\w+)'\)": r"\1",
+    rf"{_WHERE}_Buffer \| [^=]*?{_WHERE}_NestedSequence\[complex \| bytes \| str\]": "ArrayLike",
+    rf"{_ARRAY}float64\]\]": "Floats",
+    rf"{_ARRAY}(\w+)(?:\[{_WHERE}Any\])?\]\]": r"NDArray[\1]",
+}
+
+
+def shortened(signature: str | None) -> str | None:
+    """A signature, or what is returned, with the aliases' names in place of what they stand for."""
+    for long, short in _LONG.items():
+        signature = signature and re.sub(long, short, signature)
+    return signature
+
+
+def setup(app: Any) -> None:
+    def process(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
+        lines[:] = as_rst(lines)
+
+    def skip(app: Any, what: str, name: str, found: Any, skipped: bool, options: Any) -> bool | None:
+        return True if str(getattr(found, "__doc__", "")).startswith("Alias for field number") else None
+
+    def shorten(*found: Any) -> tuple[str | None, str | None]:
+        signature, returned = found[-2:]
+        return shortened(signature), shortened(returned)
+
+    app.connect("autodoc-process-docstring", process)
+    app.connect("autodoc-process-signature", shorten)
+    app.connect("autodoc-skip-member", skip)

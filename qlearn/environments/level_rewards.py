@@ -1,0 +1,241 @@
+"""Gymnasium wrappers that put a reward made of levels in the place of an environment's own: a number by the values of
+an ordinal scale, or a vector with one entry a level."""
+
+from __future__ import annotations
+
+from typing import Any, Generic, TypeVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
+from numpy.typing import ArrayLike, NDArray
+
+from elicit._support.validation import require
+from elicit.model.comparator import Comparator, best_guess
+from elicit.model.scale import Floats
+from qlearn.environments.levels import After, Level, Levels
+
+R = TypeVar("R")
+Env = gym.Env[Any, Any]
+
+
+class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
+    """An environment whose reward goes by its steps' levels, which ``info["level"]`` then holds."""
+
+    def __init__(self, env: Env, levels: Levels) -> None:
+        super().__init__(env)
+        self.levels = levels
+        self._during: list[R] = []  # the reward of a step at each level
+        self._ending: list[R] | None = None  # of the step that terminates the episode
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """A step of the environment, with the reward of its level."""
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        level = info["level"] = self.levels.of_step(observation, reward, info)
+        if not terminated:
+            return observation, self._during[level], terminated, truncated, info
+        if self._ending is None:
+            raise self.levels.never_ends()
+        return observation, self._ending[level], terminated, truncated, info
+
+
+class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
+    """The same of several environments at once. Where they start anew with a step of their own, that step counts 0."""
+
+    def __init__(self, env: VectorEnv[Any, Any, NDArray[Any]], levels: Levels) -> None:
+        super().__init__(env)
+        self.levels = levels
+        self._mode = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
+        if self._mode == AutoresetMode.SAME_STEP and not isinstance(levels.level, str):
+            raise ValueError(
+                "environments that start anew in the step that ends an episode need level= to be a key of info; wrap "
+                "each of them instead: gymnasium.make_vec(..., wrappers=[...])"
+            )
+        self._ended = np.zeros(env.num_envs, dtype=np.bool_)
+        self._during: Floats = np.empty(0)
+        self._ending: Floats | None = None
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """A reset of the environments, of all or, as ``options`` may say, of some."""
+        some = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
+        self._ended = self._ended & ~np.asarray(some)
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, actions: Any) -> tuple[Any, Any, NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """A step of each, with rewards (n,) or (n, k) by levels."""
+        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        stepped, told = ~self._ended, infos
+        ended = np.asarray(terminated) | np.asarray(truncated)
+        if self._mode == AutoresetMode.SAME_STEP and ended.any():
+            told = _of_these_steps(str(self.levels.level), infos, ended)
+        levels = infos["level"] = self.levels.of_steps(observations, rewards, told, stepped)
+        infos["_level"] = stepped
+        given = self._during[levels]
+        if np.asarray(terminated).any():
+            if self._ending is None:
+                raise self.levels.never_ends()
+            given[terminated] = self._ending[levels[terminated]]
+        given[~stepped] = 0.0
+        self._ended = ended if self._mode == AutoresetMode.NEXT_STEP else np.zeros_like(ended)
+        return observations, given, terminated, truncated, infos
+
+
+class OrdinalReward(LevelRewarded[float]):
+    """An environment whose reward is what the scale ``values`` makes of each step's level: any library can train on it.
+
+    The discounted sum of an episode's rewards is its share vector times ``values``, exactly. With discount c a step at
+    level l has the reward (1 - c) values[l]. A step that terminates the episode after T steps brings what is left of
+    the time too, c^T, all at the level ``after``: its reward is (1 - c) values[l] + c values[after], for c^(T-1) times
+    the second part is c^T values[after]; with ``after="last"`` that is values[l]. So totals are 1 whenever an episode
+    ends, and a better policy is the same for every level that one calls worth 0. A truncated episode is cut off, not
+    ended: nothing is added, and what would have come is the trainer's to estimate, as always in Gymnasium.
+
+    env: a Gymnasium environment, or several (``VectorEnv``: then this makes a wrapper of that kind). values: a
+    comparator, whose best guess is taken, or k numbers, worst level first, that do not fall. level: the key of
+    ``info`` with the step's level, 0 to k - 1; or a mapping from rewards to levels; or a function of (observation,
+    reward, info). after: the level that lasts once an episode has terminated, or "last" for that of its last step. The
+    ``values`` may be set anew at any time. ``info["level"]`` has the level. Raises ValueError, in ``step`` for a level
+    that is not there.
+    """
+
+    def __new__(cls, env: Any, *given: Any, **settings: Any) -> Any:
+        if isinstance(env, VectorEnv):
+            return OrdinalRewardVector(env, *given, **settings)
+        return super().__new__(cls)
+
+    def __init__(
+        self,
+        env: Env,
+        values: Comparator | ArrayLike,
+        level: Level = "level",
+        after: After = None,
+        *,
+        discount: float,
+    ) -> None:
+        given = numbers_of(values)
+        require(discount is not None, "discount", "a number of at least 0 and below 1", discount)
+        super().__init__(env, Levels(len(given), level, after, discount))
+        self.values = given
+
+    @property
+    def values(self) -> Floats:
+        """(k,) what each level is worth now; to be set to k numbers, or to a comparator."""
+        return self._values
+
+    @values.setter
+    def values(self, values: Comparator | ArrayLike) -> None:
+        self._values = numbers_of(values, self.levels.k)
+        self._during = (self.levels.during @ self._values).tolist()
+        self._ending = None if self.levels.ending is None else (self.levels.ending @ self._values).tolist()
+
+
+class OrdinalRewardVector(LevelRewardedVector):
+    """``OrdinalReward`` of several environments at once."""
+
+    def __init__(
+        self,
+        env: VectorEnv[Any, Any, NDArray[Any]],
+        values: Comparator | ArrayLike,
+        level: Level = "level",
+        after: After = None,
+        *,
+        discount: float,
+    ) -> None:
+        given = numbers_of(values)
+        require(discount is not None, "discount", "a number of at least 0 and below 1", discount)
+        super().__init__(env, Levels(len(given), level, after, discount))
+        self.values = given
+
+    @property
+    def values(self) -> Floats:
+        """(k,) what each level is worth now; to be set to k numbers, or to a comparator."""
+        return self._values
+
+    @values.setter
+    def values(self, values: Comparator | ArrayLike) -> None:
+        self._values = numbers_of(values, self.levels.k)
+        self._during = self.levels.during @ self._values
+        self._ending = None if self.levels.ending is None else self.levels.ending @ self._values
+
+
+class LevelVector(LevelRewarded[Floats]):
+    """An environment whose reward is a vector (k,), as MO-Gymnasium has them: 1 at the step's level, else 0.
+
+    With a ``discount`` the vectors are such that their discounted sum is the episode's share vector, which totals 1
+    when it ends: MO-Gymnasium's ``LinearReward`` with the values for weights then gives the rewards of
+    ``OrdinalReward``. ``level`` and ``after`` are those of ``OrdinalReward``, and so are environments in a
+    ``VectorEnv``: (n, k). The unwrapped environment gets the attribute ``reward_space``, where MO-Gymnasium looks for
+    it. Raises ValueError.
+    """
+
+    def __new__(cls, env: Any, *given: Any, **settings: Any) -> Any:
+        if isinstance(env, VectorEnv):
+            return LevelVectorVector(env, *given, **settings)
+        return super().__new__(cls)
+
+    def __init__(
+        self, env: Env, k: int, level: Level = "level", after: After = None, *, discount: float | None = None
+    ) -> None:
+        super().__init__(env, Levels(k, level, after, discount))
+        self._during = list(self.levels.during)
+        self._ending = None if self.levels.ending is None else list(self.levels.ending)
+        env.unwrapped.reward_space = reward_space(k)  # type: ignore[attr-defined]
+
+    def step(self, action: Any) -> tuple[Any, Floats, bool, bool, dict[str, Any]]:
+        """A step of the environment, with a reward vector (k,) of its own."""
+        observation, reward, *rest = super().step(action)
+        return observation, reward.copy(), *rest
+
+
+class LevelVectorVector(LevelRewardedVector):
+    """``LevelVector`` of several environments at once: rewards (n, k)."""
+
+    def __init__(
+        self,
+        env: VectorEnv[Any, Any, NDArray[Any]],
+        k: int,
+        level: Level = "level",
+        after: After = None,
+        *,
+        discount: float | None = None,
+    ) -> None:
+        super().__init__(env, Levels(k, level, after, discount))
+        self._during, self._ending = self.levels.during, self.levels.ending
+        self.reward_space = reward_space(k)
+
+
+def _of_these_steps(key: str, infos: dict[str, Any], ended: NDArray[np.bool_]) -> dict[str, Any]:
+    """Infos with the levels of the steps just done: where an episode has ended, ``infos`` is of the new one's start,
+    and ``final_info`` of the step."""
+    last: dict[str, Any] = infos.get("final_info", {})
+    now = infos.get(key, np.zeros(len(ended)))
+    has_last, has_now = last.get(f"_{key}", ~ended), infos.get(f"_{key}", ended)
+    if not np.where(ended, has_last, has_now).all():
+        return last
+    return {key: np.where(ended, last[key], now)}
+
+
+def reward_space(k: int) -> gym.spaces.Box:
+    """Where vectors of levels lie."""
+    return gym.spaces.Box(0.0, 1.0, (k,), np.float64)
+
+
+def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
+    """Values (k,) from a comparator or from numbers, a copy. Raises ValueError where they are not finite, or fall."""
+    if hasattr(values, "compare"):
+        return best_guess(values).copy()  # type: ignore[arg-type]
+    found = np.array(values, dtype=np.float64)
+    if found.ndim != 1 or len(found) < 2 or (k is not None and len(found) != k):
+        raise ValueError(f"values must be {k or 'k >= 2'} numbers, one a level, worst first, not shape {found.shape}")
+    if not (np.isfinite(found).all() and (np.diff(found) >= 0).all()):
+        raise ValueError(f"values must be finite and must not fall from the worst level to the best, not {found}")
+    return found
+
+
+def levels_of(env: Any) -> Levels | None:
+    """The levels that a wrapper of this module, somewhere around an environment, reads; None where there is none."""
+    while isinstance(env, gym.Wrapper):
+        if isinstance(env, LevelRewarded):
+            return env.levels
+        env = env.env
+    return None

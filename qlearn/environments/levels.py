@@ -1,0 +1,130 @@
+"""At which level a step of an environment counts, and how much of the discounted time it stands for.
+
+With discount c a run's share vector is (1 - c) times the sum over its steps t = 0, 1, ... of c^t times the unit vector
+of the step's level. A run that goes on for ever totals 1. One that terminates after T steps totals 1 - c^T, and what is
+left of the time, c^T, belongs to what lasts after it. The last step, t = T - 1, therefore counts
+
+    (1 - c) [its own level] + c [the level that lasts]
+
+for c^(T-1) times the second part is c^T. Where its own level lasts, that is c + (1 - c) = 1 of its own level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from elicit._support.validation import is_number, is_whole, require
+from elicit.model.comparator import check_levels
+from elicit.model.scale import Floats
+
+Level: TypeAlias = str | Mapping[float, int] | Callable[[Any, Any, dict[str, Any]], Any]
+"""Where a step's level, 0 (worst) to k - 1, is found: a key of its ``info``; the level of each value that the reward
+takes; or a function of (observation, reward, info), of a vectorised environment in batches."""
+
+After: TypeAlias = int | Literal["last"] | None
+"""What lasts once an episode has terminated: a level, 0 to k - 1; "last": that of its last step; None: not said, for
+tasks that never terminate."""
+
+
+@dataclass(frozen=True)
+class Levels:
+    """The k levels of an environment's steps. Without a discount each step counts in full, and nothing comes after the
+    last. Raises ValueError and TypeError."""
+
+    k: int
+    level: Level = "level"
+    after: After = None
+    discount: float | None = None
+
+    def __post_init__(self) -> None:
+        k = check_levels(self.k)
+        if not (isinstance(self.level, (str, Mapping)) or callable(self.level)):
+            raise TypeError(
+                f"level must be a key of info, a mapping from rewards to levels, or a function, not {self.level!r}"
+            )
+        if isinstance(self.level, Mapping):
+            stray = next((level for level in self.level.values() if not _is_level(level, k)), None)
+            require(stray is None, "level", f"a mapping from rewards to levels, 0 to {k - 1}", self.level)
+        given = self.after is None or _is_level(self.after, k) or (isinstance(self.after, str) and self.after == "last")
+        require(given, "after", f"a level, 0 to {k - 1}, or 'last', or None for tasks without an end", self.after)
+        known = self.discount is None or (is_number(self.discount, 0) and self.discount < 1)
+        require(known, "discount", "a number of at least 0 and below 1", self.discount)
+
+    @property
+    def during(self) -> Floats:
+        """(k, k): what a step at each level counts towards the shares, while the episode goes on."""
+        return np.eye(self.k) * (1.0 if self.discount is None else 1.0 - self.discount)
+
+    @property
+    def ending(self) -> Floats | None:
+        """(k, k): the same of the step that terminates it; None where it is not said what lasts."""
+        if self.discount is None or self.after == "last":
+            return np.eye(self.k)
+        if self.after is None:
+            return None
+        lasting: Floats = np.eye(self.k)[self.after]
+        return self.during + self.discount * lasting
+
+    def of_step(self, observation: Any, reward: Any, info: dict[str, Any]) -> int:
+        """The level of one step. Raises ValueError where there is none, or it is none of 0 to k - 1."""
+        level = self.level
+        try:
+            if isinstance(level, str):
+                found = info[level]
+            elif isinstance(level, Mapping):
+                found = level[float(reward)]
+            else:
+                found = level(observation, reward, info)
+        except KeyError:
+            raise self._missing(reward, info) from None
+        if type(found) is int and 0 <= found < self.k:  # the quick way
+            return found
+        try:
+            if 0 <= found < self.k and found == int(found):
+                return int(found)
+        except (TypeError, ValueError):
+            pass
+        raise self._bad(found)
+
+    def of_steps(self, observations: Any, rewards: Any, infos: dict[str, Any], stepped: Any) -> Any:
+        """The levels (n,) of one step of each of n environments; 0 where not ``stepped`` (n,). Raises ValueError."""
+        level = self.level
+        if isinstance(level, Mapping):
+            found = [self.of_step(None, r, {}) if step else 0 for r, step in zip(rewards, stepped, strict=True)]
+        elif isinstance(level, str):
+            if stepped.any() and (level not in infos or not infos.get(f"_{level}", stepped)[stepped].all()):
+                raise self._missing(rewards, infos)
+            found = infos.get(level, np.zeros(len(stepped), np.int64))
+        else:
+            found = level(observations, rewards, infos)
+        levels = np.where(stepped, np.asarray(found), 0)
+        whole = levels.shape == stepped.shape and levels.dtype.kind in "iuf"
+        if not (whole and ((levels >= 0) & (levels < self.k) & (levels == np.floor(levels))).all()):
+            raise self._bad(found)
+        return levels.astype(np.int64)
+
+    def never_ends(self) -> ValueError:
+        """For an episode that terminates although it is not said what lasts."""
+        return ValueError(
+            "an episode has terminated, and the time after it counts, but it is not said at which level: give after=, "
+            f"a level from 0 to {self.k - 1}, or 'last' for that of the last step"
+        )
+
+    def _missing(self, reward: Any, info: dict[str, Any]) -> ValueError:
+        if isinstance(self.level, Mapping):
+            return ValueError(f"no level is given for the reward {float(reward):g}: level= maps {sorted(self.level)}")
+        return ValueError(
+            f"the step's info has no {self.level!r}, only {sorted(info)}: level= takes the key of info under which the "
+            "level is, a mapping from rewards to levels, or a function of (observation, reward, info)"
+        )
+
+    def _bad(self, found: Any) -> ValueError:
+        return ValueError(f"a step's level must be a whole number from 0 to {self.k - 1} (worst first), not {found!r}")
+
+
+def _is_level(level: object, k: int) -> bool:
+    return is_whole(level, 0) and int(level) < k  # type: ignore[call-overload]

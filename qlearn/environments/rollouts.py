@@ -1,0 +1,104 @@
+"""Share vectors of a policy, measured by running it."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from elicit._support.validation import is_whole, require
+from elicit.model.scale import Floats
+from qlearn.environments.level_rewards import levels_of
+from qlearn.environments.levels import After, Level, Levels
+from qlearn.environments.rollout_shares import RolloutShares
+
+
+def rollout_shares(
+    env: Any,
+    policy: Any,
+    discount: float | None = None,
+    episodes: int = 100,
+    *,
+    k: int | None = None,
+    level: Level = "level",
+    after: After = None,
+    max_steps: int | None = None,
+    seed: int | None = 0,
+) -> RolloutShares:
+    """Run ``policy`` for so many episodes, and measure its share vector.
+
+    env: a Gymnasium environment. Within an ``OrdinalReward`` or a ``LevelVector`` it is known what a step's level is,
+    what comes after the end, and the discount; of another give ``discount``, ``k``, ``level`` and ``after``, in their
+    words. policy: a function from an observation to an action, or anything with ``predict``, such as a model of
+    Stable-Baselines3 (which then takes its best action, not one to explore). Episodes are cut off where the
+    environment truncates them, and after ``max_steps`` (default: once less than 1e-4 of the time is left). ``seed``
+    goes to the first ``reset``. Raises ValueError, TypeError.
+    """
+    levels = levels_of(env)
+    if levels is None:
+        require(k is not None, "k", "given for an environment that is not in an OrdinalReward or a LevelVector", k)
+        levels = Levels(k or 0, level, after, discount)
+    given = levels.discount if discount is None else discount
+    require(given is not None, "discount", "a number of at least 0 and below 1", given)
+    require(levels.discount in (None, given), "discount", f"that of the rewards, {levels.discount!r}", discount)
+    levels = Levels(levels.k, "level" if levels_of(env) is not None else levels.level, levels.after, given)
+    assert levels.discount is not None
+    require(is_whole(episodes, 2), "episodes", "a whole number of at least 2, for standard errors,", episodes)
+    known = max_steps is None or is_whole(max_steps, 1)
+    require(known, "max_steps", "None or a whole number of at least 1", max_steps)
+    most = int(max_steps or max(1.0, np.ceil(np.log(1e-4) / np.log(max(levels.discount, 1e-4)))))
+    found = np.empty((int(episodes), levels.k))
+    for i in range(len(found)):
+        found[i] = _one(env, levels, _acting(policy), most, seed if i == 0 else None)
+    shares = found.mean(axis=0)
+    errors = found.std(axis=0, ddof=1) / np.sqrt(len(found))
+    return RolloutShares(shares, errors, max(0.0, 1.0 - float(shares.sum())))
+
+
+def _one(env: Any, levels: Levels, act: Callable[[Any], Any], most: int, seed: int | None) -> Floats:
+    """The shares (k,) of one episode; what is missing to 1 was cut off."""
+    during, ending, left = levels.during, levels.ending, 1.0
+    shares: Floats = np.zeros(levels.k)
+    observation, _ = env.reset(seed=seed)
+    for _ in range(most):
+        observation, reward, terminated, truncated, info = env.step(act(observation))
+        at = levels.of_step(observation, reward, info)
+        if terminated:
+            if ending is None:
+                raise levels.never_ends()
+            shares += left * ending[at]
+            break
+        shares += left * during[at]
+        left *= levels.discount or 0.0
+        if truncated:
+            break
+    return shares
+
+
+def _acting(policy: Any) -> Callable[[Any], Any]:
+    """A policy at the start of an episode as a function from observations to actions. Raises TypeError."""
+    predict = getattr(policy, "predict", None)
+    if predict is None:
+        if not callable(policy):
+            raise TypeError(f"a policy is a function from an observation to an action, or has predict, not {policy!r}")
+        return policy  # type: ignore[no-any-return]
+    takes = inspect.signature(predict).parameters
+    if "deterministic" not in takes:
+        return lambda observation: _action(predict(observation))
+    state: Any = None
+    first = True
+
+    def act(observation: Any) -> Any:
+        nonlocal state, first
+        action, state = predict(observation, state=state, episode_start=np.array([first]), deterministic=True)
+        first = False
+        return action
+
+    return act
+
+
+def _action(predicted: Any) -> Any:
+    """The action, where it is given beside a state."""
+    return predicted[0] if isinstance(predicted, tuple) else predicted

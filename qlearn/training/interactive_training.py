@@ -1,0 +1,402 @@
+"""Policies from any trainer, the best of them by few questions, and what it can still lose against those never seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from elicit._support.hashing import Seed
+from elicit._support.seeds import seed_of, takes_rng
+from elicit._support.threads import one_thread
+from elicit._support.validation import is_number, is_whole, require
+from elicit.asking.bags import Bags
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, OnConflict, Pair
+from elicit.model.comparator import (
+    BoundsAllAtOnce,
+    Comparator,
+    HasDraws,
+    Tier,
+    best_guess,
+    check_comparator_made,
+    simultaneous_bounds,
+)
+from elicit.model.query import Answer, Query, Verdict
+from elicit.model.scale import Floats, tail_sums, values_of
+from qlearn.environments.rollout_shares import RolloutShares
+from qlearn.learners.query_strategies import (
+    Candidates,
+    Strategy,
+    best,
+    draws_of,
+    simple_pair,
+    strategy_of,
+    telling_violation,
+)
+from qlearn.training.reachable_set import ReachableSet, as_shares
+from qlearn.training.training_bound import (
+    ROUNDING,
+    STANDARD_ERRORS,
+    greatest_error,
+    greatest_loss,
+    guarantee_of,
+    is_broken,
+    observed_gap,
+)
+from qlearn.training.training_result import TrainedPolicy, TrainingResult, TrainingStatus
+
+_CORNERS = 2  # questions about what no policy has reached, after each training
+_MATTERS = 0.5  # of the tolerance: what a difference must exceed to count for a strategy, and a training gain
+_LEAST = 0.1  # of the tolerance: what a training must promise where there is no question left
+_ABOUT = 12  # differences whose signs a simple question should tell
+_LOOKED_AT = 512  # differences, those with the greatest bounds, among which a strategy picks
+
+
+class InteractiveTraining:
+    """Finds a good policy with a trainer that it knows nothing of, which optimises one numeric reward at a time.
+
+        while not training.finished:
+            if (values := training.to_train()) is not None:
+                policy = ...                            # train on qlearn.OrdinalReward(env, values, ...)
+                training.add(policy, qlearn.rollout_shares(env, policy))
+            while queries := training.ask():
+                training.tell([tutor(query) for query in queries])
+
+    Optimistic linear support over share vectors (Roijers 2015; Mossalam et al. 2016). The best policy so far is best at
+    the comparator's central scale. Against the others its regret is bounded under all plausible scales, and asked
+    about. What no policy has reached is bounded by the trainings: nowhere is a policy better, at the scale that one was
+    trained on, than that one was, plus the gap (``ReachableSet``). Corners of that set are asked about too, against the
+    best policy, two after each training. The next scale is the central one while much can be gained there, else that of
+    the plausible ones under which most can.
+
+    comparator: what is known of the scale; it must bound differences all at once and name plausible scales
+    (``BoundsAllAtOnce``, ``HasDraws``), as the polytope and the posterior do. discount: that of the share vectors.
+    tolerance: it ends once answers and trainings can gain no more than this share of the value range. optimality_gap:
+    how far below its optimum a training may end, in the same unit (0: exactly there); ``loss_bound`` counts it, beside
+    errors of measured shares. None: nobody knows, and there is no bound. objectives: (low (m,), high (m,)), where
+    vectors are those of ``elicit.objectives`` with k = m + 1: between what the objectives lie. labels: k names of the
+    levels, for people. strategy: picks the question, as in ``InteractivePolicyIteration``. bags: the simple questions
+    that are asked where plain pairs run out; None: none. max_trainings, max_queries: limits. known: what was answered
+    before. audit, max_audits, seed: a share of the pairs of policies that the answers settled is asked about all the
+    same, at the end. The corners of what policies can reach grow fast in number: made for up to about a dozen levels.
+
+    Ask and tell as with a learner; it holds no trainer, tutor or file. Raises TypeError for a comparator that lacks
+    what it needs, and ValueError.
+    """
+
+    @takes_rng
+    def __init__(
+        self,
+        comparator: Comparator,
+        *,
+        discount: float,
+        tolerance: float = 0.01,
+        optimality_gap: float | None = None,
+        objectives: tuple[ArrayLike, ArrayLike] | None = None,
+        labels: Sequence[str] | None = None,
+        strategy: Strategy | str = telling_violation,
+        bags: Bags | None = Bags(),  # noqa: B008 (frozen)
+        max_trainings: int = 40,
+        max_queries: int | None = None,
+        known: Known = (),
+        audit: float = 0.0,
+        max_audits: int = MAX_AUDITS,
+        seed: Seed | None = 0,
+    ) -> None:
+        _check_able(comparator)
+        k = comparator.k
+        require(is_number(discount, 0) and discount < 1, "discount", "a number of at least 0 and below 1", discount)
+        require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
+        known_gap = optimality_gap is None or is_number(optimality_gap, 0)
+        require(known_gap, "optimality_gap", "None or a share of the value range, at least 0", optimality_gap)
+        require(is_whole(max_trainings, 1), "max_trainings", "a whole number of at least 1", max_trainings)
+        require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
+        require(labels is None or len(labels) == k, "labels", f"{k} names, one a level", labels)
+        self.seed = seed_of(seed)
+        self.discount, self.tolerance = float(discount), float(tolerance)
+        self.optimality_gap = None if optimality_gap is None else float(optimality_gap)
+        self._everything = ReachableSet.shares(k) if objectives is None else ReachableSet.box(*objectives)
+        fits = self._everything.corners.shape[1] == k - 1
+        require(fits, "objectives", f"the least and the greatest of each of {k - 1}, for k = {k},", objectives)
+        self._labels = [f"level {i + 1}" for i in range(k)] if labels is None else [str(label) for label in labels]
+        self._strategy, self._bags = strategy_of(strategy), None if objectives is not None else bags
+        self._most = int(max_trainings)
+        self._elicitation = Elicitation(
+            comparator,
+            f"training/{k}/{discount!r}/{tolerance!r}",
+            indifference=tolerance * _MATTERS,
+            max_queries=max_queries,
+            audit=audit,
+            max_audits=max_audits,
+            known=known,
+            seed=self.seed,
+            labels=labels,
+        )
+        self._policies: list[TrainedPolicy] = []
+        self._cuts: list[tuple[float, ReachableSet]] = []  # of the trainings, in order: the limit, and the set then
+        self._corners_left = 0  # to be asked about before the next training
+        self._next: Floats | TrainingStatus | None = None  # to train on, or where it stands
+        self._given: Floats | None = None  # the scale that to_train gave, until a policy comes
+
+    def __repr__(self) -> str:
+        now = self._elicitation
+        counts = f"policies={len(self._policies)}, asked={now.asked}, pending={len(now.pending)}"
+        return f"InteractiveTraining({type(now.comparator).__name__}, k={now.comparator.k}, {counts})"
+
+    @one_thread
+    def to_train(self) -> Floats | None:
+        """The values (k,), from 0 to 1, to train the next policy on, the same until one is added; None while the tutor
+        is waited for, and at the end."""
+        self._advance()
+        self._given = self._next if isinstance(self._next, np.ndarray) else None
+        return None if self._given is None else self._given.copy()
+
+    @property
+    def start_from(self) -> Any:
+        """A hint for a warm start: of the policies so far the best at ``to_train()``, or None. A cold start explores
+        anew, which a warm one may not; whichever you take, ``optimality_gap`` says how near it comes."""
+        values = self.to_train()
+        if values is None or not self._policies:
+            return None
+        return self._policies[int(np.argmax(self._shares() @ values))].policy
+
+    def add(
+        self,
+        policy: Any,
+        shares: ArrayLike | RolloutShares,
+        errors: ArrayLike | None = None,
+        *,
+        trained: bool = True,
+    ) -> None:
+        """Bring a policy: the one trained on what ``to_train`` gave last; or, where that was nothing or with
+        ``trained=False``, one of another origin, which says nothing of those not seen. ``policy`` may be anything.
+
+        shares: (k,) as ``rollout_shares`` finds them, or what it returns; a total below 1 is of runs cut off, and what
+        is missing counts in ``loss_bound``. errors: their standard errors (k,); of objectives those of each (k - 1,).
+        Raises ValueError.
+        """
+        if isinstance(shares, RolloutShares):  # also a sequence of numbers, to a type checker
+            require(errors is None, "errors", "left out where shares have their own", errors)
+            shares, errors, _ = shares
+        k = self._elicitation.comparator.k
+        x, undecided = as_shares(shares, k)
+        excess = self._everything.excess(tail_sums(x))
+        require(excess <= 1e-6, "shares", "of no negative share, or objectives within their range", shares)
+        error = undecided + (0.0 if errors is None else STANDARD_ERRORS * greatest_error(errors, k))
+        self._policies.append(TrainedPolicy(policy, x, error, self._given if trained else None))
+        if trained and self._given is not None:
+            self._corners_left = _CORNERS
+            self._given = None
+        self._next = None
+
+    @one_thread
+    def ask(self) -> tuple[Query, ...]:
+        """The pending query, the same until told; () when a policy is to be trained first, and at the end."""
+        self._advance()
+        return self._elicitation.ask()
+
+    @one_thread
+    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
+        then such an answer settles its own pair only, and is returned."""
+        _, dropped = self._elicitation.tell(answers, on_conflict)
+        self._next = None
+        return dropped
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to train or to ask."""
+        self._advance()
+        return not self._elicitation.pending and isinstance(self._next, TrainingStatus)
+
+    @property
+    def comparator(self) -> Comparator:
+        """What is known of the scale."""
+        return self._elicitation.comparator
+
+    @property
+    def implied(self) -> dict[str, Verdict]:
+        """Of pending queries that are audits, by query id: the verdict that the answers so far imply."""
+        return {p.query.id: p.expected for p in self._elicitation.pending if p.expected is not None}
+
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+        """Has no effect: each question is asked and logged."""
+
+    @one_thread
+    def result(self) -> TrainingResult:
+        """The best policy so far, and what can be said of it, at any time."""
+        self._advance()
+        asked, comparator = self._elicitation, self._elicitation.comparator
+        waits = TrainingStatus.WAITING if asked.pending else TrainingStatus.TRAINING
+        at = self._best() if self._policies else None
+        policies, gap = tuple(self._policies), self.optimality_gap
+        return TrainingResult(
+            policy=None if at is None else self._policies[at].policy,
+            shares=None if at is None else self._policies[at].shares.copy(),
+            status=self._next if isinstance(self._next, TrainingStatus) and not asked.pending else waits,
+            asked=asked.asked,
+            trained=sum(policy.trained_on is not None for policy in self._policies),
+            observed_gap=observed_gap(self._policies),
+            policies=policies,
+            comparator=comparator,
+            answers=asked.answers,
+            audits=tuple(asked.audits),
+            cannot_tell=asked.cannot_tell,
+            guarantee=partial(guarantee_of, self._everything, policies, at, comparator, gap),
+        )
+
+    def _advance(self) -> None:
+        """Find out what comes next: a question, a training, or the end."""
+        if self._next is None and not self._elicitation.pending:
+            self._next = self._find_next()
+
+    def _find_next(self) -> Floats | TrainingStatus | None:
+        """The scale to train on, or the status at the end; None where a question is pending now."""
+        comparator = self._elicitation.comparator
+        centre = np.diff(best_guess(comparator))
+        if not self._policies:
+            return _values(centre)
+        at, shares, reach = self._best(), self._shares(), self._reach()
+        unseen = reach.vectors - shares[at]
+        loss, high, confidence = greatest_loss(unseen, comparator)
+        if loss <= self.tolerance:
+            return None if self._audit(shares, at) else self._converged(confidence)
+        spent = self._elicitation.spent
+        if not spent and self._ask(np.delete(shares, at, axis=0) - shares[at], partial(self._pair_of_policies, at)):
+            return None
+        gaps = np.column_stack([centre, draws_of(comparator).gaps])
+        gain = reach.greatest(gaps) - (tail_sums(shares) @ gaps).max(axis=0)
+        if self._at_the_limit():
+            gain = np.zeros_like(gain)
+        promising = gain.max() > _MATTERS * self.tolerance
+        if not spent and (self._corners_left > 0 or not promising):
+            rows = np.flatnonzero(high > self.tolerance)
+            if self._ask(unseen[rows], partial(self._pair_with_unseen, at, reach.vectors[rows])):
+                self._corners_left -= 1
+                return None
+        if gain[0] > _MATTERS * self.tolerance:
+            return _values(centre)
+        if gain.max() > (_MATTERS if spent else _LEAST) * self.tolerance:
+            return _values(gaps[:, int(np.argmax(gain))])
+        if not spent and self._ask_simply(unseen[high > self.tolerance]):
+            return None
+        return self._stopped(spent)
+
+    def _at_the_limit(self) -> bool:
+        return sum(policy.trained_on is not None for policy in self._policies) >= self._most
+
+    def _shares(self) -> Floats:
+        """(n, k) of the policies."""
+        return np.array([policy.shares for policy in self._policies])
+
+    def _best(self) -> int:
+        """Which policy is best at the central scale; the first of equals."""
+        return int(np.argmax(tail_sums(self._shares()) @ np.diff(best_guess(self._elicitation.comparator))))
+
+    def _reach(self) -> ReachableSet:
+        """What policies can reach, if each training came to its optimum or to the best that was brought in since."""
+        reach, done = self._everything, 0
+        for policy in self._policies:
+            if policy.trained_on is None:
+                continue
+            gaps = np.diff(policy.trained_on)
+            limit = float((tail_sums(self._shares()) @ gaps).max())
+            if done == len(self._cuts) or self._cuts[done][0] != limit:
+                self._cuts[done:] = [(limit, reach.cut(gaps, limit))]
+            reach, done = self._cuts[done][1], done + 1
+        return reach
+
+    def _ask(self, d: Floats, pair: Callable[[int], Pair]) -> bool:
+        """Ask about the best of the differences d (n, k) that may matter and may be asked about, if there is one."""
+        elicitation = self._elicitation
+        high = simultaneous_bounds(elicitation.comparator, d)[0]
+        rows = np.argsort(-high, kind="stable")[:_LOOKED_AT]
+        rows = rows[high[rows] > max(self.tolerance, elicitation.indifference)]
+        rows = rows[elicitation.may_ask(d[rows], lambda i: pair(int(rows[i])).place)]
+        if not len(rows):
+            return False
+        row = int(rows[best(self._strategy, self._candidates(d[rows]))[0]])
+        elicitation.open([pair(row)])
+        return True
+
+    def _ask_simply(self, d: Floats) -> bool:
+        """Ask a question of simple bags that tells of the signs of some of these differences (n, k), if any does."""
+        if self._bags is None or not len(d):
+            return False
+        candidates = self._candidates(d[:_LOOKED_AT])
+        about = candidates.d[best(self._strategy, candidates, _ABOUT)]
+        simple = simple_pair(self._elicitation, self._bags, candidates, about, self._labels)
+        if simple is not None:
+            self._elicitation.open([simple])
+        return simple is not None
+
+    def _candidates(self, d: Floats) -> Candidates:
+        nowhere = np.zeros(len(d), dtype=np.int64)
+        return Candidates(d, nowhere, nowhere, _MATTERS * self.tolerance, self._elicitation.comparator)
+
+    def _pair_of_policies(self, at: int, row: int, tier: int = int(Tier.TUTOR)) -> Pair:
+        """The best policy against another, the row-th of the others."""
+        other = row + (row >= at)
+        about = f"policy {other + 1} (left) or policy {at + 1}, the best so far (right)?"
+        place = ("policies", min(at, other), max(at, other))
+        return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
+
+    def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
+        """The best policy against a row of vectors (n, k) that no policy is known to have."""
+        about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
+        place = ("unseen", at, np.round(unseen[row], 2).tobytes())
+        return Pair(unseen[row], self._policies[at].shares, about, place)
+
+    def _audit(self, shares: Floats, at: int) -> bool:
+        """Ask about a pair of policies that the answers have settled, if audits are wanted; whether it does."""
+        d = np.delete(shares, at, axis=0) - shares[at]
+        judged = self._elicitation.judge(d, lambda row: self._pair_of_policies(at, row).place)
+        rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
+        if not len(rows) or not self._elicitation.audits_left:
+            return False
+        self._elicitation.open([self._pair_of_policies(at, int(rows[0]), int(judged.tiers[rows[0]]))])
+        return True
+
+    def _converged(self, confidence: float) -> TrainingStatus:
+        if self.optimality_gap is None:
+            return TrainingStatus.UNPROVEN
+        if is_broken(self._policies, self.optimality_gap):
+            return TrainingStatus.GAP_BROKEN
+        if np.isnan(confidence):
+            return TrainingStatus.BOUNDED
+        comparator, policies = self._elicitation.comparator, tuple(self._policies)
+        found = guarantee_of(self._everything, policies, self._best(), comparator, self.optimality_gap)
+        return TrainingStatus.CONVERGED if found.loss_bound <= self.tolerance + ROUNDING else TrainingStatus.SETTLED
+
+    def _stopped(self, spent: bool) -> TrainingStatus:
+        if self.optimality_gap is not None and is_broken(self._policies, self.optimality_gap):
+            return TrainingStatus.GAP_BROKEN
+        if spent:
+            return TrainingStatus.GUESSED
+        if self._at_the_limit():
+            return TrainingStatus.TRAINING_LIMIT
+        return TrainingStatus.CALLED_EQUAL if self._elicitation.called_equal else TrainingStatus.EXHAUSTED
+
+
+def _check_able(comparator: Comparator) -> None:
+    """Raise TypeError for a comparator that cannot bound what no policy has reached, or names no plausible scales."""
+    check_comparator_made(comparator)
+    name = type(comparator).__name__
+    if not isinstance(comparator, BoundsAllAtOnce):
+        raise TypeError(
+            f"{name} has no simultaneous_bounds, which bound what no policy has reached, under all plausible scales at "
+            "once: take PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
+        )
+    if not isinstance(comparator, HasDraws):
+        raise TypeError(
+            f"{name} has no draws, the plausible scales among which the next one to train on is found: take "
+            "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
+        )
+
+
+def _values(gaps: Floats) -> Floats:
+    values = values_of(gaps)
+    return np.asarray(values / values[-1])

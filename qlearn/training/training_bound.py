@@ -1,0 +1,98 @@
+"""What the best of some trained policies can lose against those that nobody has seen, and what that rests on.
+
+A training that came within a gap of its optimum bounds all policies at its own scale (``ReachableSet``). Nothing can
+vouch for the gap; but where a later policy beats an earlier training at its scale by more, it is seen not to hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import norm
+
+from elicit._support.validation import require
+from elicit.decision.votes import LEVEL_ROUNDING
+from elicit.model.comparator import Comparator, StatesConfidence, simultaneous_bounds
+from elicit.model.scale import Floats, tail_sums
+from qlearn.learners.loss_bound import Guarantee, drawn_set, upper_quantile
+from qlearn.training.reachable_set import ReachableSet
+from qlearn.training.training_result import TrainedPolicy
+
+STANDARD_ERRORS = 3.0
+"""How far from what was measured a policy's shares are taken to lie at most."""
+
+ROUNDING = 1e-9
+"""More than what corners and bounds are off by."""
+
+
+def greatest_error(errors: ArrayLike, k: int) -> float:
+    """The greatest standard error of a vector's worth under any scale, from those of its k shares (the errors of a tail
+    sum are at most those of its shares together, or of the others), or of its k - 1 objectives."""
+    given = np.asarray(errors, dtype=np.float64)
+    fits = given.shape in ((k,), (k - 1,)) and bool((np.isfinite(given) & (given >= 0)).all())
+    require(fits, "errors", f"{k} standard errors, one a share (of objectives {k - 1}), finite and at least 0", errors)
+    if len(given) == k - 1:
+        return float(given.max())
+    above = tail_sums(given)
+    return float(np.minimum(above, given.sum() - above).max())
+
+
+def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, float]:
+    """The greatest d.e over differences d (n, k) and plausible scales, each one's (n,), and with what confidence: of
+    scales drawn, the quantile at the comparator's level of the greatest under each, and the greatest of all."""
+    drawn = drawn_set(comparator)
+    if drawn is None:
+        high, confidence = simultaneous_bounds(comparator, d)
+        return float(high.max(initial=0.0)) + ROUNDING, high, confidence
+    draws, level = drawn
+    at = tail_sums(d) @ draws.gaps
+    loss = upper_quantile(at.max(axis=0, initial=0.0), draws.weights, 1.0 - level + LEVEL_ROUNDING)
+    confidence = comparator.confidence if isinstance(comparator, StatesConfidence) else level
+    return loss + ROUNDING, at.max(axis=1, initial=-np.inf), confidence
+
+
+def guarantee_of(
+    everything: ReachableSet,
+    policies: tuple[TrainedPolicy, ...],
+    at: int | None,
+    comparator: Comparator,
+    gap: float | None,
+) -> Guarantee:
+    """What the policy of this number can lose, if no training ended farther than the gap below its optimum."""
+    if at is None or gap is None or is_broken(policies, gap):
+        return Guarantee(np.nan, np.nan)
+    reach = everything
+    for policy in policies:
+        if policy.trained_on is not None:
+            gaps = np.diff(policy.trained_on)
+            reach = reach.cut(gaps, float(tail_sums(policy.shares) @ gaps) + gap + policy.error)
+    loss, _, confidence = greatest_loss(reach.vectors - policies[at].shares, comparator)
+    # each measured policy may be off by more, at its own scale, and the best one at the true scale
+    measured = sum(policy.error > 0 for policy in policies)
+    doubt = (measured + 1) * 2.0 * float(norm.sf(STANDARD_ERRORS)) if measured else 0.0
+    return Guarantee(loss + policies[at].error, max(0.0, confidence - doubt))
+
+
+def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
+    """By how much each policy beats each trained one (n, j) at the scale of the latter, and the errors of both."""
+    shares, errors = np.array([policy.shares for policy in policies]), np.array([policy.error for policy in policies])
+    trained = [i for i, policy in enumerate(policies) if policy.trained_on is not None]
+    scales = np.array([policies[i].trained_on for i in trained])
+    worth = tail_sums(shares) @ np.diff(scales, axis=1).T
+    return worth - worth[trained, range(len(trained))], errors[:, None] + errors[trained]
+
+
+def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
+    if all(policy.trained_on is None for policy in policies):
+        return 0.0
+    return max(0.0, float(_excesses(policies)[0].max()))
+
+
+def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
+    """Whether a policy beats a trained one, at the latter's scale, by more than the gap and the errors of both."""
+    if all(policy.trained_on is None for policy in policies):
+        return False
+    excess, errors = _excesses(policies)
+    return bool((excess - errors > gap + ROUNDING).any())

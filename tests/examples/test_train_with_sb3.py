@@ -1,0 +1,34 @@
+"""Stable-Baselines3 trains on the rewards, and its models come back as policies."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elicit import TruthfulTutor
+from qlearn import OrdinalReward, TrainingStatus
+from tests.environment_cases import Walk
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "train_with_sb3.py"
+
+
+def test_the_example_is_short():
+    assert len(EXAMPLE.read_text().splitlines()) < 60
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_dqn_trains_by_questions():
+    pytest.importorskip("stable_baselines3", reason="the extra sb3 (0.9 GB) is not installed")
+    from stable_baselines3.common.env_checker import check_env
+
+    check_env(OrdinalReward(Walk(), [0.0, 1.0, 2.0, 3.0], after=0, discount=0.9))
+    spec = importlib.util.spec_from_file_location("train_with_sb3", EXAMPLE)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    result = example.main(TruthfulTutor([0, 2, 3, 10]), steps=400, episodes=2, tolerance=0.2, max_trainings=2)
+    assert isinstance(result.status, TrainingStatus)
+    assert 1 <= result.trained <= 2
+    assert result.shares.sum() == pytest.approx(1)
+    assert np.isnan(result.loss_bound)  # nobody vouches for DQN

@@ -1,0 +1,282 @@
+"""Training by few questions: what it certifies holds, and it certifies nothing that nobody can vouch for."""
+
+import numpy as np
+import pytest
+
+from benchmarks.training.black_boxes import exact, loss_of, poor, run, shares_of, training_of
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    AnswerLog,
+    Bags,
+    FlippingTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    StaleAnswer,
+    TruthfulTutor,
+    Verdict,
+)
+from qlearn import InteractiveTraining, RolloutShares, TrainingStatus, drive, icu_sepsis, random_mdp, value_iteration
+from qlearn.training.training_bound import STANDARD_ERRORS
+from tests.own_cases import Exact
+
+
+def problem(seed, k=5):
+    return random_mdp(50, 5, k, rng=seed)
+
+
+def test_with_exact_training_it_certifies_a_good_policy_with_few_questions_and_trainings():
+    asked, trained = [], []
+    for seed in range(8):
+        mdp, values = problem(seed)
+        training = training_of(PolytopeComparator(5), mdp, tolerance=0.01, optimality_gap=0.0)
+        result = run(training, mdp, exact(mdp), TruthfulTutor(values))
+        assert result.status is TrainingStatus.CONVERGED
+        assert result.confidence == 1.0
+        assert -1e-9 <= loss_of(mdp, result, values) <= result.loss_bound <= 0.01 + 1e-8
+        assert result.observed_gap <= 1e-9
+        asked.append(result.asked)
+        trained.append(result.trained)
+    assert np.mean(asked) <= 12
+    assert np.mean(trained) <= 10
+
+
+def test_at_every_moment_the_bound_holds():
+    for seed in range(4):
+        mdp, values = problem(seed)
+        training = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0)
+        tutor, train, bounds = TruthfulTutor(values), exact(mdp), []
+        while not training.finished:
+            if (scale := training.to_train()) is not None:
+                policy = train(scale)
+                training.add(policy, shares_of(mdp, policy))
+            result = training.result()
+            bounds.append(result.loss_bound)
+            assert loss_of(mdp, result, values) <= result.loss_bound
+            training.tell([tutor(query) for query in training.ask()])
+        assert bounds[0] > bounds[-1] > 0
+
+
+def test_a_tutor_who_errs_and_the_posterior():
+    kept, asked = [], []
+    for seed in range(6):
+        mdp, values = problem(seed)
+        comparator = PosteriorComparator(5, seed=seed, particles=400)
+        result = run(
+            training_of(comparator, mdp, optimality_gap=0.0), mdp, exact(mdp), FlippingTutor(values, 0.1, seed)
+        )
+        assert result.confidence == 0.95
+        kept.append(loss_of(mdp, result, values) <= result.loss_bound)
+        asked.append(result.asked)
+    assert sum(kept) >= 5
+    assert np.mean(asked) <= 45
+
+
+def test_without_a_stated_gap_there_is_no_bound_whoever_trains_and_the_status_says_why():
+    mdp, values = problem(1)
+    for train in (exact(mdp), poor(mdp, 0)):
+        training = training_of(PolytopeComparator(5), mdp)
+        while not training.finished:
+            if (scale := training.to_train()) is not None:
+                policy = train(scale)
+                training.add(policy, shares_of(mdp, policy))
+            training.tell([TruthfulTutor(values)(query) for query in training.ask()])
+            assert np.isnan(training.result().loss_bound)
+        result = training.result()
+        assert result.status is TrainingStatus.UNPROVEN
+        assert "give optimality_gap" in result.status.value
+        assert np.isnan(result.confidence)
+
+
+def test_with_a_poor_trainer_a_bound_is_kept_or_the_gap_is_seen_to_be_broken():
+    broken = 0
+    for seed in range(8):
+        mdp, values = problem(seed)
+        train, tutor = poor(mdp, seed), TruthfulTutor(values)
+        result = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0), mdp, train, tutor)
+        if result.status is TrainingStatus.GAP_BROKEN:
+            broken += 1
+            assert result.observed_gap > 0
+            assert np.isnan(result.loss_bound)
+        # of a gap that does hold the bound holds
+        worst = max(loss_at(mdp, policy) for policy in result.policies)
+        honest = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.5), mdp, poor(mdp, seed), tutor)
+        assert worst <= 0.5
+        assert honest.status is TrainingStatus.SETTLED
+        assert loss_of(mdp, honest, values) <= honest.loss_bound
+        assert honest.loss_bound > 0.1
+    assert broken >= 6
+
+
+def loss_at(mdp, policy):
+    """How far a training ended below its optimum."""
+    scale = policy.trained_on
+    return float(mdp.initial @ value_iteration(mdp, np.maximum.accumulate(scale))[0] - policy.shares @ scale)
+
+
+def test_errors_and_cut_offs_count_in_the_bound():
+    mdp, values = problem(2)
+    tutor, train = TruthfulTutor(values), exact(mdp)
+
+    def bound(errors=None, decided=1.0):
+        training = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0)
+        while not training.finished:
+            if (scale := training.to_train()) is not None:
+                policy = train(scale)
+                training.add(policy, decided * shares_of(mdp, policy), errors)
+            training.tell([tutor(query) for query in training.ask()])
+        return training.result()
+
+    plain, doubtful, cut = bound(), bound(np.full(5, 0.001)), bound(decided=0.98)
+    assert plain.status is TrainingStatus.CONVERGED
+    assert doubtful.status is TrainingStatus.SETTLED
+    assert doubtful.loss_bound >= plain.loss_bound + STANDARD_ERRORS * 0.002
+    assert 0.9 < doubtful.confidence < 1
+    assert cut.loss_bound >= plain.loss_bound + 0.02
+    assert loss_of(mdp, cut, values) <= cut.loss_bound
+
+
+def test_it_holds_of_measured_shares():
+    mdp, values = problem(3)
+    rng = np.random.default_rng(0)
+    training = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0)
+    train, tutor = exact(mdp), TruthfulTutor(values)
+    while not training.finished:
+        if (scale := training.to_train()) is not None:
+            policy = train(scale)
+            noisy = rng.multinomial(4000, shares_of(mdp, policy)) / 4000
+            errors = np.sqrt(noisy * (1 - noisy) / 4000)
+            training.add(policy, RolloutShares(noisy, errors, 0.0))
+        training.tell([tutor(query) for query in training.ask()])
+    result = training.result()
+    assert result.status is TrainingStatus.SETTLED
+    assert loss_of(mdp, result, values) <= result.loss_bound <= 0.2
+
+
+def test_it_is_the_same_again_and_asks_nothing_that_was_answered_before():
+    mdp, values = problem(4)
+    log = AnswerLog(k=5)
+    training = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0)
+    asked_for = []
+    while not training.finished:
+        first, again = training.to_train(), training.to_train()
+        if first is not None:
+            assert (first == again).all()
+            assert training.ask() == ()
+            policy = exact(mdp)(first)
+            training.add(policy, shares_of(mdp, policy))
+            asked_for.append(first)
+        result = drive(training, TruthfulTutor(values), log)
+    assert len(log) == result.asked > 0
+    fresh = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, known=log)
+    assert run(fresh, mdp, exact(mdp), TruthfulTutor(values)).asked <= 2
+    twin = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0)
+    assert run(twin, mdp, exact(mdp), TruthfulTutor(values)).asked == result.asked
+    assert len(asked_for) == result.trained
+
+
+def test_a_policy_of_another_origin_bounds_nothing_and_may_be_the_best():
+    mdp, values = problem(5)
+    best = exact(mdp)(values)
+    training = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0)
+    assert training.start_from is None
+    training.to_train()
+    training.add(best, shares_of(mdp, best), trained=False)
+    assert training.result().trained == 0
+    assert training.result().loss_bound > 0.1
+    assert training.start_from is best
+    result = run(training, mdp, exact(mdp), TruthfulTutor(values))
+    assert loss_of(mdp, result, values) <= result.loss_bound <= 0.01 + 1e-8
+
+
+def test_limits_end_it_and_are_said():
+    mdp, values = problem(6)
+    tutor = TruthfulTutor(values)
+    few = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1), mdp, exact(mdp), tutor)
+    assert few.asked == 1
+    assert few.status is TrainingStatus.GUESSED
+    assert loss_of(mdp, few, values) <= few.loss_bound
+    once = training_of(PolytopeComparator(5), mdp, tolerance=1e-4, optimality_gap=0.0, max_trainings=1, bags=None)
+    limited = run(once, mdp, exact(mdp), tutor)
+    assert limited.trained == 1
+    assert limited.status is TrainingStatus.TRAINING_LIMIT
+    assert loss_of(mdp, limited, values) <= limited.loss_bound
+    mute = training_of(PolytopeComparator(5), mdp, tolerance=0.05, optimality_gap=0.0, bags=None)
+    silent = run(mute, mdp, exact(mdp), lambda query: Answer(query, None))
+    assert silent.status in (TrainingStatus.EXHAUSTED, TrainingStatus.TRAINING_LIMIT)
+    assert silent.trained > 3
+    assert silent.cannot_tell == silent.asked > 0
+    assert loss_of(mdp, silent, values) <= silent.loss_bound
+    same = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0), mdp, exact(mdp), lambda q: Answer(q, 0))
+    assert same.status in (TrainingStatus.CALLED_EQUAL, TrainingStatus.CONVERGED)
+
+
+def test_bags_come_where_plain_pairs_run_out():
+    mdp, values = problem(6)
+
+    def tells_bags(query):
+        simple = np.allclose(query.left * 10, np.round(query.left * 10), atol=1e-12)
+        return TruthfulTutor(values)(query) if simple else Answer(query, None)
+
+    for bags in (Bags(10), None):
+        training = training_of(PolytopeComparator(5), mdp, tolerance=0.05, optimality_gap=0.0, bags=bags)
+        result = run(training, mdp, exact(mdp), tells_bags)
+        assert (len(result.answers) > 0) == (bags is not None)
+        assert loss_of(mdp, result, values) <= result.loss_bound
+
+
+def test_settled_pairs_of_policies_are_audited_if_wanted():
+    mdp, values = problem(3)
+    training = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, audit=1.0, max_audits=1)
+    result = run(training, mdp, exact(mdp), TruthfulTutor(values))
+    plain = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0), mdp, exact(mdp), TruthfulTutor(values))
+    assert result.audited == 1
+    assert not any(audit.contradicts for audit in result.audits)
+    assert result.asked == plain.asked
+    assert result.status is TrainingStatus.CONVERGED
+
+
+def test_what_it_cannot_use_it_refuses_with_a_sentence():
+    with pytest.raises(TypeError, match="AlwaysAsk has no draws, the plausible scales"):
+        InteractiveTraining(AlwaysAsk(5), discount=0.9)
+    with pytest.raises(TypeError, match="Exact has no simultaneous_bounds"):
+        InteractiveTraining(Exact(np.arange(5.0)), discount=0.9)
+    comparator = PolytopeComparator(3)
+    wrong = [
+        ({"discount": 1.0}, "discount must be"),
+        ({"tolerance": 0}, "tolerance must be a positive share"),
+        ({"optimality_gap": -0.1}, "optimality_gap must be None or"),
+        ({"max_trainings": 0}, "max_trainings must be"),
+        ({"bags": 10}, "bags must be None or"),
+        ({"labels": ["bad", "good"]}, "labels must be 3 names"),
+        ({"objectives": ([0], [1])}, "objectives must be"),
+    ]
+    for settings, message in wrong:
+        with pytest.raises(ValueError, match=message):
+            InteractiveTraining(comparator, **{"discount": 0.9, **settings})
+    training = InteractiveTraining(comparator, discount=0.9)
+    result = training.result()
+    assert (result.policy, result.status) == (None, TrainingStatus.TRAINING)
+    assert np.isnan(result.loss_bound)
+    for shares, errors in (([0.5, 0.6, -0.1], None), ([0.5, 0.6, 0.2], None), ([0.5, 0.5, 0.0], [0.1])):
+        with pytest.raises(ValueError, match=r"shares must be|errors must be"):
+            training.add("policy", shares, errors)
+    assert training.result().policies == ()
+    training.to_train()
+    training.add("policy", [0.4, 0.3, 0.3])
+    query = training.ask()[0]
+    training.tell([Answer(query, Verdict.WORSE)])
+    with pytest.raises(StaleAnswer):
+        training.tell([Answer(query, Verdict.WORSE)])
+
+
+@pytest.mark.slow
+def test_on_icu_sepsis():
+    mdp = icu_sepsis()
+    for seed in range(2):
+        values = np.sort(np.random.default_rng(seed).choice(100, mdp.k, replace=False)).astype(float)
+        training = training_of(PolytopeComparator(mdp.k), mdp, optimality_gap=0.0, labels=mdp.labels)
+        result = run(training, mdp, exact(mdp), TruthfulTutor(values))
+        assert result.status is TrainingStatus.CONVERGED
+        assert loss_of(mdp, result, values) <= result.loss_bound
+        assert result.asked <= 20
