@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="benchmarks.training.dqn_on_terrain", description=(__doc__ or "").splitlines()[0]
     )
-    parser.add_argument("--steps", type=int, default=30_000, help="of each training (default: 30000)")
+    parser.add_argument("--steps", type=int, default=20_000, help="of each training (default: 20000)")
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
     pd.DataFrame(rows(given.steps)).round(4).to_csv(given.out, index=False)

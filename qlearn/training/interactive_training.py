@@ -158,10 +158,10 @@ class InteractiveTraining:
     def start_from(self) -> Any:
         """A hint for a warm start: of the policies so far the best at ``to_train()``, or None. A cold start explores
         anew, which a warm one may not; whichever you take, ``optimality_gap`` says how near it comes."""
-        values = self.to_train()
-        if values is None or not self._policies:
+        self._advance()
+        if not isinstance(self._next, np.ndarray) or not self._policies:
             return None
-        return self._policies[int(np.argmax(self._shares() @ values))].policy
+        return self._policies[int(np.argmax(self._shares() @ self._next))].policy
 
     def add(
         self,

@@ -20,6 +20,9 @@ mdp = qlearn.OrdinalMDP(
 )
 learner = qlearn.InteractivePolicyIteration(mdp, elicit.PolytopeComparator(2), strategy="max_regret", seed=None)
 result = qlearn.drive(learner, ask)
+training = qlearn.InteractiveTraining(elicit.PolytopeComparator(2), discount=0.5, optimality_gap=0.0)
+training.add("a policy", [0.5, 0.5])
+bound: float = qlearn.drive(training, ask).loss_bound
 loss: float = qlearn.policy_loss(mdp, [1], [0, 1]).max()
 query = Query("q", [1, 0], [0, 1], labels=["bad", "good"])
 answers = elicit.Answers([[1, -1]], [1])
