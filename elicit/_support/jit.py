@@ -26,7 +26,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numba import config, njit, types
 from numba.core import event
-from numba.extending import typeof_impl
+from numba.extending import models, register_model, typeof_impl
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -144,9 +144,21 @@ class Compiled:
         return result
 
 
+class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
+    """What numba sees of a function where another calls it. A number that stands in the call is one like any other: a
+    version for each would be compiled otherwise."""
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        plain = tuple(map(types.unliteral, args)), {name: types.unliteral(kws[name]) for name in kws}
+        return super().get_call_type(context, *plain)
+
+
+register_model(_Callee)(models.OpaqueModel)
+
+
 @typeof_impl.register(Compiled)
 def _as_numba_sees_it(function: Compiled, _: Any) -> Any:
-    return types.Dispatcher(function.machine)
+    return _Callee(function.machine)
 
 
 def _names_of(code: CodeType) -> set[str]:
@@ -216,6 +228,7 @@ def _names_in(place: Path) -> frozenset[str]:
 
 
 def _made(function: F, **options: Any) -> F:
+    options = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
     settings: Any = config
     usual, file = settings.CACHE_DIR, Path(function.__code__.co_filename)
     home = _package_of(file)
@@ -223,9 +236,9 @@ def _made(function: F, **options: Any) -> F:
     packages = {_HOME} if home == _HOME else _PACKAGES  # this one calls nothing of the others, whatever was imported
     settings.CACHE_DIR = place = _cache_of(usual, file.parent, frozenset(packages))
     try:
-        made: Any = njit(cache=True, error_model="numpy", **options)(function)
+        made: Any = njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to keep it
-        made = njit(error_model="numpy", **options)(function)
+        made = njit(**options)(function)
     finally:
         settings.CACHE_DIR = usual
     _OURS.add(function)

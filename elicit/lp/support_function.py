@@ -52,7 +52,8 @@ def greatest_all(t: Any, known: Known, high: Any) -> None:
             if known.kind[q] == CERTAIN_POINT or (q == before and known.counts[SLOT] == before):
                 continue
             multipliers(s, known.inverses, q, y)
-            rest[:] = s
+            for j in range(p):
+                rest[j] = s[j]
             found = max(found, bound_of(rest, y, known.active, q, known.margin, known.cuts, known.limits))
         if found > -math.inf:
             unit = largest(t[i]) / size
