@@ -4,7 +4,7 @@ A call from Python of a function that is ``compiled`` runs machine code where th
 all that it calls are interpreted, to the same numbers, until that has taken about as long as it would take to compile
 them. So a few lines wait for no compiler, and what takes minutes is compiled after seconds.
 
-``NUMBA_DISABLE_JIT=1`` interprets always; ``ELICIT_COMPILE=1`` compiles at the first call.
+``NUMBA_DISABLE_JIT=1`` interprets always; ``ELICIT_COMPILE_FIRST=1`` compiles at the first call.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from numba.extending import models, register_model, typeof_impl
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_SECONDS_A_BYTE = 2e-4  # of bytecode, to compile it: to within a factor of two
+_SECONDS_A_BYTE = 5e-4  # of bytecode, to compile it: to within a factor of two
 _SECONDS_TO_BEGIN = 0.5  # of the first that a process compiles
 
 
@@ -61,10 +61,10 @@ def at_once(function: F) -> F:
 
 
 def expect(function: Callable[..., Any], seconds: float) -> None:
-    """Say how long calls to come would take, in all, if a compiled function were interpreted: it is not, where to
-    compile it takes less. For loops that do not come back to Python before they are done."""
+    """Say how long a call to come would take if a compiled function were interpreted: it is not, where to compile it
+    takes less. For loops that do not come back to Python before they are done."""
     if isinstance(function, Compiled):
-        function.spend(seconds)
+        function.expect(seconds)
 
 
 def compile_first() -> None:
@@ -97,13 +97,13 @@ class Compiled:
                 _here.only_kept = False
         begun, elsewhere = thread_time(), _here.elsewhere
         result = self._interpreted(arguments)
-        self.spend(thread_time() - begun - (_here.elsewhere - elsewhere))
+        self._spent += thread_time() - begun - (_here.elsewhere - elsewhere)
+        self.expect(0.0)
         return result
 
-    def spend(self, seconds: float) -> None:
-        """Count seconds of interpreting; once they are too many, the function is compiled when next called."""
-        self._spent += seconds
-        self._lasts = self._lasts or self._spent > self._patience
+    def expect(self, seconds: float) -> None:
+        """Once the seconds of interpreting, past and to come, are too many, the function is compiled when called."""
+        self._lasts = self._lasts or self._spent + seconds > self._patience
 
     @cached_property
     def _patience(self) -> float:

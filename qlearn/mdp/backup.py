@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, expect
 from elicit.model.scale import Floats
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -77,5 +77,6 @@ def back_up_all(states: Any, v: Any, model: Model, q: Any) -> None:
 def q_of(states: NDArray[np.int64], v: Floats, model: Model) -> Floats:
     """Q (n, A, k) of these states after V (S, k), as ``back_up_all`` has it."""
     q = np.empty((len(states), model.n_actions, v.shape[1]))
+    expect(back_up_all, 1e-6 * q.size)
     back_up_all(states, v, model, q)
     return q

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from elicit._support.hashing import mix
-from elicit._support.jit import compiled
+from elicit._support.jit import at_once, compiled
 from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, log_prior, powered, slips
 from elicit.comparators.bradley_terry.density_float32 import error, rough_likelihood, roughened
 
@@ -30,7 +30,7 @@ def unit(h: Any) -> float:
     return (float(h >> _S11) + 0.5) * 2.0**-53
 
 
-@compiled
+@at_once
 def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
     """Propose a move for each particle x (m, >= p) in turn, so many times over, that keeps the density of ``log_prior``
     and ``powered``: single precision decides unless its errors could. Returns how many were accepted, those not
