@@ -53,10 +53,16 @@ def unlocked(function: F) -> F:
     return _made(function, nogil=True)
 
 
-def at_once(function: F) -> F:
-    """``compiled``, and never interpreted first, not even where its caller is: for loops that take seconds a call."""
-    made = _made(function)
-    expect(made, math.inf)
+def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
+    """``compiled``, with a function that is called in its place as long as it is not: one that returns the same to the
+    last bit, whole arrays at a time, and so does not take seconds."""
+
+    def made(function: F) -> F:
+        made = _made(function)
+        if isinstance(made, Compiled) and not config.DISABLE_JIT:
+            vars(made)["_source"] = stand_in
+        return made
+
     return made
 
 
@@ -95,9 +101,9 @@ class Compiled:
                 pass
             finally:
                 _here.only_kept = False
-        begun, elsewhere = thread_time(), _here.elsewhere
+        begun = thread_time()
         result = self._interpreted(arguments)
-        self._spent += thread_time() - begun - (_here.elsewhere - elsewhere)
+        self._spent += thread_time() - begun
         self.expect(0.0)
         return result
 
@@ -133,15 +139,8 @@ class Compiled:
         for name in _names_of(self._function.__code__) & named.keys():
             scope[name] = _MATH if named[name] is math else named[name]
         for name, other in _called_by(self._function).items():
-            scope[name] = other._apart if other._lasts and not config.DISABLE_JIT else other._source
+            scope[name] = other._source
         return source
-
-    def _apart(self, *arguments: Any) -> Any:
-        """Called by an interpreted function, whose time this is not."""
-        begun = thread_time()
-        result = self(*arguments)
-        _here.elsewhere += thread_time() - begun
-        return result
 
 
 class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
@@ -200,7 +199,6 @@ class _Here(local):
     """What is so in this thread."""
 
     only_kept = False  # what is not on the disk is not to be compiled
-    elsewhere = 0.0  # seconds that interpreted functions have spent in functions that keep their own account
 
 
 _here = _Here()
