@@ -1,4 +1,4 @@
-"""``mcmc.move`` in NumPy, particles beside each other, for while it is not compiled: the same particles to the last bit.
+"""``mcmc.move`` in NumPy, particles beside each other, until it is compiled: the same particles to the last bit.
 
 A particle's proposal needs others as they are when its turn comes: those before it moved, those behind it not yet. So
 particles go in groups, each as soon as all that it needs of those before it is there; that makes some ten groups of
@@ -34,15 +34,15 @@ def move(x: Floats, rows: Floats, tied: Any, n: int, last: float, prior: Particl
     """As ``mcmc.move``."""
     p, m, accepted = len(rows), len(x), 0
 
-    def judged(proposed: Floats, least_of: Callable[[Floats], Floats]) -> tuple[Floats, Floats, Floats]:
-        """Log prior, log likelihood and what that had to reach, of particles (size, q); -inf where it does not."""
-        density, theta = _log_prior(proposed, p, prior)
-        lapse, width = _slips(proposed, theta, prior)
-        least = least_of(density)
-        return density, _powered(theta, rows, tied, n, last, lapse, width, least), least
+    def judged(proposed: Floats, room: Floats) -> tuple[Floats, Any]:
+        """The log density of particles (q, size), and whether it exceeds what is left of room (q,) by their prior."""
+        density, theta = _log_prior(proposed.T, p, prior)
+        lapse, width = _slips(proposed.T, theta, prior)
+        least = room - density
+        found = _powered(theta, rows, tied, n, last, lapse, width, least)
+        return density + found, (density > -np.inf) & (least <= 0.0) & (found >= least)
 
-    density, found, _ = judged(x.T, lambda density: np.full(len(density), -np.inf))
-    logs = density + found
+    logs, _ = judged(x, np.full(m, -np.inf))
     for turn in range(turns):
         h = fold(fold(key, 1 + turn), np.arange(m))
         u = [_unit(fold(h, j)) for j in range(10)]
@@ -61,9 +61,8 @@ def move(x: Floats, rows: Floats, tied: Any, n: int, last: float, prior: Particl
                 swapped, apart = _swaps(x[group], p, chance)
                 proposal = np.where(swaps[at], swapped, proposal)
                 away = np.where(swaps[group], apart, away)
-            density, found, least = judged(proposal.T, lambda density, g=group: logs[g] + ease[g] - density)
-            taken = (density > -np.inf) & (least <= 0.0) & (found >= least)
-            x[group[taken]], logs[group[taken]] = proposal[taken], (density + found)[taken]
+            log, taken = judged(proposal, logs[group] + ease[group])
+            x[group[taken]], logs[group[taken]] = proposal[taken], log[taken]
             accepted += int(away[taken].sum())
     return accepted
 
