@@ -15,7 +15,8 @@ import hashlib
 import math
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from threading import Lock, Timer, local
@@ -73,9 +74,14 @@ def expect(function: Callable[..., Any], seconds: float) -> None:
         function.expect(seconds)
 
 
-def compile_first() -> None:
-    """From now on this process compiles each function when it is first called."""
-    Compiled.patient = False
+@contextmanager
+def compiling() -> Iterator[None]:
+    """A context in which each function is compiled when it is first called."""
+    usual, Compiled.patient = Compiled.patient, False
+    try:
+        yield
+    finally:
+        Compiled.patient = usual
 
 
 class Compiled:
