@@ -2,4 +2,4 @@
 
 import os
 
-os.environ["ELICIT_COMPILE_FIRST"] = "1"
+os.environ.setdefault("ELICIT_COMPILE_FIRST", "1")

@@ -31,6 +31,8 @@ from numba.extending import models, register_model, typeof_impl
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_settings: Any = config
+_unliteral: Any = types.unliteral
 _SECONDS_A_BYTE = 5e-4  # of bytecode, to compile it: to within a factor of two
 _SECONDS_TO_BEGIN = 0.5  # of the first that a process compiles
 
@@ -60,7 +62,7 @@ def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
 
     def made(function: F) -> F:
         made = _made(function)
-        if isinstance(made, Compiled) and not config.DISABLE_JIT:
+        if isinstance(made, Compiled) and not _settings.DISABLE_JIT:
             vars(made)["_source"] = stand_in
         return made
 
@@ -95,7 +97,7 @@ class Compiled:
         self._spent, self._lasts = 0.0, False
 
     def __call__(self, *arguments: Any) -> Any:
-        if config.DISABLE_JIT:
+        if _settings.DISABLE_JIT:
             return self._interpreted(arguments)
         if self._lasts or not self.patient:
             return self.machine(*arguments)
@@ -129,7 +131,7 @@ class Compiled:
     @cached_property
     def _may_be_kept(self) -> bool:
         """False where no file was on the disk, when the process first asked, that could be this function's."""
-        return any(self.__name__ in name for name in _names_in(self._place))
+        return any(self._function.__name__ in name for name in _names_in(self._place))
 
     def _interpreted(self, arguments: tuple[Any, ...]) -> Any:
         with np.errstate(all="ignore"):  # as machine code has it: hashes wrap around, and 1/0 is infinite
@@ -139,14 +141,12 @@ class Compiled:
     def _source(self) -> Callable[..., Any]:
         """The function, calling others of its kind in their interpreted form, and ``math`` without its errors."""
         scope: dict[str, Any] = {"__builtins__": builtins}
-        source = FunctionType(self._function.__code__, scope, self.__name__)
-        self.__dict__["_source"] = source  # already now, should it call itself
         named = self._function.__globals__
         for name in _names_of(self._function.__code__) & named.keys():
             scope[name] = _MATH if named[name] is math else named[name]
         for name, other in _called_by(self._function).items():
             scope[name] = other._source
-        return source
+        return FunctionType(self._function.__code__, scope, self._function.__name__)
 
 
 class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
@@ -154,7 +154,7 @@ class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba i
     version for each would be compiled otherwise."""
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        plain = tuple(map(types.unliteral, args)), {name: types.unliteral(kws[name]) for name in kws}
+        plain = tuple(map(_unliteral, args)), {name: _unliteral(kws[name]) for name in kws}
         return super().get_call_type(context, *plain)
 
 
@@ -233,18 +233,17 @@ def _names_in(place: Path) -> frozenset[str]:
 
 def _made(function: F, **options: Any) -> F:
     options = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
-    settings: Any = config
-    usual, file = settings.CACHE_DIR, Path(function.__code__.co_filename)
+    usual, file = _settings.CACHE_DIR, Path(function.__code__.co_filename)
     home = _package_of(file)
     _PACKAGES.add(home)  # what this function calls was imported, and is known here, before it
     packages = {_HOME} if home == _HOME else _PACKAGES  # this one calls nothing of the others, whatever was imported
-    settings.CACHE_DIR = place = _cache_of(usual, file.parent, frozenset(packages))
+    _settings.CACHE_DIR = place = _cache_of(usual, file.parent, frozenset(packages))
     try:
         made: Any = njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to keep it
         made = njit(**options)(function)
     finally:
-        settings.CACHE_DIR = usual
+        _settings.CACHE_DIR = usual
     _OURS.add(function)
     return cast(F, Compiled(function, made, Path(place)))
 
@@ -278,8 +277,7 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
 def first_on_this_machine() -> bool:
     """Whether no process has said before that it compiles these sources, or would have to each time, since nothing can
     be kept; from now on one has."""
-    settings: Any = config
-    place = Path(_cache_of(settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
+    place = Path(_cache_of(_settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
     try:
         place.mkdir(parents=True, exist_ok=True)
         (place / "compiled").touch(exist_ok=False)
@@ -310,7 +308,7 @@ class _Announcer(event.Listener):
                 self._asked = True
                 if first_on_this_machine():
                     self._begun = monotonic()
-                    _say("compiling, once on this machine: a minute or two of computing ...")
+                    _say("compiling, once on this machine: up to a minute or two of computing ...")
                     atexit.register(self._finish, 0.0)
 
     def on_end(self, event: Any) -> None:

@@ -55,7 +55,7 @@ def glance(t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y:
     return (BETTER if above else WORSE), best
 
 
-def _signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
+def signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
     """``signs_at_points``, all points at once."""
     at[:] = 0.0
     for j in range(len(t)):
@@ -64,7 +64,7 @@ def _signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at:
     return side > 0 or bool((sure > doubt).any()), side < 0 or bool((sure < -doubt).any())
 
 
-@compiled_beside(_signs_together)
+@compiled_beside(signs_together)
 def signs_at_points(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
     """Whether t.g is certainly positive at some known point of K_t, and certainly negative at some; ``side`` is its
     sign at one of them, or 0. t.g at each of the points (p, >= q) is written into ``at`` (q,)."""

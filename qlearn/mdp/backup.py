@@ -59,7 +59,7 @@ def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
         q[a, levels[row]] += 1.0 - discount
 
 
-def _back_up_together(states: Any, v: Any, model: Model, q: Any) -> None:
+def back_up_together(states: Any, v: Any, model: Model, q: Any) -> None:
     """``back_up_all``, all rows at once: first all first successors, then all second ones."""
     m, k = q.shape[1:]
     rows = (np.asarray(states)[:, None] * m + np.arange(m)).reshape(-1)
@@ -78,7 +78,7 @@ def _back_up_together(states: Any, v: Any, model: Model, q: Any) -> None:
     q[ended] = v[states[ended], None, :]
 
 
-@compiled_beside(_back_up_together)
+@compiled_beside(back_up_together)
 def back_up_all(states: Any, v: Any, model: Model, q: Any) -> None:
     """Q (n, A, k) of n states, as ``OrdinalMDP`` has it: a terminal state's value whatever the action, and all on
     the worst level where an action is inadmissible."""

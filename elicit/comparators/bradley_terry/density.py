@@ -104,7 +104,7 @@ def log_logistic(u: float, a: float, b: float) -> float:
 @compiled
 def logistic(u: float) -> float:
     """1 / (1 + exp(-u))."""
-    less = small_exp(min(abs(u), FARTHEST))
+    less: float = small_exp(min(abs(u), FARTHEST))
     return (1.0 if u >= 0.0 else less) / (1.0 + less)
 
 
