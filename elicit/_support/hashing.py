@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, expect
 
 Seed: TypeAlias = int | np.integer[Any] | np.random.SeedSequence | np.random.Generator
 
@@ -98,6 +98,7 @@ def _pair_codes(key: Any, t: Any, codes: Any) -> None:
 def pair_codes(key: Any, t: NDArray[np.float64]) -> NDArray[np.uint64]:
     """``pair_code`` (n,) of pairs given by their tail sums t (n, p)."""
     codes = np.empty(len(t), dtype=np.uint64)
+    expect(_pair_codes, 1e-5 * t.size)
     with np.errstate(over="ignore"):
         _pair_codes(np.uint64(key), np.ascontiguousarray(t, dtype=np.float64), codes)
     return codes

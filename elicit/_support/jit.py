@@ -1,25 +1,45 @@
-"""Compile with numba, and keep the machine code on disk. ``NUMBA_DISABLE_JIT=1`` runs the same source to the same
-numbers, slowly."""
+"""Interpret first, compile with numba what lasts, and keep the machine code on disk.
+
+A call from Python of a function that is ``compiled`` runs machine code where that is on the disk; else the function and
+all that it calls are interpreted, to the same numbers, until that has taken about as long as it would take to compile
+them. So a few lines wait for no compiler, and what takes minutes is compiled after seconds.
+
+``NUMBA_DISABLE_JIT=1`` interprets always; ``ELICIT_COMPILE_FIRST=1`` compiles at the first call.
+"""
+
+from __future__ import annotations
 
 import atexit
+import builtins
 import hashlib
+import math
+import os
 import sys
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache, cached_property, update_wrapper
 from pathlib import Path
-from threading import Lock, Timer
-from time import monotonic
+from threading import Lock, Timer, local
+from time import monotonic, thread_time
+from types import CodeType, FunctionType, SimpleNamespace
 from typing import Any, TypeVar, cast
 
-from numba import config, njit
+import numpy as np
+from numba import config, njit, types
 from numba.core import event
+from numba.extending import models, register_model, typeof_impl
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_settings: Any = config
+_unliteral: Any = types.unliteral
+_SECONDS_A_BYTE = 5e-4  # of bytecode, to compile it: to within a factor of two
+_SECONDS_TO_BEGIN = 0.5  # of the first that a process compiles
+
 
 def compiled(function: F) -> F:
-    """The function as machine code, kept on disk between processes. No option that lets sums be reordered: compiled
-    or not, the numbers are the same to the last bit.
+    """The function to be interpreted first and compiled if it lasts, the machine code kept on disk between processes.
+    No option that lets sums be reordered: compiled or not, the numbers are the same to the last bit.
 
     Arrays are better assigned element by element: for a whole one, numba compiles what its error message takes, which
     are seconds in every process that compiles at all."""
@@ -36,21 +56,196 @@ def unlocked(function: F) -> F:
     return _made(function, nogil=True)
 
 
+def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
+    """``compiled``, with a function that is called in its place as long as it is not: one that returns the same to the
+    last bit, whole arrays at a time, and so does not take seconds."""
+
+    def made(function: F) -> F:
+        made = _made(function)
+        if isinstance(made, Compiled) and not _settings.DISABLE_JIT:
+            vars(made)["_source"] = stand_in
+        return made
+
+    return made
+
+
+def expect(function: Callable[..., Any], seconds: float) -> None:
+    """Say how long a call to come would take if a compiled function were interpreted: it is not, where to compile it
+    takes less. For loops that do not come back to Python before they are done."""
+    if isinstance(function, Compiled):
+        function.expect(seconds)
+
+
+@contextmanager
+def compiling() -> Iterator[None]:
+    """A context in which each function is compiled when it is first called."""
+    usual, Compiled.patient = Compiled.patient, False
+    try:
+        yield
+    finally:
+        Compiled.patient = usual
+
+
+class Compiled:
+    """A function with its two lives: compiled ones that call it call its machine code, interpreted ones its source."""
+
+    patient = not os.environ.get("ELICIT_COMPILE_FIRST")
+
+    def __init__(self, function: Callable[..., Any], machine: Any, place: Path) -> None:
+        update_wrapper(self, function)
+        self._function, self.machine, self._place = function, machine, place
+        self._spent, self._lasts = 0.0, False
+
+    def __call__(self, *arguments: Any) -> Any:
+        if _settings.DISABLE_JIT:
+            return self._interpreted(arguments)
+        if self._lasts or not self.patient:
+            return self.machine(*arguments)
+        if self._may_be_kept:
+            _here.only_kept = True
+            try:
+                return self.machine(*arguments)
+            except _NotKept:
+                pass
+            finally:
+                _here.only_kept = False
+        begun = thread_time()
+        result = self._interpreted(arguments)
+        self._spent += thread_time() - begun
+        self.expect(0.0)
+        return result
+
+    def expect(self, seconds: float) -> None:
+        """Once the seconds of interpreting, past and to come, are too many, the function is compiled when called."""
+        self._lasts = self._lasts or self._spent + seconds > self._patience
+
+    @cached_property
+    def _patience(self) -> float:
+        """About as many seconds as it takes to compile the function and what it calls."""
+        found, new = set[Compiled](), {self}
+        while new:
+            found |= new
+            new = {other for each in new for other in _called_by(each._function).values()} - found
+        return _SECONDS_TO_BEGIN + _SECONDS_A_BYTE * sum(len(each._function.__code__.co_code) for each in found)
+
+    @cached_property
+    def _may_be_kept(self) -> bool:
+        """False where no file was on the disk, when the process first asked, that could be this function's."""
+        return any(self._function.__name__ in name for name in _names_in(self._place))
+
+    def _interpreted(self, arguments: tuple[Any, ...]) -> Any:
+        with np.errstate(all="ignore"):  # as machine code has it: hashes wrap around, and 1/0 is infinite
+            return _boxed(self._source(*arguments))
+
+    @cached_property
+    def _source(self) -> Callable[..., Any]:
+        """The function, calling others of its kind in their interpreted form, and ``math`` without its errors."""
+        scope: dict[str, Any] = {"__builtins__": builtins}
+        named = self._function.__globals__
+        for name in _names_of(self._function.__code__) & named.keys():
+            scope[name] = _MATH if named[name] is math else named[name]
+        for name, other in _called_by(self._function).items():
+            scope[name] = other._source
+        return FunctionType(self._function.__code__, scope, self._function.__name__)
+
+
+class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
+    """What numba sees of a function where another calls it. A number that stands in the call is one like any other: a
+    version for each would be compiled otherwise."""
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        plain = tuple(map(_unliteral, args)), {name: _unliteral(kws[name]) for name in kws}
+        return super().get_call_type(context, *plain)
+
+
+register_model(_Callee)(models.OpaqueModel)
+
+
+@typeof_impl.register(Compiled)
+def _as_numba_sees_it(function: Compiled, _: Any) -> Any:
+    return _Callee(function.machine)
+
+
+def _names_of(code: CodeType) -> set[str]:
+    """What a function's code, and code within it, names."""
+    return set(code.co_names).union(*(_names_of(part) for part in code.co_consts if isinstance(part, CodeType)))
+
+
+def _called_by(function: Any) -> dict[str, Compiled]:
+    """The compiled functions that a function names."""
+    scope = function.__globals__
+    return {name: scope[name] for name in _names_of(function.__code__) if isinstance(scope.get(name), Compiled)}
+
+
+def _boxed(result: Any) -> Any:
+    """A result as numba hands it to Python: numbers as Python's own."""
+    if isinstance(result, np.generic):
+        return result.item()
+    return tuple(map(_boxed, result)) if type(result) is tuple else result
+
+
+def _without_errors(name: str) -> Callable[..., float]:
+    """A function of ``math`` that returns what C's does where Python's raises: infinity, or not a number."""
+    function, fallback = getattr(math, name), getattr(np, name)
+
+    def quiet(*arguments: Any) -> float:
+        try:
+            return float(function(*arguments))
+        except (OverflowError, ValueError):
+            return float(fallback(*arguments))
+
+    return quiet
+
+
+_MATH = SimpleNamespace(**vars(math))
+vars(_MATH).update({name: _without_errors(name) for name in ("exp", "expm1", "ldexp", "log", "sqrt")})
+
+
+class _Here(local):
+    """What is so in this thread."""
+
+    only_kept = False  # what is not on the disk is not to be compiled
+
+
+_here = _Here()
+
+
+class _NotKept(Exception):
+    """Machine code would have to be compiled."""
+
+
+class _Refuser(event.Listener):
+    """Breaks off what numba begins to compile where that is not wanted: it alone knows what is on its disk."""
+
+    def on_start(self, event: Any) -> None:
+        if _here.only_kept:
+            raise _NotKept
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+@cache
+def _names_in(place: Path) -> frozenset[str]:
+    """The files in a folder and the folders in it."""
+    return frozenset(path.name for path in place.rglob("*"))
+
+
 def _made(function: F, **options: Any) -> F:
-    settings: Any = config
-    usual, file = settings.CACHE_DIR, Path(function.__code__.co_filename)
+    options = {"error_model": "numpy", "no_cfunc_wrapper": True, **options}
+    usual, file = _settings.CACHE_DIR, Path(function.__code__.co_filename)
     home = _package_of(file)
     _PACKAGES.add(home)  # what this function calls was imported, and is known here, before it
     packages = {_HOME} if home == _HOME else _PACKAGES  # this one calls nothing of the others, whatever was imported
-    settings.CACHE_DIR = _cache_of(usual, file.parent, frozenset(packages))
+    _settings.CACHE_DIR = place = _cache_of(usual, file.parent, frozenset(packages))
     try:
-        made: Any = njit(cache=True, error_model="numpy", **options)(function)
+        made: Any = njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to keep it
-        made = njit(error_model="numpy", **options)(function)
+        made = njit(**options)(function)
     finally:
-        settings.CACHE_DIR = usual
+        _settings.CACHE_DIR = usual
     _OURS.add(function)
-    return cast(F, made)
+    return cast(F, Compiled(function, made, Path(place)))
 
 
 def _package_of(file: Path) -> Path:
@@ -82,8 +277,7 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
 def first_on_this_machine() -> bool:
     """Whether no process has said before that it compiles these sources, or would have to each time, since nothing can
     be kept; from now on one has."""
-    settings: Any = config
-    place = Path(_cache_of(settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
+    place = Path(_cache_of(_settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
     try:
         place.mkdir(parents=True, exist_ok=True)
         (place / "compiled").touch(exist_ok=False)
@@ -114,7 +308,7 @@ class _Announcer(event.Listener):
                 self._asked = True
                 if first_on_this_machine():
                     self._begun = monotonic()
-                    _say("compiling, once on this machine: a minute or two of computing ...")
+                    _say("compiling, once on this machine: up to a minute or two of computing ...")
                     atexit.register(self._finish, 0.0)
 
     def on_end(self, event: Any) -> None:
@@ -141,4 +335,5 @@ def _say(words: str) -> None:
 
 
 _register: Any = event.register
+_register("numba:compile", _Refuser())  # the first to be told
 _register("numba:compile", _Announcer())

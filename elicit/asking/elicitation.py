@@ -13,6 +13,7 @@ from typing import Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support import jit
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
@@ -166,6 +167,7 @@ class Elicitation:
         verdict, tier, needed = np.empty((3, n), np.int8)
         out = Judgement(verdict, tier, np.empty(0, np.bool_), needed)
         asking, rows = self.rule(), np.arange(n)
+        jit.expect(settle_rows, 1e-5 * n)
         while len(rows):
             with np.errstate(all="ignore"):  # hashes wrap around
                 settle_rows(rows, t, asking, facts, out)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elicit._support import jit
 from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
 from elicit.decision.judge_kernel import judge_all
 from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts
@@ -41,6 +42,7 @@ def decide_by(rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | Non
     Raises TypeError where it leaves any open and there is no ``settle``."""
     rows = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
     verdicts, tiers = np.empty(len(rows), dtype=np.int8), np.empty(len(rows), dtype=np.int8)
+    jit.expect(judge_all, 2e-4 * len(rows))
     with np.errstate(all="ignore"):
         left = judge_all(rows, rule, verdicts, tiers)
     if left:

@@ -47,7 +47,8 @@ def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
             if keep(s, g, slack, inverse[0], active[0], known.age[start] + step, known):
                 return -1
         if leaving < 0:
-            rest[:] = s
+            for j in range(p):
+                rest[j] = s[j]
             proven = bound_of(rest, y, active, 0, known.margin, known.cuts, known.limits) > target
             if proven and len(out) == 0 and step > 0:
                 keep(s, g, slack, inverse[0], active[0], known.age[start] + step, known)
@@ -136,8 +137,10 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
     for j in range(p):
         known.points[j, q] = point[j] if certain else g[j]
         value += s[j] * known.points[j, q]
-    known.inverses[q] = inverse
-    known.active[q] = active
+        for i in range(p):
+            known.inverses[q, j, i] = inverse[j, i]
+    for i in range(len(active)):
+        known.active[q, i] = active[i]
     known.kind[q] = CORNER if certain else DOUBTFUL_CORNER
     known.age[q] = age
     return certain and value < -doubt_at(p, largest(s))

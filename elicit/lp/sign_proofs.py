@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, compiled_beside
 from elicit.lp.primal_simplex import bound_of, doubt_at, largest, least_in_order, multipliers, walk
 from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known
 from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, UNSETTLED, WORSE, by_dominance
@@ -55,7 +55,16 @@ def glance(t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y:
     return (BETTER if above else WORSE), best
 
 
-@compiled
+def signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
+    """``signs_at_points``, all points at once."""
+    at[:] = 0.0
+    for j in range(len(t)):
+        at += points[j, : len(at)] * t[j]
+    sure = at[kind[: len(at)] != DOUBTFUL_CORNER]
+    return side > 0 or bool((sure > doubt).any()), side < 0 or bool((sure < -doubt).any())
+
+
+@compiled_beside(signs_together)
 def signs_at_points(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
     """Whether t.g is certainly positive at some known point of K_t, and certainly negative at some; ``side`` is its
     sign at one of them, or 0. t.g at each of the points (p, >= q) is written into ``at`` (q,)."""

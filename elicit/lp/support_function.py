@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, expect
 from elicit.lp.primal_simplex import bound_of, largest, multipliers, walk
 from elicit.lp.region import rounding
 from elicit.lp.sign_proofs import NOWHERE, outermost, signs_at_points, to_unit
@@ -23,6 +23,7 @@ def greatest(d: Floats, known: Known) -> Floats:
     t = tail_sums(d)
     high: Floats = order_bounds(t, known.margin)[1]
     high = high + rounding(t.shape[1] + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
+    expect(greatest_all, 1e-4 * len(t))
     with np.errstate(all="ignore"):
         greatest_all(np.ascontiguousarray(t), known, high)
     return high
@@ -52,7 +53,8 @@ def greatest_all(t: Any, known: Known, high: Any) -> None:
             if known.kind[q] == CERTAIN_POINT or (q == before and known.counts[SLOT] == before):
                 continue
             multipliers(s, known.inverses, q, y)
-            rest[:] = s
+            for j in range(p):
+                rest[j] = s[j]
             found = max(found, bound_of(rest, y, known.active, q, known.margin, known.cuts, known.limits))
         if found > -math.inf:
             unit = largest(t[i]) / size

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 from scipy.special import expit
 
+from elicit._support import jit
 from elicit._support.hashing import Seed, fold, key_of, name_code
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
@@ -77,6 +78,7 @@ class _Simulated:
         """
         t = np.ascontiguousarray(tail_sums(as_vectors(d, self.k)))
         answers, work = np.empty(len(t), dtype=np.int8), np.empty(t.shape[1])
+        jit.expect(kernel.respond_all, 1e-5 * t.size)
         with np.errstate(all="ignore"):  # the hash wraps around
             row = kernel.respond_all(t, 0, answers, work, self._respondent())
             while row < len(t):

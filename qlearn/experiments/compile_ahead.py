@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from elicit._support import jit
 from elicit.asking.choose_from_list import choose
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -34,16 +35,19 @@ def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
     return tuple(part for part, names in parts_of.items() if names & named)
 
 
+@jit.compiling()
 def proofs() -> None:
     """What a polytope makes of answers."""
     _choose(PolytopeComparator(5))
 
 
+@jit.compiling()
 def moves() -> None:
     """What the posterior makes of answers."""
     _choose(PosteriorComparator(5, particles=50, seed=0))
 
 
+@jit.compiling()
 def loops() -> None:
     """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was asked."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
@@ -51,12 +55,14 @@ def loops() -> None:
     FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
 
 
+@jit.compiling()
 def sweeps() -> None:
     """Value iteration's sweep, and what its result is made of."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values))
 
 
+@jit.compiling()
 def certificates() -> None:
     """What policy iteration rests its guarantee on."""
     mdp, values = random_mdp(6, 3, 5, seed=0)

@@ -248,7 +248,8 @@ def run_all(
     shared = {"size": size, "built": sources(), "settings": asdict(settings.of_a_run())}
     best = set(given.get("learner", ()))
     try:
-        rows = sweep(function, plan, shared=shared, ahead=compile_ahead.parts, cost=_cost, own=own, **how)
+        ahead = compile_ahead.parts if len(plan) * settings.steps > _MUCH else None
+        rows = sweep(function, plan, shared=shared, ahead=ahead, cost=_cost, own=own, **how)
     except Interrupted as stopped:
         frame = _beside_oracles(stopped.rows, best)
         stopped.frame = frame if frame.empty else shown(frame)
@@ -315,6 +316,7 @@ def _size(cell: Cell, size: Mapping[str, Any]) -> Size:
     return whole["states"], whole["actions"], whole["levels"], whole["discount"]
 
 
+_MUCH = 1_000_000  # steps in all, that are worth compiling for before they begin
 _BESIDE = ("paper_loss_percent", "paper_abs_percent", "excess_loss", "excess_loss_initial")
 _SLOW = {"box": 8.0, "box-rescaled": 4.0, "ensemble": 4.0, "posterior": 3.0, "posterior-close": 3.0}  # others 1
 

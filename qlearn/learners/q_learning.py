@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support import jit
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
@@ -35,6 +36,9 @@ def rescaled_linear_rate(discount: float) -> Callable[[NDArray[np.int64]], Float
 def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
     """The learning rate 1 / (1 + visits)^0.7, visits counted before (Even-Dar and Mansour 2003)."""
     return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
+
+
+_FIRST_PIECE = 256  # steps that the loop runs before it may be compiled; each piece is twice the one before
 
 
 class InteractiveQLearning(Learner):
@@ -106,6 +110,7 @@ class InteractiveQLearning(Learner):
             episode_length=int(exploration.episode_length or 0),
             key=np.uint64(key),
         )
+        jit.expect(kernel.advance, 1e-3 * steps)
         self.state = _first_state(mdp, self.model, exploration.start)
         self._pairs = PairJudge(self._elicitation, mdp.n_states * mdp.n_actions)
         self._verdict = int(Verdict.UNKNOWN)  # on the pair at the cursor
@@ -118,19 +123,21 @@ class InteractiveQLearning(Learner):
     def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
         """Run to this step, or to a pair that only the tutor can settle: then the query. Where questions are put off,
         such pairs go by the best guess."""
-        elicitation, state, model = self._elicitation, self.state, self.model._replace(steps=steps)
+        elicitation, state, piece = self._elicitation, self.state, _FIRST_PIECE
         elicitation.puts_off = puts_off
         rule = rule_of(elicitation.comparator)
         while True:
             judging, verdict = self._pairs.judging(rule), self._verdict
+            end = min(steps, int(state.cursor[kernel.STEP]) + piece)
+            piece *= 2
             with np.errstate(all="ignore"):  # the hash wraps around
-                code = kernel.advance(state, model, verdict, judging)
+                code = kernel.advance(state, self.model._replace(steps=end), verdict, judging)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
             self._pairs.enter(state.decided)
             state.decided[:] = 0
-            if code == kernel.DONE:
+            if code == kernel.DONE and end == steps:
                 return ()
-            if code == kernel.FULL:
+            if code in (kernel.DONE, kernel.FULL):
                 continue
             pair = self._pair()
             if code == kernel.ASK and elicitation.signs is None:

@@ -27,6 +27,20 @@ def test_after_it_the_readme_and_every_learner_compile_nothing(tmp_path: Path) -
     assert lines == [f"after {part}: []" for part in ("readme", "icu", "choices", "sessions")]
 
 
+def test_without_it_the_readme_and_a_session_compile_nothing_before_they_have_taken_long(tmp_path: Path) -> None:
+    code = """
+from elicit._support import jit
+jit.thread_time = lambda: 0.0
+from tests.compile_cases import Compiled, icu, readme
+jit.Compiled.patient = True
+found = Compiled()
+readme()
+icu()
+print(found.names)
+"""
+    assert run(code, NUMBA_CACHE_DIR=str(tmp_path))[-1] == "[]"
+
+
 def test_it_needs_no_extra() -> None:
     code = """
 import sys

@@ -104,7 +104,7 @@ def log_logistic(u: float, a: float, b: float) -> float:
 @compiled
 def logistic(u: float) -> float:
     """1 / (1 + exp(-u))."""
-    less = small_exp(min(abs(u), FARTHEST))
+    less: float = small_exp(min(abs(u), FARTHEST))
     return (1.0 if u >= 0.0 else less) / (1.0 + less)
 
 
@@ -256,8 +256,7 @@ def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
     return math.log(even + sure * (1.0 if eta >= 0.0 else less)) - math.log(1.0 + less)
 
 
-@compiled
-def small_exp(u: float) -> float:
+def exp_of_minus(u: Any) -> Any:
     """exp(-u) for u in 0..60, to a few parts in 10^14 where it is above 1e-8, and in 10^11 below: exp(-u/256) by
     Taylor's series, squared eight times. Without branches, for code that treats several u at once."""
     v = u * (-1.0 / 256.0)
@@ -278,6 +277,10 @@ def small_exp(u: float) -> float:
     e *= e
     e *= e
     return e * e
+
+
+small_exp = compiled(exp_of_minus)
+"""``exp_of_minus`` of one number."""
 
 
 @compiled

@@ -13,13 +13,11 @@ from typing import Any
 import numpy as np
 
 from elicit._support.hashing import mix
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, compiled_beside
+from elicit.comparators.bradley_terry import mcmc_arrays
 from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, log_prior, powered, slips
 from elicit.comparators.bradley_terry.density_float32 import error, rough_likelihood, roughened
-
-SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares: of proposals that exchange two gaps; of the others, those that
-# change what is known of the tutor alone, and with them those in all coordinates; the rest step in at most so many
-NUDGE = 1e-9  # of the step: lets particles leave a subspace that all of them lie in
+from elicit.comparators.bradley_terry.mcmc_arrays import FEW, NUDGE, SHIFTS, SWAPS, WHOLE
 
 _S11 = np.uint64(11)
 
@@ -30,7 +28,7 @@ def unit(h: Any) -> float:
     return (float(h >> _S11) + 0.5) * 2.0**-53
 
 
-@compiled
+@compiled_beside(mcmc_arrays.move)
 def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
     """Propose a move for each particle x (m, >= p) in turn, so many times over, that keeps the density of ``log_prior``
     and ``powered``: single precision decides unless its errors could. Returns how many were accepted, those not

@@ -44,6 +44,18 @@ def test_numba_is_imported_only_when_a_comparator_needs_it() -> None:
     assert run(code) == ["False", "True"]
 
 
+PATIENT = {"ELICIT_COMPILE_FIRST": ""}
+WATCH = """
+from elicit._support import jit  # first: it breaks off what is not to be compiled before others are told
+from numba.core import event
+class Watch(event.Listener):
+    seen = []
+    def on_start(self, event): self.seen.append(event.data["dispatcher"].py_func.__name__)
+    def on_end(self, event): pass
+event.register("numba:compile", Watch())
+"""
+
+
 HELPER = "from elicit._support.jit import compiled\n@compiled\ndef helper(x):\n    return x + {}\n"
 CALLER = """from elicit._support.jit import compiled
 from helper import helper
@@ -141,3 +153,87 @@ def test_where_nothing_can_be_written_it_works_all_the_same() -> None:
         print(compiled(half)(4.0))
     """
     assert run(code) == ["2.0"]
+
+
+def test_it_is_interpreted_until_it_has_taken_long(tmp_path: Path) -> None:
+    """Also what it calls; and no sooner is it compiled than when it is called again."""
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    (tmp_path / "caller.py").write_text(CALLER)
+    code = """
+from caller import caller
+clock = iter([0.0, 0.1, 0.2, 1000.0])
+jit.thread_time = lambda: next(clock)
+print(caller(1), caller(2), sorted(Watch.seen))
+print(caller(3), sorted(Watch.seen))
+"""
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), **PATIENT}
+    assert run(WATCH + code, tmp_path, **kept) == ["4 6 []", "8 ['caller', 'helper']"]
+
+
+def test_what_would_take_long_is_compiled_at_once(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    code = """
+from helper import helper
+jit.expect(helper, 0.01)
+print(helper(1), Watch.seen)
+jit.expect(helper, 1000.0)
+print(helper(1), Watch.seen)
+"""
+    found = run(WATCH + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), **PATIENT)
+    assert found == ["2 []", "2 ['helper']"]
+
+
+def test_machine_code_is_used_where_numba_has_it_on_its_disk(tmp_path: Path) -> None:
+    """It has none of other sources, of another version of numba, and for other arguments."""
+    file, kept = tmp_path / "helper.py", {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONDONTWRITEBYTECODE": "1"}
+
+    def runs(argument: str, before: str = "") -> list[str]:
+        code = f"from helper import helper; print(helper({argument}), Watch.seen, len(helper.machine.signatures))"
+        return run(WATCH + before + code, tmp_path, **kept, **PATIENT)
+
+    file.write_text(HELPER.format(1))
+    assert runs("1") == ["2 [] 0"]
+    run("from helper import helper; helper(1)", tmp_path, **kept, ELICIT_COMPILE_FIRST="1")
+    assert runs("1") == ["2 [] 1"]
+    assert runs("1.5") == ["2.5 [] 0"]
+    assert runs("1", "import numba; numba.__version__ = 'another'\n") == ["2 [] 0"]
+    file.write_text(HELPER.format(10))
+    assert runs("1") == ["11 [] 0"]
+
+
+STRANGE = """import math
+import numpy as np
+from elicit._support.jit import compiled
+@compiled
+def strange(x, i, h):
+    out = np.empty(12)
+    out[0], out[1], out[2] = math.log(x[0]), math.log(-x[1]), math.sqrt(-x[1])
+    out[3], out[4], out[5] = math.exp(1e3 * x[1]), math.ldexp(x[1], 5000), math.expm1(1e3 * x[1])
+    out[6], out[7], out[8] = x[1] / x[0], -x[1] / x[0], x[0] / x[0]
+    out[9], out[10] = i[0] // i[1], i[0] % i[1]
+    out[11] = x[2] * x[3] + x[4]
+    return out, h * h + h, x[1] > x[0], x[1]
+"""
+
+
+def test_interpreted_numbers_are_those_of_machine_code(tmp_path: Path) -> None:
+    """Without warnings, where Python's own would be errors; no product and sum are one operation."""
+    (tmp_path / "strange_numbers.py").write_text(STRANGE)
+    code = """
+import numpy as np
+from strange_numbers import strange
+x = np.array([0.0, 1.0, 1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0])
+out, *rest = strange(x, np.array([-7, 3]), np.uint64(2**63 + 3))
+print(np.where(np.isnan(out), 7.0, out).tobytes().hex(), rest, [type(each).__name__ for each in rest])
+"""
+    kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    machine = run(code, tmp_path, **kept, ELICIT_COMPILE_FIRST="1")[-1]
+    assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "none"), **PATIENT) == [machine]
+    assert run(code, tmp_path, **kept, NUMBA_DISABLE_JIT="1") == [machine]
+
+
+def test_numbers_that_stand_in_a_call_make_no_version_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "helper.py").write_text(HELPER.format(1))
+    (tmp_path / "caller.py").write_text(CALLER.replace("2 * helper(x)", "helper(x) + helper(1) + helper(-2)"))
+    code = "from caller import caller, helper; print(caller(1), len(helper.machine.signatures))"
+    assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))[-1] == "3 1"

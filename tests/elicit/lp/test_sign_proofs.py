@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from elicit import Answers, PolytopeComparator, Verdict, decide
 from elicit.lp.dual_simplex import minimise_exactly
 from elicit.lp.primal_simplex import doubt_at
-from elicit.lp.sign_proofs import NOWHERE, lifting_row, lifts, settle, side_of, to_unit
+from elicit.lp.sign_proofs import NOWHERE, lifting_row, lifts, settle, side_of, signs_at_points, signs_together, to_unit
 from elicit.lp.vertex_store import know_rows, start
 from elicit.lp.vertices import ROW, Known
 from elicit.model.scale import dominance, tail_sums
@@ -292,3 +292,15 @@ def test_any_layout_and_number_type() -> None:
 def test_a_whole_number_too_large_for_a_float() -> None:
     with pytest.raises(ValueError, match="must be"):
         learned()[0].compare([0, 10**400, 0, 0, 0, 1])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_signs_at_points_are_the_same_one_by_one_and_together(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, kind = rng.dirichlet(np.ones(5), size=12).T.copy(), rng.integers(0, 3, size=12).astype(np.int8)
+    t, at = rng.normal(size=5) + rng.choice([-1.0, 0.0, 1.0]), np.empty((2, 9))
+    for doubt in (1e-15, 0.5):
+        for side in (-1, 0, 1):
+            one = signs_at_points(t, doubt, side, points, kind, at[0])
+            assert one == signs_together(t, doubt, side, points, kind, at[1])
+            assert at[0].tobytes() == at[1].tobytes()

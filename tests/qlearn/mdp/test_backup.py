@@ -5,7 +5,7 @@ import pytest
 
 from elicit.model.scale import Floats
 from qlearn import OrdinalMDP, random_mdp
-from qlearn.mdp.backup import model_of, q_of
+from qlearn.mdp.backup import back_up_together, model_of, q_of
 from tests.mdp_cases import messy_mdp
 
 
@@ -25,5 +25,7 @@ def test_q_is_equation_3(messy: bool, discount: float) -> None:
     expected[~mdp.admissible] = np.eye(mdp.k)[0]
     expected[mdp.terminal] = v[mdp.terminal, None]
     np.testing.assert_allclose(q, expected, rtol=0, atol=1e-15)
-    some = np.array([mdp.n_states - 1, 3, 3])
+    some, together = np.array([mdp.n_states - 1, 3, 3]), np.empty((3, *q.shape[1:]))
     np.testing.assert_array_equal(q_of(some, v, model_of(mdp)), q[some])
+    back_up_together(some, v, model_of(mdp), together)
+    assert together.tobytes() == q[some].tobytes()
