@@ -26,7 +26,6 @@ from elicit.model.comparator import Decisions, Tier, verdicts_from
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
 
-
 _AT_ONCE = 32  # rows whose walks' corners all find room beside each other
 
 
