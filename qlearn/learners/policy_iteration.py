@@ -71,10 +71,10 @@ class InteractivePolicyIteration(Learner):
     the same; ``seed`` picks them. ``batch``: the best so many questions at once.
 
     ``exact``: whether every round solves linear systems in all states and bounds all advantages, which is for models of
-    up to some thousands of states. Else it solves nearly, from the last solution, which the bound allows for; asks about
-    a sample of states, a few questions a solution, as long as some scale shows there that the tolerance is not met; and
-    only then bounds all. By default that goes by the number of states, ``LARGE``. (``Result.decided`` then counts all
-    alternatives at the end; before, those looked at.)
+    up to some thousands of states. Else it solves nearly, from the last solution, which the bound allows for; asks
+    about a sample of states, a few questions a solution, as long as some scale shows there that the tolerance is not
+    met; and only then bounds all. By default that goes by the number of states, ``LARGE``. (``Result.decided`` then
+    counts all alternatives at the end; before, those looked at.)
     """
 
     @takes_rng
@@ -267,6 +267,7 @@ class _Exactly:
 
     def everything(self) -> Advantages:
         """All advantages over the present policy."""
+        assert self._over is not None, "no round yet"
         return self._over
 
     def some_of(self, over: Advantages) -> Advantages:

@@ -11,6 +11,7 @@ Nothing here is exact, and nothing relies on it: who needs certainty measures wh
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
 from elicit._support.threads import one_thread
 from elicit.model.scale import Floats, tail_sums
@@ -42,28 +43,40 @@ def nearly_optimal(
         policy, v = greedy, best
         if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING):
             break
-        own = gain[rows, policy]
-        v = _followed(mdp, policy, own[:, None], ends[:, None], v[:, None], (high - low) / 10)[:, 0]
-    return _moved(mdp, v, low, high), policy, float(ratio * (high - low) / 2)
+        own, final = gain[rows, policy][:, None], ends[:, None]
+        v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], float(high - low) / 10)[:, 0]
+    middle = _to_go(mdp, low, high)
+    return np.where(mdp.terminal, v, v + middle), policy, float(ratio * high - middle)
 
 
 @one_thread
 def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within: float) -> Floats:
     """Vector value of a deterministic policy (S,), as ``evaluate_policy``, but nearly: shares (S, k) whose tail sums,
-    backed up along the policy, would change by amounts that differ from state to state by at most ``within``, or 0
-    where states are terminal. From the shares ``start`` (S, k), if there are any."""
-    n, levels = mdp.n_states, np.arange(mdp.k - 1)
-    final = (mdp.final_level[:, None] > levels) & mdp.terminal[:, None]
-    gain = (1 - mdp.discount) * (mdp.levels[np.arange(n), policy][:, None] > levels)
-    tails = np.full(gain.shape, 0.5) if start is None else tails_of(start)
-    tails[mdp.terminal] = final[mdp.terminal]
-    return _shares_of(_followed(mdp, policy, gain, final.astype(np.float64), tails, within))
+    backed up along the policy, would change by amounts that differ from state to state, or from 0 where states are
+    terminal, by little more than ``within``. From the shares ``start`` (S, k), if there are any."""
+    levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
+    ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
+    gain = (1 - mdp.discount) * (mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels)
+    tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
+    tails[mdp.terminal] = ends[mdp.terminal]
+    shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within))
+    if shares.min() < -within:
+        # all columns were moved too far together, as can be where some states have what they will ever have: to cut off
+        # what is negative would tear states apart
+        shares = _shares_of(valued(mdp, chain, gain, ends))
+    np.maximum(shares, 0.0, out=shares)
+    shares /= shares.sum(axis=1, keepdims=True)
+    return shares
 
 
-def _followed(mdp: OrdinalMDP, policy: Actions, gain: Floats, ends: Floats, v: Floats, within: float) -> Floats:
-    """Discounted totals (S, c) of ``gain`` (S, c) along a policy, from v (S, c), terminal states' being ``ends``
-    (S, c), until no column's changes differ by more than ``within`` from state to state."""
-    chain = mdp.transitions[np.arange(mdp.n_states) * mdp.n_actions + policy]
+def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
+    """The transitions (S, S) under a policy."""
+    return mdp.transitions[np.arange(mdp.n_states) * mdp.n_actions + policy]
+
+
+def _followed(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats, within: float) -> Floats:
+    """Discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c), terminal states' being ``ends``
+    (S, c), until no column's changes differ by more than ``within`` from state to state. v is overwritten."""
     widths: list[float] = []
     while True:
         new = chain @ v
@@ -73,7 +86,8 @@ def _followed(mdp: OrdinalMDP, policy: Actions, gain: Floats, ends: Floats, v: F
         low, high = _range(np.subtract(new, v, out=v))
         v, width = new, mdp.discount * float((high - low).max())
         if width <= max(within, _ROUNDING):
-            return _moved(mdp, v, low, high)
+            v[~mdp.terminal] += _to_go(mdp, low, high)
+            return v
         widths.append(width)
         if len(widths) % _LOOK == 0 and len(widths) > _LOOK:
             pace = (width / widths[-_LOOK - 1]) ** (1 / _LOOK)
@@ -86,22 +100,16 @@ def _range(change: Floats) -> tuple[Floats, Floats]:
     return change.min(axis=0), change.max(axis=0)
 
 
-def _moved(mdp: OrdinalMDP, v: Floats, low: Floats, high: Floats) -> Floats:
-    """v (S, ...) by the middle of what it still has to go after changes between ``low`` and ``high``."""
-    v[~mdp.terminal] += mdp.discount / (1 - mdp.discount) * (low + high) / 2
-    return v
-
-
-def tails_of(shares: Floats) -> Floats:
-    """Tail sums (S, k - 1) of shares (S, k), in an order of their own in memory."""
-    return np.ascontiguousarray(tail_sums(shares))
+def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:
+    """What to add after changes between ``low`` and ``high`` at all states: the middle of what they have to go; nothing
+    where some are terminal, and others beside them near what they will be."""
+    middle: Floats = mdp.discount / (1 - mdp.discount) * (low + high) / 2
+    return np.zeros_like(middle) if mdp.terminal.any() else middle
 
 
 def _shares_of(tails: Floats) -> Floats:
-    """Shares (S, k), none negative and of total 1, whose tail sums are nearly these (S, k - 1)."""
+    """Shares (S, k) whose tail sums are these (S, k - 1)."""
     shares = np.empty((len(tails), tails.shape[1] + 1))
     shares[:, 0], shares[:, 1:] = 1.0, tails
     shares[:, :-1] -= tails
-    np.maximum(shares, 0.0, out=shares)
-    shares /= shares.sum(axis=1, keepdims=True)
     return shares

@@ -122,7 +122,8 @@ class PlausibleSet:
         points = self._known.points[:, : self._known.counts[USED]]
         rows = rows[high[rows] > 0]
         reached = (tail_sums(d[rows]) @ points).max(axis=1, initial=-np.inf)
-        return rows[high[rows] - reached > 1e-9 * np.abs(d[rows]).sum(axis=1)]
+        loose: NDArray[np.bool_] = high[rows] - reached > 1e-9 * np.abs(d[rows]).sum(axis=1)
+        return rows[loose]
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """The part of it that satisfies one more row (1, p)."""
