@@ -119,21 +119,22 @@ class InteractivePolicyIteration(Learner):
         require(exact is None or isinstance(exact, bool), "exact", "None, True or False", exact)
         small = mdp.n_states <= LARGE if exact is None else exact
         self._solver = _Exactly(mdp, self._enough) if small else _Nearly(mdp, self._enough, self.seed)
-        self._rounds = 0
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
 
     def _go_on(self) -> tuple[Query, ...]:
         if self._end is not None:
             return ()
-        over, found = self._round()
-        if found.loss_bound <= self._enough:
-            return self._audit(over, found)
-        if self._elicitation.spent:
-            self._end = Status.GUESSED
-            return ()
-        rows = self._open_pairs(over)
-        if not len(rows):
+        for look in (self._round, self._look_further):
+            over, found = look()
+            if found.loss_bound <= self._enough:
+                return self._audit(over, found)
+            if self._elicitation.spent:
+                self._end = Status.GUESSED
+                return ()
+            if len(rows := self._open_pairs(over)):
+                break
+        else:
             self._end = Status.CALLED_EQUAL if self._elicitation.called_equal else Status.EXHAUSTED
             return ()
         candidates = Candidates(
@@ -150,12 +151,12 @@ class InteractivePolicyIteration(Learner):
         policy's alternatives by what settled them, and the questions."""
         over, found = self._round()
         comparator = self._elicitation.comparator
-        in_full = partial(_in_full, found, self._mdp, self._solver.everything, comparator)
+        in_full = partial(_in_full, found, self._mdp, over, comparator)
         looked_at = over if self._end is None else self._solver.everything()
         settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
         shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
         policy = over.policy.copy()
-        return self._result(self._mdp, policy, shares, self._end, self._rounds, more=settled, guarantee=in_full)
+        return self._result(self._mdp, policy, shares, self._end, self._solver.rounds, more=settled, guarantee=in_full)
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Has no effect: each question is asked and logged, also by a comparator that never learns."""
@@ -165,7 +166,12 @@ class InteractivePolicyIteration(Learner):
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
             self._found = comparator, *self._solver.round(comparator)
-            self._rounds += 1
+        return self._found[1:]
+
+    def _look_further(self) -> tuple[Advantages, Guarantee]:
+        """The same where none of what was looked at may be asked about."""
+        comparator = self._elicitation.comparator
+        self._found = comparator, *self._solver.look_further(comparator)
         return self._found[1:]
 
     def _simple(self, candidates: Candidates, about: Floats, bags: Bags) -> tuple[Query, ...]:
@@ -241,11 +247,11 @@ def _nowhere(row: int) -> tuple[int, int, int]:
     return -1, row, row
 
 
-def _in_full(
-    found: Guarantee, mdp: OrdinalMDP, everything: Callable[[], Advantages], comparator: Comparator
-) -> Guarantee:
+def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
     """A guarantee whose bound was needed only as far as "too much"."""
-    return found if np.isfinite(found.loss_bound) else guarantee(mdp, everything(), comparator)
+    if np.isfinite(found.loss_bound):
+        return found
+    return guarantee(mdp, advantages(mdp, over.policy, over.v), comparator)  # over may be of some states only
 
 
 class _Exactly:
@@ -255,6 +261,7 @@ class _Exactly:
     def __init__(self, mdp: OrdinalMDP, enough: float) -> None:
         self._mdp, self._enough = mdp, enough
         self._over: Advantages | None = None
+        self.rounds = 0  # policies solved for
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """The advantages that questions may be about, and a guarantee that is only right about being enough."""
@@ -262,7 +269,12 @@ class _Exactly:
         if over is None or (over.d @ values > _TIE).any():  # else the last policy is optimal still
             start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
             over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
-        self._over = over
+        self._over, self.rounds = over, self.rounds + 1
+        return self.look_further(comparator)
+
+    def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """The same, without solving again: there is no more to be seen."""
+        over = self.everything()
         return over, guarantee(self._mdp, over, comparator, self._enough)
 
     def everything(self) -> Advantages:
@@ -283,7 +295,7 @@ class _Nearly:
         self._worth = np.full(mdp.n_states, 0.5)  # (S,) under the last central scale
         self._v: Floats | None = None
         self._total = np.zeros(mdp.n_states)  # that could be collected, by the last bounds
-        self._solves, self._asked = 0, 0
+        self.rounds, self._asked = 0, 0  # policies solved for; rounds with the present one
         self._pool: Advantages | None = None
         self._all: Advantages | None = None
 
@@ -295,7 +307,7 @@ class _Nearly:
             sample = self._sample()
             self._pool = advantages(self._mdp, self._policy, self._v, sample)
             if not self._too_much(self._pool, comparator):
-                return self._bounded(comparator)
+                return self.look_further(comparator)
         return self._pool, Guarantee(np.inf, np.nan)
 
     def everything(self) -> Advantages:
@@ -312,11 +324,11 @@ class _Nearly:
         gain, ends = rewarded(mdp, values)
         self._worth, self._policy, _ = nearly_optimal(mdp, gain, ends, self._worth, _SHARE * self._enough)
         self._v = nearly_valued(mdp, self._policy, self._v, _SHARE * self._enough * (1 - mdp.discount))
-        self._solves, self._asked, self._all = self._solves + 1, 0, None
+        self.rounds, self._asked, self._all = self.rounds + 1, 0, None
 
     def _sample(self) -> NDArray[np.int64]:
         n = self._mdp.n_states
-        rng = np.random.default_rng((self._key, self._solves))
+        rng = np.random.default_rng((self._key, self.rounds))
         return np.sort(rng.choice(n, min(n, _SAMPLE), replace=False))
 
     def _too_much(self, over: Advantages, comparator: Comparator) -> bool:
@@ -328,7 +340,7 @@ class _Nearly:
         beyond = (scores[still] > self._enough).any(axis=0) @ draws.weights
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
-    def _bounded(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+    def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """All bounds; questions may be about the greatest."""
         mdp, over, trusted = self._mdp, self.everything(), drawn_set(comparator)
         if trusted is None:

@@ -56,7 +56,7 @@ def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within
     terminal, by little more than ``within``. From the shares ``start`` (S, k), if there are any."""
     levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
     ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
-    gain: Floats = (1 - mdp.discount) * (mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels)
+    gain: Floats = np.where(mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels, 1.0 - mdp.discount, 0.0)
     tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
     tails[mdp.terminal] = ends[mdp.terminal]
     shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within))

@@ -42,7 +42,7 @@ both_ways = pytest.mark.parametrize("exact", [True, False], ids=["exactly", "nea
 @pytest.fixture(autouse=True)
 def few_at_once(monkeypatch):
     """So that on these small models a sample is no more than that, and blocks are many."""
-    monkeypatch.setattr(policy_iteration, "_SAMPLE", 12)
+    monkeypatch.setattr(policy_iteration, "_SAMPLE", 5)
     monkeypatch.setattr(loss_bounds, "STATES", 7)
     monkeypatch.setattr(loss_bounds, "NUMBERS", 1000)
 
@@ -205,7 +205,7 @@ def test_what_a_tutor_cannot_tell_is_not_asked_again(exact):
 def test_audits_ask_what_the_finished_policy_rests_on(exact):
     mdp, values = random_mdp(20, 3, 5, rng=4)
     plain = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=1e-3)
-    audited = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=1e-3, audit=0.3)
+    audited = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=1e-3, audit=0.8)
     assert audited.audited > 0
     assert audited.asked == plain.asked
     assert not any(audit.contradicts for audit in audited.audits)
