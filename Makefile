@@ -45,9 +45,10 @@ bench: $(READY)  ## what learning, comparisons and fits cost, against other libr
 	$(BIN)/python -m benchmarks.paper.exploration --out docs/exploration.md
 	$(BIN)/python -m benchmarks.fitting.fit_cost --out benchmarks/RESULTS-bradley-terry.md
 
-bench-huge: $(READY)  ## value iteration with a million states beside other libraries: half an hour, one thread, 2 GiB
+bench-huge: $(READY)  ## value iteration and certify first with a million states: most of an hour, one thread, 4 GiB
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(BIN)/python -m benchmarks.learning.value_iteration_cost --states 1000000 --repeats 1 --out benchmarks/RESULTS-ivi-huge.md
+	$(BIN)/python -m benchmarks.asking.certify_at_scale --huge --out benchmarks/RESULTS-scale.md
 
 notebooks: $(READY)  ## run the notebooks at their full setting, in place
 	$(BIN)/python notebooks/execute.py

@@ -10,7 +10,12 @@ the greatest discounted total of A.e that a policy can collect: a scalar MDP wit
   is the quantile of these losses at the comparator's level. No bounds need be combined that hold under different
   scales, which makes it several times smaller.
 
-Nothing need be exact but these bounds: V's own error is bounded along with the rest.
+V need not be the policy's value exactly. Let R(s) = A(s, policy(s)), which then is not 0, and let it lie between -below
+and above under each ordered scale (its tail sums do). The policy's value is V.e plus the total of R.e along its own
+runs, which is at least -below / (1 - discount); the optimum is V.e plus the total of A.e along its runs, on which the
+policy's own actions gain up to ``above`` where they would gain 0. So the loss is at most the total with 0 for these,
+plus (above + below) / (1 - discount). Where no state is terminal, a constant can be added to V so that 0 lies in the
+middle: what counts then is how far R differs from state to state. Nothing need be exact but the bounds themselves.
 """
 
 from __future__ import annotations
@@ -29,10 +34,13 @@ from elicit.model.scale import Floats, tail_sums
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, evaluate_policy, policy_iteration
+from qlearn.mdp.warm_planning import nearly_optimal
 
 _ROUNDING = 1e-14  # more than the rounding of one advantage
 BLOCK = 48  # draws looked at together
+NUMBERS = 1 << 24  # in an array of scores at once
 MOST_SWEEPS = 2000
+STATES = 1 << 14  # whose Q is in memory at once
 
 
 class Guarantee(NamedTuple):
@@ -44,29 +52,43 @@ class Guarantee(NamedTuple):
 
 
 class Advantages(NamedTuple):
-    """What a policy of vector value ``v`` (S, k) forgoes: of each admissible (state, action) that it does not take, in
-    order, Q(s, a) - V(s) as a row of ``d`` (n, k)."""
+    """What a policy of vector value ``v`` (S, k), or nearly, forgoes: of each admissible (state, action) that it does
+    not take, in order, Q(s, a) - V(s) as a row of ``d`` (n, k). These may be of some states only."""
 
     policy: Actions  # (S,)
     v: Floats
-    q: Floats  # (S, A, k)
     states: NDArray[np.int64]  # (n,)
     actions: NDArray[np.int64]  # (n,)
     d: Floats
-    doubt: float  # no ordered scale sees the policy's own advantages, which should be 0, farther from it
+    doubt: float  # under each ordered scale the policy's own advantages are at most so far apart, or from 0
+
+    def only(self, rows: NDArray[np.int64]) -> Advantages:
+        """These rows of them."""
+        return self._replace(states=self.states[rows], actions=self.actions[rows], d=self.d[rows])
 
 
-def advantages(mdp: OrdinalMDP, policy: ArrayLike) -> Advantages:
-    """The advantages over a deterministic policy (S,). Raises ValueError as ``evaluate_policy`` does."""
+def advantages(
+    mdp: OrdinalMDP, policy: ArrayLike, v: Floats | None = None, states: NDArray[np.int64] | None = None
+) -> Advantages:
+    """The advantages over a deterministic policy (S,), of all states, or of ``states`` (n,) in order; ``v`` (S, k): its
+    vector value, or nearly (default: exactly). Raises ValueError as ``evaluate_policy`` does."""
     taken = np.asarray(policy)
-    v = evaluate_policy(mdp, taken)
-    q = q_of(np.arange(mdp.n_states), v, model_of(mdp))
-    wanted = mdp.admissible & ~mdp.terminal[:, None]
-    live = np.flatnonzero(~mdp.terminal)
-    own = np.abs(tail_sums(q[live, taken[live]] - v[live])).max(initial=0.0)
-    wanted[live, taken[live]] = False
-    states, actions = np.nonzero(wanted)
-    return Advantages(taken, v, q, states, actions, q[states, actions] - v[states], float(own) + _ROUNDING)
+    v = evaluate_policy(mdp, taken) if v is None else v
+    states = np.flatnonzero(~mdp.terminal) if states is None else states[~mdp.terminal[states]]
+    wanted = mdp.admissible[states]
+    wanted[np.arange(len(states)), taken[states]] = False
+    place, actions = np.nonzero(wanted)
+    d, model = np.empty((len(place), mdp.k)), model_of(mdp)
+    ends, above, below = np.searchsorted(place, np.arange(len(states) + 1)), 0.0, 0.0
+    for start in range(0, len(states), STATES):
+        some = states[start : start + STATES]
+        rows = slice(ends[start], ends[start + len(some)])
+        over = q_of(some, v, model)
+        over -= v[some][:, None]
+        d[rows] = over[place[rows] - start, actions[rows]]
+        own = tail_sums(over[np.arange(len(some)), taken[some]])
+        above, below = max(above, float(own.max())), max(below, -float(own.min()))
+    return Advantages(taken, v, states[place], actions, d, above + below + _ROUNDING)
 
 
 def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Guarantee:
@@ -113,27 +135,38 @@ def loss_over_draws(
     Draws are taken in the order of a first bound, their greatest advantage over 1 - discount, so that most need no
     closer look. With ``enough`` it stops where the quantile is certain to exceed it, and returns inf.
     """
-    gain = np.maximum(tail_sums(over.d) @ draws.gaps, -1.0) + _ROUNDING
-    doubt = over.doubt / (1 - mdp.discount)
-    first = np.minimum(gain.max(axis=0, initial=0.0) / (1 - mdp.discount), 1.0)
+    doubt, t = over.doubt / (1 - mdp.discount), tail_sums(over.d)
+    first = np.minimum((most_of(over.d, draws.gaps, axis=0) + _ROUNDING) / (1 - mdp.discount), 1.0)
     game, order, upper = _Game.of(mdp, over), np.argsort(-first, kind="stable"), first.copy()
     lower = np.zeros_like(first)
     spare, target = 1.0 - level + LEVEL_ROUNDING, -1.0 if enough is None else enough - doubt
     beyond = 0.0  # weight of the draws that are certain to lose more than the target
-    for start in range(0, len(order), BLOCK):
+    width = max(1, min(BLOCK, NUMBERS // max(1, len(t))))
+    for start in range(0, len(order), width):
         if first[order[start]] <= max(
             target, upper_quantile(upper[order[:start]], draws.weights[order[:start]], spare)
         ):
             break
-        block = order[start : start + BLOCK]
-        weights = draws.weights[block]
+        block = order[start : start + width]
+        weights, gain = draws.weights[block], np.maximum(t @ draws.gaps[:, block], -1.0) + _ROUNDING
         room = np.inf if enough is None else spare - beyond
         small = upper_quantile(lower, draws.weights, spare)  # losses up to it do not matter to the quantile
-        lower[block], upper[block] = game.losses(np.ascontiguousarray(gain[:, block]), target, weights, room, small)
+        lower[block], upper[block] = game.losses(gain, target, weights, room, small)
         beyond += float(weights[lower[block] > target].sum())
         if enough is not None and beyond > spare:
             return np.inf
     return min(1.0, upper_quantile(upper, draws.weights, spare) + doubt)
+
+
+def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
+    """The greatest d.e, at least 0, of differences d (n, k) under scales of gaps (p, m), over the differences (axis 0)
+    or over the scales (axis 1), without all n times m of them in memory."""
+    found, step = np.zeros((gaps.shape[1], len(d))[axis]), max(1, NUMBERS // gaps.shape[1])
+    for start in range(0, len(d), step):
+        scores = (tail_sums(d[start : start + step]) @ gaps).max(axis=axis)
+        part = found if axis == 0 else found[start : start + step]
+        np.maximum(part, scores, out=part)
+    return found
 
 
 def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
@@ -191,9 +224,12 @@ class _Game(NamedTuple):
         return low, high
 
 
-def collected(mdp: OrdinalMDP, over: Advantages, high: Floats) -> Floats:
+def collected(
+    mdp: OrdinalMDP, over: Advantages, high: Floats, start: Floats | None = None, within: float = 0.0
+) -> Floats:
     """Upper bounds (S,), at most 1, on the discounted total of advantages that any policy collects from each state,
-    if each is at most ``high`` (n,)."""
+    if each is at most ``high`` (n,). With ``start`` (S,), such totals of before, from there, and tight to about
+    ``within`` alone: for large models."""
     gain = np.full(mdp.levels.shape, -np.inf)
     live = np.flatnonzero(~mdp.terminal)
     gain[live, over.policy[live]] = 0.0
@@ -201,17 +237,20 @@ def collected(mdp: OrdinalMDP, over: Advantages, high: Floats) -> Floats:
     gain[live] += _ROUNDING
     total = np.zeros(mdp.n_states)
     if gain.max() > _ROUNDING:
-        total = _greatest_total(mdp, gain)
+        total = _greatest_total(mdp, gain, start, within)
     total[live] += over.doubt / (1 - mdp.discount)
     return np.clip(total, 0.0, 1.0)
 
 
-def _greatest_total(mdp: OrdinalMDP, gain: Floats) -> Floats:
+def _greatest_total(mdp: OrdinalMDP, gain: Floats, start: Floats | None, within: float) -> Floats:
     """The greatest expected discounted total (S,) of gain (S, A), rounded up: policy iteration proposes, a sweep
     certifies. -inf: no such action; terminal states gain nothing."""
     live, ends = ~mdp.terminal, np.zeros(mdp.n_states)
     gain = np.where(live[:, None], gain, 0.0)
-    v, _ = policy_iteration(mdp, gain, ends, gain.argmax(axis=1))
-    swept = (gain + mdp.discount * (mdp.transitions @ v).reshape(gain.shape)).max(axis=1)
-    change = max(0.0, float((swept - v)[live].max(initial=0.0)))
-    return np.where(live, v + (change + _ROUNDING) / (1 - mdp.discount), 0.0)
+    if start is None:
+        v, _ = policy_iteration(mdp, gain, ends, gain.argmax(axis=1))
+        swept = (gain + mdp.discount * (mdp.transitions @ v).reshape(gain.shape)).max(axis=1)
+        more = max(0.0, float((swept - v)[live].max(initial=0.0))) / (1 - mdp.discount)
+    else:
+        v, _, more = nearly_optimal(mdp, gain, ends, start, within)
+    return np.where(live, v + (more + _ROUNDING / (1 - mdp.discount)), 0.0)

@@ -8,18 +8,27 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import Seed
+from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
 from elicit.decision.verdicts import decide
+from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.model.comparator import Comparator, Tier, Tiers, best_guess, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
-from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, drawn_set, guarantee
+from qlearn.learners.loss_bound import (
+    Advantages,
+    Guarantee,
+    advantages,
+    collected,
+    drawn_set,
+    guarantee,
+    most_of,
+)
 from qlearn.learners.query_strategies import (
     Candidates,
     Strategy,
@@ -30,11 +39,18 @@ from qlearn.learners.query_strategies import (
     telling_violation,
     worth_asking,
 )
+from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import optimal_policy
+from qlearn.mdp.planning import optimal_policy, rewarded
+from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
 
 _TIE = 1e-13
 _ABOUT = 12  # advantages, the best to ask about, whose signs a simple question should tell
+LARGE = 4000  # states up to which rounds are exact, unless told otherwise
+_SAMPLE = 1000  # states looked at for questions
+_POOL = 4000  # advantages, those of the greatest bounds, that questions may be about
+_QUESTIONS = 4  # a solution
+_SHARE = 0.02  # of the tolerance: what V's error and the bound's may come to
 _MATTERS = 0.5
 """Of the tolerance: what an advantage must exceed to count for a strategy. In one state, taken once, it costs as much;
 with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
@@ -55,7 +71,11 @@ class InteractivePolicyIteration(Learner):
     share of the pairs decided by answers, among those that the finished policy rests on, that is put to the tutor all
     the same; ``seed`` picks them. ``batch``: the best so many questions at once.
 
-    Every round solves linear systems in all states: made for models of up to some thousands of states.
+    ``exact``: whether every round solves linear systems in all states and bounds all advantages, which is for models of
+    up to some thousands of states. Else it solves nearly, from the last solution, which the bound allows for; asks
+    about a sample of states, a few questions a solution, as long as some scale shows there that the tolerance is not
+    met; and only then bounds all. By default that goes by the number of states, ``LARGE``. (``Result.decided`` then
+    counts all alternatives at the end; before, those looked at.)
     """
 
     @takes_rng
@@ -75,6 +95,7 @@ class InteractivePolicyIteration(Learner):
         max_audits: int = MAX_AUDITS,
         batch: int = 1,
         known: Known = (),
+        exact: bool | None = None,
     ) -> None:
         check_problem(mdp, comparator)
         self.seed = seed_of(seed)
@@ -96,21 +117,25 @@ class InteractivePolicyIteration(Learner):
             seed=self.seed,
             labels=mdp.labels,
         )
-        self._rounds = 0
+        require(exact is None or isinstance(exact, bool), "exact", "None, True or False", exact)
+        small = mdp.n_states <= LARGE if exact is None else exact
+        self._solver = _Exactly(mdp, self._enough) if small else _Nearly(mdp, self._enough, self.seed)
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
 
     def _go_on(self) -> tuple[Query, ...]:
         if self._end is not None:
             return ()
-        over, found = self._round()
-        if found.loss_bound <= self._enough:
-            return self._audit(over, found)
-        if self._elicitation.spent:
-            self._end = Status.GUESSED
-            return ()
-        rows = self._open_pairs(over)
-        if not len(rows):
+        for look in (self._round, self._look_further):
+            over, found = look()
+            if found.loss_bound <= self._enough:
+                return self._audit(over, found)
+            if self._elicitation.spent:
+                self._end = Status.GUESSED
+                return ()
+            if len(rows := self._open_pairs(over)):
+                break
+        else:
             self._end = Status.CALLED_EQUAL if self._elicitation.called_equal else Status.EXHAUSTED
             return ()
         candidates = Candidates(
@@ -128,11 +153,13 @@ class InteractivePolicyIteration(Learner):
         """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
         policy's alternatives by what settled them, and the questions."""
         over, found = self._round()
-        high = simultaneous_bounds(self._elicitation.comparator, over.d)[0]
-        settled = np.bincount(self._settled_by(over, high), minlength=len(Tier))
-        in_full = partial(_in_full, found, self._mdp, over, self._elicitation.comparator)
+        comparator = self._elicitation.comparator
+        in_full = partial(_in_full, found, self._mdp, over, comparator)
+        looked_at = over if self._end is None else self._solver.everything()
+        settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
+        shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
         policy = over.policy.copy()
-        return self._result(self._mdp, policy, over.q, self._end, self._rounds, more=settled, guarantee=in_full)
+        return self._result(self._mdp, policy, shares, self._end, self._solver.rounds, more=settled, guarantee=in_full)
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
         """Has no effect: each question is asked and logged, also by a comparator that never learns."""
@@ -141,19 +168,14 @@ class InteractivePolicyIteration(Learner):
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
-            over = self._solved_for(best_guess(comparator))
-            found = guarantee(self._mdp, over, comparator, self._enough)
-            self._found = comparator, over, found
-            self._rounds += 1
+            self._found = comparator, *self._solver.round(comparator)
         return self._found[1:]
 
-    def _solved_for(self, values: Floats) -> Advantages:
-        """The advantages over an optimal policy for a scale (k,): the last one's, if that is optimal still."""
-        over = self._found[1] if self._found is not None else None
-        if over is None or (over.d @ values > _TIE).any():
-            start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
-            over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
-        return over
+    def _look_further(self) -> tuple[Advantages, Guarantee]:
+        """The same where none of what was looked at may be asked about."""
+        comparator = self._elicitation.comparator
+        self._found = comparator, *self._solver.look_further(comparator)
+        return self._found[1:]
 
     def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
         """Rows of the advantages that could still change the policy and may be asked about: those that some plausible
@@ -171,21 +193,23 @@ class InteractivePolicyIteration(Learner):
             rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
         return rows
 
-    def _settled_by(self, over: Advantages, high: Floats) -> NDArray[np.int8]:
+    def _settled_by(self, over: Advantages) -> NDArray[np.int8]:
         """The tiers (n,) by which the policy's alternatives are no better; those still open are left out, but for a
         budget that is spent."""
         verdicts, tiers = decide(self._elicitation.comparator, over.d)
-        tiers = np.where(
-            verdicts != Verdict.UNKNOWN,
-            tiers,
-            np.where(high <= self._elicitation.indifference, Tier.INDIFFERENT, Tier.GUESS),
-        )
+        rows = np.flatnonzero(verdicts == Verdict.UNKNOWN)
+        high = simultaneous_bounds(self._elicitation.comparator, over.d[rows])[0]
+        tiers[rows] = np.where(high <= self._elicitation.indifference, Tier.INDIFFERENT, Tier.GUESS)
         return np.asarray(tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8)
 
     def _audit(self, over: Advantages, found: Guarantee) -> tuple[Query, ...]:
         """The certificate stands: audit some of what it rests on."""
-        judged = self._elicitation.judge(over.d, partial(self._place, over))
-        rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
+        if self._elicitation.rule().audit:
+            over = self._solver.some_of(over)
+            judged = self._elicitation.judge(over.d, partial(self._place, over))
+            rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
+        else:
+            rows = np.empty(0, np.int64)
         if len(rows):
             some = self._elicitation.next_batch(over.d[rows])[: self._elicitation.audits_left]
             return self._open(over, rows[some], judged.tiers)
@@ -198,7 +222,8 @@ class InteractivePolicyIteration(Learner):
         for row in rows:
             s, a = int(over.states[row]), int(over.actions[row])
             tier = int(Tier.TUTOR if tiers is None else tiers[row])
-            pairs.append(pair_of(self._mdp, over.q[s, a], over.v[s], s, a, int(over.policy[s]), tier))
+            left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
+            pairs.append(pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), tier))
         return self._elicitation.open(pairs)
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
@@ -208,4 +233,107 @@ class InteractivePolicyIteration(Learner):
 
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
     """A guarantee whose bound was needed only as far as "too much"."""
-    return found if np.isfinite(found.loss_bound) else guarantee(mdp, over, comparator)
+    if np.isfinite(found.loss_bound):
+        return found
+    return guarantee(mdp, advantages(mdp, over.policy, over.v), comparator)  # over may be of some states only
+
+
+class _Exactly:
+    """The heavy parts of a round for a small model: all advantages over a policy that is optimal for the central scale,
+    and the bound on its loss."""
+
+    def __init__(self, mdp: OrdinalMDP, enough: float) -> None:
+        self._mdp, self._enough = mdp, enough
+        self._over: Advantages | None = None
+        self.rounds = 0  # policies solved for
+
+    def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """The advantages that questions may be about, and a guarantee that is only right about being enough."""
+        values, over = best_guess(comparator), self._over
+        if over is None or (over.d @ values > _TIE).any():  # else the last policy is optimal still
+            start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
+            over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
+        self._over, self.rounds = over, self.rounds + 1
+        return self.look_further(comparator)
+
+    def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """The same, without solving again: there is no more to be seen."""
+        over = self.everything()
+        return over, guarantee(self._mdp, over, comparator, self._enough)
+
+    def everything(self) -> Advantages:
+        """All advantages over the present policy."""
+        assert self._over is not None, "no round yet"
+        return self._over
+
+    def some_of(self, over: Advantages) -> Advantages:
+        """Those among which audits are picked: all."""
+        return over
+
+
+class _Nearly:
+    """The same for a large model: by sweeps, of a sample of states as long as that shows enough."""
+
+    def __init__(self, mdp: OrdinalMDP, enough: float, seed: Seed) -> None:
+        self._mdp, self._enough, self._key = mdp, enough, key_of(seed)
+        self._worth = np.full(mdp.n_states, 0.5)  # (S,) under the last central scale
+        self._v: Floats | None = None
+        self._total = np.zeros(mdp.n_states)  # that could be collected, by the last bounds
+        self.rounds, self._asked = 0, 0  # policies solved for; rounds with the present one
+        self._pool: Advantages | None = None
+        self._all: Advantages | None = None
+
+    def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """As of ``_Exactly``; the guarantee may be inf also where it only was not looked at."""
+        self._asked += 1
+        if self._pool is None or self._asked >= _QUESTIONS or not self._too_much(self._pool, comparator):
+            self._solve(best_guess(comparator))
+            sample = self._sample()
+            self._pool = advantages(self._mdp, self._policy, self._v, sample)
+            if not self._too_much(self._pool, comparator):
+                return self.look_further(comparator)
+        return self._pool, Guarantee(np.inf, np.nan)
+
+    def everything(self) -> Advantages:
+        if self._all is None:
+            self._all = advantages(self._mdp, self._policy, self._v)
+        return self._all
+
+    def some_of(self, over: Advantages) -> Advantages:
+        """Of a sample of the states."""
+        return advantages(self._mdp, self._policy, self._v, self._sample())
+
+    def _solve(self, values: Floats) -> None:
+        mdp = self._mdp
+        gain, ends = rewarded(mdp, values)
+        self._worth, self._policy, _ = nearly_optimal(mdp, gain, ends, self._worth, _SHARE * self._enough)
+        self._v = nearly_valued(mdp, self._policy, self._v, _SHARE * self._enough * (1 - mdp.discount))
+        self.rounds, self._asked, self._all = self.rounds + 1, 0, None
+
+    def _sample(self) -> NDArray[np.int64]:
+        n = self._mdp.n_states
+        rng = np.random.default_rng((self._key, self.rounds))
+        return np.sort(rng.choice(n, min(n, _SAMPLE), replace=False))
+
+    def _too_much(self, over: Advantages, comparator: Comparator) -> bool:
+        """Whether too many draws show that some alternative, taken once, gains more than is enough: then no bound can
+        be small enough, and these tell what to ask."""
+        draws, trusted = draws_of(comparator), drawn_set(comparator)
+        scores = tail_sums(over.d) @ draws.gaps
+        still = scores.min(axis=1) < 0  # what all agree on, a new policy heeds
+        beyond = (scores[still] > self._enough).any(axis=0) @ draws.weights
+        return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
+
+    def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """All bounds; questions may be about the greatest."""
+        mdp, over, trusted = self._mdp, self.everything(), drawn_set(comparator)
+        if trusted is None:
+            high, confidence = simultaneous_bounds(comparator, over.d)
+            self._total = collected(mdp, over, high, self._total, _SHARE * self._enough)
+            found = Guarantee(float(self._total.max(initial=0.0)), confidence)
+        else:
+            found = guarantee(mdp, over, comparator, self._enough)
+            high = most_of(over.d, trusted[0].gaps, axis=1)
+        rows = np.argsort(-high, kind="stable")[:_POOL]
+        self._pool = over.only(np.sort(rows))
+        return self._pool, found

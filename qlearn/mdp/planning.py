@@ -38,12 +38,12 @@ def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
     * (last change). The policy is greedy for v; actions within 1e-13 of the best tie, and the lowest index is taken.
     Raises ValueError for bad ``values``, or a ``tolerance`` that floats cannot certify.
     """
-    gain, ends = _rewarded(mdp, mdp.normalise(values))
+    gain, ends = rewarded(mdp, mdp.normalise(values))
     holds = is_number(tolerance) and tolerance > 0
     require(holds, "tolerance", "a positive number (a share of the value range)", tolerance)
     v = policy_iteration(mdp, gain, ends)[0]
     while True:
-        previous, q = v, _backed_up(mdp, gain, ends, v)
+        previous, q = v, backed_up(mdp, gain, ends, v)
         v = q.max(axis=1)
         change = float(np.abs(v - previous).max())
         bound = change * mdp.discount / (1 - mdp.discount)
@@ -71,7 +71,7 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     levels = sparse.csr_array((np.ones(pairs), mdp.levels.ravel(), np.arange(pairs + 1)), shape=(pairs, mdp.k))
     gain = (1 - mdp.discount) * (rule @ levels).toarray()
     ends = np.where(mdp.terminal[:, None], np.eye(mdp.k)[mdp.final_level], 0.0)
-    shares = np.maximum(_valued(mdp, rule @ mdp.transitions, gain, ends), 0.0)  # rounding may leave -1e-20
+    shares = np.maximum(valued(mdp, rule @ mdp.transitions, gain, ends), 0.0)  # rounding may leave -1e-20
     live = ~mdp.terminal
     shares[live] /= shares[live].sum(axis=1, keepdims=True)
     return shares
@@ -89,19 +89,20 @@ def policy_loss(
     """
     e, rule = mdp.normalise(values), _rule(mdp, policy)
     v = value_iteration(mdp, values, tolerance)[0] if optimum is None else optimum
-    gain, ends = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel()), _rewarded(mdp, e)[1]
+    gain, ends = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel()), rewarded(mdp, e)[1]
     # of one scale: k times cheaper than the policy's vector value
-    loss: Floats = np.maximum(v - _valued(mdp, rule @ mdp.transitions, gain[:, None], ends[:, None])[:, 0], 0.0)
+    loss: Floats = np.maximum(v - valued(mdp, rule @ mdp.transitions, gain[:, None], ends[:, None])[:, 0], 0.0)
     return loss
 
 
-def _rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
+def rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
     """What each action gains (S, A) and what each terminal state is worth (S,), in shares."""
     gain: Floats = (1 - mdp.discount) * e[mdp.levels]
     return gain, np.where(mdp.terminal, e[mdp.final_level], 0.0)
 
 
-def _backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
+def backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
+    """What each action is worth (S, A) if its successors are worth v (S,); -inf: it is inadmissible."""
     q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(mdp.levels.shape)
     q[mdp.terminal] = ends[mdp.terminal, None]
     q[~mdp.admissible] = -np.inf
@@ -122,11 +123,11 @@ def policy_iteration(
     not be exact, only good: whoever needs certainty certifies the result."""
     rows = np.arange(mdp.n_states)
     v = ends = np.where(mdp.terminal, ends, 0.0)
-    policy = _first_best(_backed_up(mdp, gain, ends, v)) if start is None else start
+    policy = _first_best(backed_up(mdp, gain, ends, v)) if start is None else start
     for _ in range(100):
         chain = mdp.transitions[rows * mdp.n_actions + policy]
-        v = _valued(mdp, chain, gain[rows, policy][:, None], ends[:, None])[:, 0]
-        q = _backed_up(mdp, gain, ends, v)
+        v = valued(mdp, chain, gain[rows, policy][:, None], ends[:, None])[:, 0]
+        q = backed_up(mdp, gain, ends, v)
         better = ~mdp.terminal & (q.max(axis=1) > q[rows, policy] + _TIE)
         if not better.any():
             break
@@ -137,10 +138,10 @@ def policy_iteration(
 def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
     """An optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1, found from ``start`` (S,), whose actions are
     kept where they are as good."""
-    return policy_iteration(mdp, *_rewarded(mdp, np.asarray(values)), start)[1]
+    return policy_iteration(mdp, *rewarded(mdp, np.asarray(values)), start)[1]
 
 
-def _valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:
+def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:
     """Discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S); a terminal state's are its ``ends`` (S, c),
     which are 0 at the other states."""
     total, live = ends.copy(), ~mdp.terminal

@@ -2,10 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from benchmarks.asking import certificates as certified
+from benchmarks.asking import certify_at_scale as scale
 from benchmarks.asking import question_counts as questions
+from tests.report_cases import table_rows
 
 
 @pytest.fixture
@@ -59,3 +62,28 @@ def test_a_line_on_certificates_counts_questions_and_kept_bounds():
     fewer, more = (float(line(who, True).split(" | ")[5].split()[0]) for who in ("policy iteration", "value iteration"))
     assert fewer < more
     assert "| 10% | 1% |" in line("policy iteration", truthful=False)
+
+
+def test_a_grid_has_five_ways_on_from_each_cell():
+    mdp, values = scale.grid(4, 0.9, seed=1)
+    assert (mdp.n_states, mdp.n_actions, mdp.k, len(values)) == (16, 5, 10, 10)
+    table = mdp.transitions.toarray().reshape(16, 5, 16)
+    np.testing.assert_allclose(table[5, :, 5], [1, 0, 0, 0, 0])  # to stay; then north, east, south, west
+    np.testing.assert_allclose([table[5, way, to] for way, to in ((1, 1), (2, 6), (3, 9), (4, 4))], 0.8)
+    np.testing.assert_allclose(table[5, 1, [6, 4]], 0.1)
+    np.testing.assert_allclose(table[0, 1, [0, 1]], [0.9, 0.1])  # into the wall, or off to the west
+
+
+def test_a_run_at_scale_is_proven_and_the_page_says_so(monkeypatch, tmp_path, capsys):
+    found = scale.run("grid", 36, 0.9, seed=1)
+    assert found["loss"] <= found["bound"] <= scale.TOLERANCE
+    monkeypatch.setattr(scale, "apart", lambda task, *problem, limit: found | {"asked": 10 + problem[-1]})
+    scale.main(["--states", "36", "--grids", "0.9", "--seeds", "3", "--out", str(tmp_path / "scale.md")])
+    text = (tmp_path / "scale.md").read_text()
+    assert capsys.readouterr().out.strip() == text.strip()
+    head, random, grid = table_rows(text)
+    assert random[head.index("questions")] == "12.0 ± 2.5, at most 13"
+    assert random[head.index("valid")] == "3 of 3"
+    assert (random[0], grid[0]) == ("36", "10,000 (100 x 100 grid)")
+    monkeypatch.setattr(scale, "apart", lambda task, *problem, limit: found | {"loss": 2 * found["bound"] + 1e-6})
+    assert scale.row("random", 36, 0.9, 2, 1.0)[head.index("valid")] == "0 of 2"

@@ -26,6 +26,8 @@ from elicit.model.comparator import Decisions, Tier, verdicts_from
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
 
+_AT_ONCE = 32  # rows whose walks' corners all find room beside each other
+
 
 class Empty(ValueError):
     """No point satisfies the rows of ``region``; ``proof`` names some that alone contradict each other."""
@@ -105,12 +107,23 @@ class PlausibleSet:
         """Upper bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1 where positive: from the corners
         that walks find, else from Clarabel."""
         high = greatest(d, self._known)
-        if len(self.region.rows) and len(d):
-            points = self._known.points[:, : self._known.counts[USED]]
-            reached = (tail_sums(d) @ points).max(axis=1, initial=-np.inf)
-            for i in np.flatnonzero((high > 0) & (high - reached > 1e-9 * np.abs(d).sum(axis=1))):
-                high[i] = min(high[i], self.bounds(d[i : i + 1])[1][0])
+        if len(self.region.rows):
+            loose = self._not_reached(d, high, np.arange(len(d)))
+            for start in range(0, len(loose), _AT_ONCE):
+                # most are tight, but the corner that showed it has made room for those of other rows: walk again
+                some = loose[start : start + _AT_ONCE]
+                high[some] = np.minimum(high[some], greatest(d[some], self._known))
+                for i in self._not_reached(d, high, some):
+                    high[i] = min(high[i], self.bounds(d[i : i + 1])[1][0])
         return high
+
+    def _not_reached(self, d: Floats, high: Floats, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Which of these rows of d have a positive upper bound (n,) that no known point shows to be tight."""
+        points = self._known.points[:, : self._known.counts[USED]]
+        rows = rows[high[rows] > 0]
+        reached = (tail_sums(d[rows]) @ points).max(axis=1, initial=-np.inf)
+        loose: NDArray[np.bool_] = high[rows] - reached > 1e-9 * np.abs(d[rows]).sum(axis=1)
+        return rows[loose]
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
         """The part of it that satisfies one more row (1, p)."""

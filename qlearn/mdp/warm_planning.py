@@ -1,0 +1,115 @@
+"""Solving large MDPs nearly, from a solution nearby: by sweeps, which stop on the span of a change.
+
+A sweep moves all states' values up or down together far longer than it moves them apart, and what is common to all of
+them is known at once: with changes between ``low`` and ``high`` the values still have between discount / (1 - discount)
+times these to go (MacQueen 1966). So sweeps stop where high - low is small, and half of low + high is added. Where
+states mix slowly, as on grids, thousands of sweeps would be needed: there linear systems are solved instead.
+
+Nothing here is exact, and nothing relies on it: who needs certainty measures what is left (``loss_bound``).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from elicit._support.threads import one_thread
+from elicit.model.scale import Floats, tail_sums
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import Actions, backed_up, valued
+
+_LOOK = 4  # sweeps over which their pace is taken
+_WORTH = 40  # sweeps that a linear system is worth
+_ROUNDS = 200  # policies
+_ROUNDING = 1e-14  # a width that sweeps need not get below
+
+
+@one_thread
+def nearly_optimal(
+    mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Floats, within: float
+) -> tuple[Floats, Actions, float]:
+    """The greatest discounted total (S,) of gain (S, A), a terminal state's being ``ends`` (S,), to about ``within``; a
+    policy (S,) that is greedy for it, nearly; and how much more than that total there can be at any state.
+    By modified policy iteration (Puterman and Shin 1978) from ``start`` (S,)."""
+    rows, ratio = np.arange(mdp.n_states), mdp.discount / (1 - mdp.discount)
+    ends = np.where(mdp.terminal, ends, 0.0)
+    v = np.where(mdp.terminal, ends, start)
+    policy = np.argmax(mdp.admissible, axis=1)
+    for _ in range(_ROUNDS):
+        q = backed_up(mdp, gain, ends, v)
+        greedy = q.argmax(axis=1)
+        best, same = q[rows, greedy], greedy == policy
+        low, high = _range(best - v)
+        policy, v = greedy, best
+        if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING):
+            break
+        own, final = gain[rows, policy][:, None], ends[:, None]
+        v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], float(high - low) / 10)[:, 0]
+    middle = _to_go(mdp, low, high)
+    return np.where(mdp.terminal, v, v + middle), policy, float(ratio * high - middle)
+
+
+@one_thread
+def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within: float) -> Floats:
+    """Vector value of a deterministic policy (S,), as ``evaluate_policy``, but nearly: shares (S, k) whose tail sums,
+    backed up along the policy, would change by amounts that differ from state to state, or from 0 where states are
+    terminal, by little more than ``within``. From the shares ``start`` (S, k), if there are any."""
+    levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
+    ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
+    gain: Floats = np.where(mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels, 1.0 - mdp.discount, 0.0)
+    tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
+    tails[mdp.terminal] = ends[mdp.terminal]
+    shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within))
+    if shares.min() < -within:
+        # all columns were moved too far together, as can be where some states have what they will ever have: to cut off
+        # what is negative would tear states apart
+        shares = _shares_of(valued(mdp, chain, gain, ends))
+    np.maximum(shares, 0.0, out=shares)
+    shares /= shares.sum(axis=1, keepdims=True)
+    return shares
+
+
+def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
+    """The transitions (S, S) under a policy."""
+    return mdp.transitions[np.arange(mdp.n_states) * mdp.n_actions + policy]
+
+
+def _followed(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats, within: float) -> Floats:
+    """Discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c), terminal states' being ``ends``
+    (S, c), until no column's changes differ by more than ``within`` from state to state. v is overwritten."""
+    widths: list[float] = []
+    while True:
+        new = chain @ v
+        new *= mdp.discount
+        new += gain
+        new[mdp.terminal] = ends[mdp.terminal]
+        low, high = _range(np.subtract(new, v, out=v))
+        v, width = new, mdp.discount * float((high - low).max())
+        if width <= max(within, _ROUNDING):
+            v[~mdp.terminal] += _to_go(mdp, low, high)
+            return v
+        widths.append(width)
+        if len(widths) % _LOOK == 0 and len(widths) > _LOOK:
+            pace = (width / widths[-_LOOK - 1]) ** (1 / _LOOK)
+            if not pace < 1 or np.log(within / width) < _WORTH * np.log(pace):
+                return valued(mdp, chain, gain, ends)
+
+
+def _range(change: Floats) -> tuple[Floats, Floats]:
+    """The least and the greatest change of each column, 0 among them where states are terminal, which do not change."""
+    return change.min(axis=0), change.max(axis=0)
+
+
+def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:
+    """What to add after changes between ``low`` and ``high`` at all states: the middle of what they have to go; nothing
+    where some are terminal, and others beside them near what they will be."""
+    middle: Floats = mdp.discount / (1 - mdp.discount) * (low + high) / 2
+    return np.zeros_like(middle) if mdp.terminal.any() else middle
+
+
+def _shares_of(tails: Floats) -> Floats:
+    """Shares (S, k) whose tail sums are these (S, k - 1)."""
+    shares = np.empty((len(tails), tails.shape[1] + 1))
+    shares[:, 0], shares[:, 1:] = 1.0, tails
+    shares[:, :-1] -= tails
+    return shares

@@ -1,0 +1,60 @@
+"""Solving nearly: against exact solutions, with errors that are what they are said to be."""
+
+import numpy as np
+import pytest
+
+from qlearn import OrdinalMDP, random_mdp
+from qlearn.mdp.planning import evaluate_policy, policy_loss, rewarded, value_iteration
+from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
+from tests.mdp_cases import messy_mdp
+
+
+def ring(n=300, discount=0.99):
+    """States on a ring, of random levels: step forward, back, or stay; values travel slowly."""
+    at, rng = np.arange(n), np.random.default_rng(0)
+    successors = np.stack([[(at + step) % n, (at + 2 * step) % n] for step in (1, -1, 0)]).transpose(2, 0, 1)
+    probabilities = np.broadcast_to([0.8, 0.2], (n, 3, 2))
+    levels = np.repeat(rng.integers(4, size=(n, 1)), 3, axis=1)
+    return OrdinalMDP(successors, probabilities, levels, discount, ("a", "b", "c", "d"))
+
+
+MODELS = {
+    "random": random_mdp(200, 4, 4, rng=1)[0],
+    "short": random_mdp(50, 3, 4, discount=0.0, rng=2)[0],
+    "messy": messy_mdp(3, n=40)[0],
+    "ring": ring(),
+}
+VALUES = np.array([0.0, 0.2, 0.7, 1.0])
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("within", [1e-2, 1e-5, 1e-9])
+def test_values_are_as_near_as_they_are_said_to_be(name, within):
+    mdp = MODELS[name]
+    exact = value_iteration(mdp, VALUES, 1e-11)[0]
+    cold = np.full(mdp.n_states, 0.5)
+    for start in (cold, exact + 0.3, np.random.default_rng(0).random(mdp.n_states)):
+        v, policy, more = nearly_optimal(mdp, *rewarded(mdp, VALUES), start, within)
+        assert 0 <= more <= within + 1e-12
+        assert (exact <= v + more + 1e-10).all()
+        assert (v <= exact + within + 1e-10).all()
+        assert policy_loss(mdp, policy, VALUES).max() <= 2 * within + 1e-10
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("within", [1e-4, 1e-8])
+def test_a_policys_vector_value_is_nearly_consistent_whatever_it_starts_from(name, within):
+    mdp = MODELS[name]
+    n, policy = mdp.n_states, value_iteration(mdp, VALUES)[1]
+    exact, chain = evaluate_policy(mdp, policy), mdp.transitions[np.arange(n) * mdp.n_actions + policy]
+    for start in (None, exact, np.random.default_rng(1).dirichlet(np.ones(4), n)):
+        v = nearly_valued(mdp, policy, start, within)
+        np.testing.assert_allclose(v.sum(axis=1), 1.0)
+        assert (v >= 0).all()
+        np.testing.assert_array_equal(v[mdp.terminal], exact[mdp.terminal])
+        tails, reward = v[:, ::-1].cumsum(axis=1)[:, -2::-1], mdp.levels[np.arange(n), policy][:, None] > np.arange(3)
+        left = (1 - mdp.discount) * reward + mdp.discount * (chain @ tails) - tails
+        left[mdp.terminal] = 0.0
+        apart = np.maximum(left.max(axis=0), 0) - np.minimum(left.min(axis=0), 0)
+        assert apart.max() <= 6 * within  # of which the most comes from cutting off what is negative
+        np.testing.assert_allclose(v, exact, atol=6 * within / (1 - mdp.discount))
