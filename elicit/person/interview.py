@@ -134,7 +134,7 @@ class Interview:
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """The reply to a message. Raises ValueError for what is no message."""
-        parts = dict(message)
+        parts = dict(message) if isinstance(message, Mapping) else {}
         does = self._does.get(str(parts.pop("do", None)))
         if does is None or not all(isinstance(value, str) for value in parts.values()):
             raise ValueError(f'a message says what to "do", one of {", ".join(self._does)}, and strings besides')

@@ -139,8 +139,11 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
+    # a tie, a loss and what may be rounded are shares of the value range
+    shares = vectors / float(f"{vectors[0].sum():.12g}")
+
     def make(known: Any) -> Any:
-        return choose(vectors, _comparator(comparator, len(labels), seed), labels=names, known=known)
+        return choose(shares, _comparator(comparator, len(labels), seed), labels=names, known=known)
 
     finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
     return Taught(Subject(labels, words, days, _choice_report, _choice_stakes, finer, seed), make, header)

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, Bags, PolytopeComparator, Verdict
+from elicit import AnswerLog, Bags, PolytopeComparator, Session, Verdict
+from elicit.person.interview import Interview
 from elicit.person.showing import Words
 from qlearn import InteractivePolicyIteration, OrdinalMDP, draw_values, icu_sepsis, policy_loss, random_mdp
 from qlearn.cli.main import main
-from qlearn.cli.teach_subjects import read_alternatives
+from qlearn.cli.teach_subjects import read_alternatives, taught_by
 from tests.interpreter import run
 from tests.scripted_person import Teach, answer_all, truthful
 
@@ -191,6 +192,27 @@ def test_a_choice_from_a_csv(tmp_path: Path) -> None:
     assert "Your choice: new.\nFinished: " in teach.shown  # 6.3, and the others 5.9 and 3.4
     assert "(Rounded" not in teach.shown
     assert AnswerLog.read(tmp_path / "answers-care.jsonl").header["unit"] == "patients"
+
+
+@pytest.mark.parametrize("total", [100, 0.5])
+def test_a_bound_on_a_choice_holds_per_outcome_whatever_the_total(tmp_path: Path, total: float) -> None:
+    """Of a person who calls equal what is less than .01 of the value range apart."""
+    shares = np.array([[10, 21, 32, 3, 34], [13, 26, 21, 5, 35], [10, 27, 24, 7, 32], [6, 25, 33, 7, 29]]) / 100
+    rows = [",".join(["it", *map(str, row)]) for row in (shares * total).round(9).tolist()]
+    (tmp_path / "care.csv").write_text("\n".join(["name,a,b,c,d,e", *rows]))
+    values = np.array([0, 0.31, 0.34, 0.86, 1])
+    care, log = taught_by(str(tmp_path / "care.csv"), "polytope", 10, None, 0, 0.01), AnswerLog()
+    with Session(care.make, log) as session, Interview(session, care.subject) as interview:
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        while question := screen["question"]:
+            apart = sum((row["a"] - row["b"]) * values[row["level"]] for row in question["rows"]) / question["of"]
+            choice = "equal" if abs(apart) <= 0.01 else "a" if apart > 0 else "b"
+            screen = interview.handle({"do": "answer", "id": question["id"], "choice": choice})
+        assert screen["end"]["open"] is None
+        result = session.result()
+    assert log[0].answer.verdict is Verdict.EQUAL
+    lost = (shares @ values).max() - (shares @ values)[result.best]
+    assert 0.005 < lost <= result.loss_bound < 0.05
 
 
 def test_words_for_keys_undo_and_quit(

@@ -1,0 +1,37 @@
+"""What is no message changes nothing."""
+
+from typing import Any
+
+import pytest
+
+from elicit import AnswerLog, PolytopeComparator, Session, choose
+from elicit.person.interview import Interview, Subject
+
+
+def choosing(known: Any) -> Any:
+    return choose([[3.0, 0, 7], [2, 2, 6], [0, 5, 5]], PolytopeComparator(3), known=known)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        *(None, 3, "state", ["do", "state"], [("do", "state")], {}),
+        *({"do": None}, {"do": "close"}, {"do": ["state"]}, {"do": "state", "id": "x"}, {"do": "state", 1: "x"}),
+        *({"do": "answer"}, {"do": "answer", "id": 1, "choice": "a"}, {"do": "answer", "id": "", "self": "a"}),
+    ],
+)
+def test_what_is_no_message_is_refused(message: Any) -> None:
+    with Session(choosing, AnswerLog()) as session, Interview(session, Subject(("x", "y", "z"))) as interview:
+        screen = interview.handle({"do": "practised", "choice": "b"})
+        with pytest.raises(ValueError, match="message"):
+            interview.handle(message)
+        assert interview.handle({"do": "state"}) == {**screen, "note": None}
+
+
+def test_a_choice_that_there_is_not_is_refused() -> None:
+    log = AnswerLog()
+    with Session(choosing, log) as session, Interview(session, Subject(("x", "y", "z"))) as interview:
+        screen = interview.handle({"do": "practised", "choice": "b"})
+        with pytest.raises(ValueError, match="choice"):
+            interview.handle({"do": "answer", "id": screen["question"]["id"], "choice": "c" * 100_000})
+        assert not len(log)
