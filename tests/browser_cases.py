@@ -15,8 +15,8 @@ from elicit.person.interview import Subject
 
 LABELS = ("died", "moderate", "recovered")
 PREAMBLE = (
-    "The patients are alike at the start. Choose the course that you would rather see for the group as a whole. There "
-    "is no right or wrong answer. For research on algorithms; not medical advice."
+    "The patients are alike at the start. Choose the group that you would rather see, as a whole. There is no right or "
+    "wrong answer. For research on algorithms; not medical advice."
 )
 WORDS = Words("patients", "fare", "ICU-Sepsis", PREAMBLE, "which is better off?")
 _FLAGS = (

@@ -85,7 +85,7 @@ def _counted(counts: Mapping[str, int]) -> str:
         "equal": "equally good",
         "cannot tell": "cannot tell",
         "unused": "not used",
-        "withdrawn": "taken back besides",
+        "withdrawn": "more taken back",
     }
     among = ", ".join(f"{counts[key]} {words}" for key, words in named.items() if counts[key])
     n = counts["answered"]
@@ -93,7 +93,10 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
-    said = "From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open"
+    said = (
+        "From 0, the worst, to 100, the best: 60 is as good as 60 of 100 at the best level and 40 at the worst. The "
+        "dot is the best guess, the bar what is still open"
+    )
     yield f'<table class="scale">\n<caption>{said} ({_text(certainty)}).</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'

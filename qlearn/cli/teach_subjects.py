@@ -48,7 +48,7 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
     ValueError, ImportError and OSError that say what is wrong with it."""
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed)
-    mdp, words = _mdp(problem, seed)
+    mdp, words, legend = _mdp(problem, seed)
     words = words if unit is None else replace(words, unit=unit)
     header = _header(mdp.labels, mdp.fingerprint, words, discount=mdp.discount)
 
@@ -57,7 +57,7 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
         return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    report, stakes = partial(_policy_report, mdp, tolerance), partial(_policy_stakes, tolerance)
+    report, stakes = partial(_policy_report, mdp, tolerance, legend), partial(_policy_stakes, tolerance)
     return Taught(Subject(mdp.labels, words, days, report, stakes, finer, seed), make, header)
 
 
@@ -69,7 +69,8 @@ def _comparator(name: str, k: int, seed: int) -> Comparator:
     return PolytopeComparator(k) if name == "polytope" else PosteriorComparator(k, seed=seed)
 
 
-def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
+def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
+    """The MDP, how it speaks, and what its names of states and actions mean, in sentences."""
     if isinstance(problem, Own):
         made = problem.made(seed)
         parts = made if isinstance(made, tuple) and made else (made,)
@@ -79,38 +80,63 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words]:
                 f"(mdp, elicit.Words), not {made!r}"
             )
         words = next((part for part in parts if isinstance(part, Words)), Words(title=problem.name))
-        return parts[0], words
+        return parts[0], words, ""
     if problem == "random":
         states, actions, levels, discount = _RANDOM
         mdp, _ = random_mdp(states, actions, levels, discount, seed=seed)
-        return mdp, Words(title="A random problem", preamble="Level 1 is the worst. There is no right or wrong answer.")
+        preamble = "Level 1 is the worst. There is no right or wrong answer."
+        return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
-        "The patients are alike at the start. Choose the course that you would rather see for the group as a whole. "
+        "The patients are alike at the start. Each is then in the condition shown, all for equally long. Mild, "
+        "moderate, severe and critical are sepsis in intensive care with a SOFA score of up to about 4.7, 6.5, 8.6, "
+        "and above: bands for research, no clinical categories. Choose the group you would rather see, as a whole. "
         "There is no right or wrong answer. For research on algorithms; not medical advice."
     )
-    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?")
+    legend = (
+        "A state is a cluster of similar patients. Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to "
+        "the highest quarter of the doses given. These come from a benchmark's tables: for research on algorithms; not "
+        "medical advice."
+    )
+    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"), legend
 
 
-def _policy_report(mdp: OrdinalMDP, tolerance: float, result: Result) -> list[str]:
+def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Result) -> list[str]:
     """What the policy can lose, and where it does not act as with equal gaps between the levels."""
-    bound = f"{_percent(result.loss_bound)} of the value range ({_sure(result.confidence)})"
-    status = "not finished: more could be asked" if result.status is Status.WAITING else result.status.value
-    lines = [f"The policy loses at most {bound}.", f"It is {status}."]
-    if result.status is Status.CONVERGED:
+    bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
+    lines = [f"The plan learned falls short of your best plan by at most {bound}; {_whole_way(mdp.labels)}."]
+    if result.status is Status.WAITING:
+        lines.append("It is not finished: more could be asked.")
+    elif result.status is Status.CONVERGED:
+        lines += [
+            f"It is finished: questions end at {100 * tolerance:g}%. What is still open about the levels "
+            "matters less than that to the plan.",
+            f"For a smaller shortfall start again with --tolerance {tolerance / 10:g}: what you answered stays.",
+        ]
+    elif result.status is Status.UNSURE:
         lines.append(
-            f"To go on to a smaller loss start again with --tolerance {tolerance / 10:g}: what you answered stays."
+            "It is finished, but where you could not tell, two courses were taken for equally good: so this may be "
+            f"more than the {100 * tolerance:g}% at which questions would end otherwise."
         )
+    else:
+        lines.append(f"It is {result.status.value}.")
     equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
     states = np.flatnonzero((equal != result.policy) & ~mdp.terminal).tolist()
     live = int(np.count_nonzero(~mdp.terminal))
     if not states:
-        return [*lines, "It acts as with equal steps between the levels."]
-    lines.append(f"In {len(states)} of {live} states it does not act as with equal steps between the levels:")
+        return [*lines, "It acts as if the steps between the levels were equal."]
+    differs = f"In {len(states)} of {live} states it acts otherwise than if the steps between the levels were equal."
+    lines.append(f"{differs} {legend}".strip())
+    action = "action " if mdp.action_names is None else ""
     for s in states[:_MOST_STATES]:
         one, other = (mdp.action_name(int(actions[s])) for actions in (result.policy, equal))
-        lines.append(f"  state {mdp.state_name(s)}: action {one}, not {other}")
+        lines.append(f"  state {mdp.state_name(s)}: {action}{one}, not {other}")
     more = len(states) - _MOST_STATES
     return [*lines, f"  and {more} more"] if more > 0 else lines
+
+
+def _whole_way(labels: tuple[str, ...]) -> str:
+    """What a loss is measured by."""
+    return f"100% is from always {labels[0]} to always {labels[-1]}"
 
 
 def _policy_stakes(tolerance: float, result: Result) -> str | None:
@@ -145,22 +171,24 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
     def make(known: Any) -> Any:
         return choose(shares, _comparator(comparator, len(labels), seed), labels=names, known=known)
 
+    report, stakes = partial(_choice_report, labels), partial(_choice_stakes, labels)
     finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
-    return Taught(Subject(labels, words, days, _choice_report, _choice_stakes, finer, seed), make, header)
+    return Taught(Subject(labels, words, days, report, stakes, finer, seed), make, header)
 
 
-def _choice_report(result: Choice) -> list[str]:
-    bound = f"{_percent(result.loss_bound)} of the value range ({_sure(result.confidence)})"
+def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
+    bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
     finished = result.status is not ChoiceStatus.WAITING
     status = result.status.value if finished else "Not finished: more could be asked."
-    return [f"Your choice: {result.label}.", status, f"Another one is better by at most {bound}."]
+    return [f"Your choice: {result.label}.", status, f"No other is better by more than {bound}; {_whole_way(labels)}."]
 
 
-def _choice_stakes(result: Choice) -> str | None:
+def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:
     """What the choice can lose."""
     if np.isnan(result.loss_bound):
         return None
-    return f"The best guess so far is not certain: another one may be better by up to {_percent(result.loss_bound)}."
+    most = _percent(result.loss_bound)
+    return f"The best guess so far is not certain: another one may be better by up to {most}; {_whole_way(labels)}."
 
 
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:

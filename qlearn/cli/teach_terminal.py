@@ -126,9 +126,7 @@ class Terminal:
     def _report(self, end: dict[str, Any]) -> None:
         counts = end["counts"]
         kinds = ("equal", "equal"), ("cannot tell", "cannot tell"), ("unused", "not used")
-        among = ", ".join(
-            f"{counts[n]} {name}" for n, name in (*kinds, ("withdrawn", "taken back besides")) if counts[n]
-        )
+        among = ", ".join(f"{counts[n]} {name}" for n, name in (*kinds, ("withdrawn", "more taken back")) if counts[n])
         self._say(f"\n{_answers(counts['answered'])}{f' ({among})' if among else ''}\n")
         if end["scale"]:
             for line in scale_report([ScaleRow(**row) for row in end["scale"]], end["certainty"], self._width):

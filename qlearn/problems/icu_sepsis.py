@@ -13,13 +13,15 @@ from qlearn.mdp.array_checks import Flags
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _DIED, _RECOVERED, _ABSORBING, _ACTIONS = 713, 714, 715, 25
+_DOSES = 5  # of fluids, and of vasopressors
 _SHAPES = {"tx_mat": (716, 25, 716), "d_0": (716,), "sofa_scores": (716,)}
 
 
 def icu_sepsis(bands: tuple[float, float, float] | None = None, discount: float = 0.99) -> OrdinalMDP:
     """ICU-Sepsis: treating sepsis in intensive care, an MDP estimated from real patients' records.
 
-    715 states and 25 actions (5 doses of fluids by 5 of vasopressors). States 0..712 are clusters of patients'
+    715 states and 25 actions: 5 times the dose of fluids plus that of vasopressors within 4 hours, each 0 (none) or the
+    quarter, 1 to 4, of the doses above none to which it belongs. States 0..712 are clusters of patients'
     conditions; 713 (died) and 714 (recovered) are terminal; the tables' state 715, which absorbs after both and could
     bear no level, is left out. Transitions and the initial distribution are those of the tables (version 2). Actions
     that doctors rarely took in a state are inadmissible there; the package lets them act as the mean of the admissible
@@ -57,6 +59,8 @@ def icu_sepsis(bands: tuple[float, float, float] | None = None, discount: float 
         initial=start[:_ABSORBING],
         terminal=np.arange(_ABSORBING) >= _DIED,
         admissible=_admissible(),
+        state_names=[*(f"{s} (mean SOFA {sofa[s]:.1f})" for s in range(_DIED)), "died", "recovered"],
+        action_names=[f"fluids {a // _DOSES} with vasopressors {a % _DOSES}" for a in range(_ACTIONS)],
     )
 
 

@@ -253,7 +253,7 @@ export function mount(root, send, options = {}) {
     const { open, scale, certainty, statements, counts, conflicts } = screen.end;
     const among = [
       [counts.equal, "equally good"], [counts["cannot tell"], "cannot tell"], [counts.unused, "not used"],
-      [counts.withdrawn, "taken back besides"],
+      [counts.withdrawn, "more taken back"],
     ];
     const some = among.filter(([n]) => n).map(([n, words]) => `${n} ${words}`);
     const said = `${counts.answered} ${counts.answered === 1 ? "answer" : "answers"}`;
@@ -463,7 +463,9 @@ function worth(scale, certainty) {
       part("td", "number", {}, [range]),
     ]);
   });
-  const said = "From 0, the worst, to 100, the best. The dot is the best guess, the bar what is still open";
+  const said =
+    "From 0, the worst, to 100, the best: 60 is as good as 60 of 100 at the best level and 40 at the worst. " +
+    "The dot is the best guess, the bar what is still open";
   const table = part("table", "worth", {}, [
     part("caption", "soft", {}, [`${said} (${certainty}).`]),
     part("thead", "", {}, [part("tr", "", {}, head)]),

@@ -98,7 +98,7 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(end
     )
     assert page.tags.count("s") == 1
     assert "These 2 answers do not go together" in page.text
-    assert "3 answers (1 not used, 1 taken back besides)." in page.text
+    assert "3 answers (1 not used, 1 more taken back)." in page.text
 
 
 def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:

@@ -6,6 +6,7 @@ import re
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,7 +92,10 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
-    bound = re.search(rf"The policy loses at most ([\d.]+)% of the value range \({sure}\)", " ".join(said.split()))
+    loss = (
+        rf"falls short of your best plan by at most ([\d.]+)% \({sure}\); 100% is from always level 1 to always level 5"
+    )
+    bound = re.search(loss, " ".join(said.split()))
     assert bound
     assert float(bound[1]) < 1
     policy = InteractivePolicyIteration(mdp, PolytopeComparator(5), bags=Bags(10), known=log).result().policy
@@ -108,7 +112,7 @@ def test_where_the_policy_differs_from_equal_gaps_is_said_of_named_states(tmp_pa
     with Teach(tmp_path, "--problem", "random", "--seed", "3") as teach:
         answer_all(teach, VALUES)
         teach.leave()
-    found = re.search(r"In (\d+) of 30 states it does not act as with equal steps", " ".join(teach.shown.split()))
+    found = re.search(r"In (\d+) of 30 states it acts otherwise than if the steps", " ".join(teach.shown.split()))
     listed = re.findall(r"  state (\d+): action (\d), not (\d)", teach.shown)
     assert len(listed) == min(12, int(found[1]) if found else 0)
     assert listed
@@ -122,7 +126,7 @@ def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(tmp_path: P
     said = " ".join(teach.shown.split())
     assert "There are no more questions. " in said
     assert "(Rounded" not in said  # else what is certified could be untrue
-    bound = re.search(r"loses at most ([\d.]+)%", said)
+    bound = re.search(r"falls short of your best plan by at most ([\d.]+)%", said)
     assert bound
     assert float(bound[1]) <= 0.1
     log = AnswerLog.read(tmp_path / "answers-random.jsonl")
@@ -145,7 +149,7 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(tmp_path: Path) -
         said = " ".join(teach.shown.split())
         assert f"start again with --tolerance {float(tolerance) / 10:g}: what you answered stays." in said
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
-        bounds += [float(found) / 100 for found in re.findall(r"loses at most ([\d.]+)%", said)]
+        bounds += [float(found) / 100 for found in re.findall(r"by at most ([\d.]+)%", said)]
         assert bounds[-1] <= float(tolerance)
         answered.append(len(told(tmp_path / "answers-random.jsonl")))
     assert 0 < answered[1] < answered[2]
@@ -213,6 +217,27 @@ def test_a_bound_on_a_choice_holds_per_outcome_whatever_the_total(tmp_path: Path
     assert log[0].answer.verdict is Verdict.EQUAL
     lost = (shares @ values).max() - (shares @ values)[result.best]
     assert 0.005 < lost <= result.loss_bound < 0.05
+
+
+def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Path) -> None:
+    said = []
+    for name, unit in (("counts", 100), ("shares", 1)):
+        path = tmp_path / f"{name}.csv"
+        rows = ((0.5, 0.0, 0.5), (0.1, 0.8, 0.1))
+        path.write_text(
+            "\n".join(
+                ["care,died,ill,well", *(f"{i},{','.join(f'{unit * x:g}' for x in row)}" for i, row in enumerate(rows))]
+            )
+        )
+        course = taught_by(str(path), "polytope", 10, None, 0, 0.01)
+        asker: Any = course.make([])
+        asker.ask()
+        result = asker.result()
+        said.append((course.subject.stakes(result), course.subject.report(result)[-1]))
+    assert said[0] == said[1]
+    lost = re.search(r"better by up to ([\d.]+)%; 100% is from always died to always well", str(said[0][0]))
+    assert lost
+    assert float(lost[1]) == pytest.approx(40, abs=0.011)  # what ill is worth is open: from 0 to 1
 
 
 def test_words_for_keys_undo_and_quit(

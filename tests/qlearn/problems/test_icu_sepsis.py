@@ -76,6 +76,18 @@ def test_levels_are_quarters_of_the_states_and_order_them_by_severity(icu: Ordin
     assert means == sorted(means)
 
 
+def test_states_and_doses_have_names(icu: OrdinalMDP) -> None:
+    assert icu.state_name(0).startswith("0 (mean SOFA ")
+    assert (icu.state_name(713), icu.state_name(714)) == ("died", "recovered")
+    # as the package's own wrapper takes an action apart: fluids first
+    assert icu.action_names is not None
+    assert icu.action_names[:6] == (
+        *(f"fluids 0 with vasopressors {dose}" for dose in range(5)),
+        "fluids 1 with vasopressors 0",
+    )
+    assert icu.action_names[22] == "fluids 4 with vasopressors 2"
+
+
 def test_bands_can_be_chosen(icu: OrdinalMDP) -> None:
     near = icu_sepsis(bands=(4.7, 6.5, 8.55))  # the quartiles, rounded
     assert 0 < np.count_nonzero((near.levels != icu.levels)[:, 0]) < 10
