@@ -22,7 +22,11 @@ from benchmarks.own_process import ONE_THREAD
 from benchmarks.reporting import machine, markdown, publish
 
 ROOT = Path(__file__).parents[1]
-_README = "from tests.compile_cases import readme; readme()"
+_README = r"""
+import re
+blocks = re.findall(r"```python\n(.*?)```", open("README.md", encoding="utf-8").read(), re.DOTALL)
+exec(next(block for block in blocks if block.startswith("import")), {})
+"""
 _SESSION = """
 import elicit, qlearn
 mdp = qlearn.icu_sepsis()

@@ -56,6 +56,14 @@ def unlocked(function: F) -> F:
     return _made(function, nogil=True)
 
 
+def for_each_number(function: F) -> F:
+    """``compiled``, in a version for each number that stands in a call: for loops whose length is known so."""
+    made = _made(function)
+    if isinstance(made, Compiled):
+        made.literal = True
+    return made
+
+
 def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
     """``compiled``, with a function that is called in its place as long as it is not: one that returns the same to the
     last bit, whole arrays at a time, and so does not take seconds."""
@@ -89,6 +97,7 @@ def compiling() -> Iterator[None]:
 class Compiled:
     """A function with its two lives: compiled ones that call it call its machine code, interpreted ones its source."""
 
+    literal = False  # whether numbers that stand in a call have versions of their own
     patient = not os.environ.get("ELICIT_COMPILE_FIRST")
 
     def __init__(self, function: Callable[..., Any], machine: Any, place: Path) -> None:
@@ -163,7 +172,7 @@ register_model(_Callee)(models.OpaqueModel)
 
 @typeof_impl.register(Compiled)
 def _as_numba_sees_it(function: Compiled, _: Any) -> Any:
-    return _Callee(function.machine)
+    return types.Dispatcher(function.machine) if function.literal else _Callee(function.machine)
 
 
 def _names_of(code: CodeType) -> set[str]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from elicit._support.jit import compiled
+from elicit._support.jit import compiled, for_each_number
 from elicit.model.scale import Floats
 
 BLOCK = 64  # rows whose likelihoods are multiplied before a logarithm is taken; log_terms halves it three times
@@ -143,7 +143,7 @@ def log_likelihood(
     return total
 
 
-@compiled
+@for_each_number
 def logits(theta: Any, rows: Any, start: int, size: int, out: Any) -> None:
     """row.theta into out (>= size,) for as many rows (p, n) from ``start``."""
     p, stop = len(theta), start + size
