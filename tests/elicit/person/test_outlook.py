@@ -1,7 +1,9 @@
 """What is said beside a question holds: why it is asked, and how many come after it."""
 
 import copy
+import gc
 import threading
+import weakref
 from types import SimpleNamespace
 from typing import Any
 
@@ -134,6 +136,24 @@ def test_sessions_that_were_answered_alike_go_on() -> None:
     assert found.ready
     assert len(played) == 1  # only then a new one was played
     assert found.why == (what_is_open(show(query), asker.comparator),)
+
+
+def test_one_who_answers_before_anything_is_computed_leaves_nothing_behind() -> None:
+    first, asker = outlook_of(learning(())), learning(())
+    now, said, given_up = first, [], []
+    for _ in range(3):
+        query = asker.ask()[0]
+        said.append(TruthfulTutor([0, 10, 11, 40, 99])(query).verdict)
+        asker.tell([Answer(query, said[-1])])
+        query, twin = asker.ask()[0], copy.deepcopy(asker)
+        now = Outlook(twin, show(query), query, lambda _: None, lambda _: False, 0, now, said[-1:])
+        given_up.append(weakref.ref(twin))
+    del twin
+    gc.collect()
+    assert [twin() is None for twin in given_up] == [True, True, False]
+    at_once = Outlook(asker, show(query), query, lambda _: None, lambda _: False, 0, first, said)
+    assert [play.answers for play in now._plays] == [play.answers for play in at_once._plays]
+    assert now._plays
 
 
 def test_nothing_is_said_of_what_nothing_tells() -> None:
