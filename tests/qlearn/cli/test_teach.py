@@ -220,7 +220,7 @@ def test_words_for_keys_undo_and_quit(
     typed = "LEFT\n\nwhat\n=\nu\nu\n?\nright\nundo\nquit\nnever read\n"
     code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
     assert code == 0
-    assert "'what' is no answer. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit" in " ".join(
+    assert "'what' is no answer here. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit" in " ".join(
         shown.split()
     )
     assert shown.count("Taken back.") == 2
@@ -236,6 +236,15 @@ def test_words_for_keys_undo_and_quit(
         (None, False),
         (log[2].answer.verdict, True),
     ]
+
+
+def test_at_the_end_the_keys_of_the_end_are_said(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, shown, _ = taught("a\n" * 12, monkeypatch, capsys, table)
+    after = shown[shown.index("There are no more questions") :]
+    assert "'a' is no answer here. Enter: what was learned; u: undo; q: quit" in after
+    assert "w: why" not in after
 
 
 def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> None:
