@@ -136,7 +136,7 @@ def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Resul
 
 def _whole_way(labels: tuple[str, ...]) -> str:
     """What a loss is measured by."""
-    return f"100% is from always {labels[0]} to always {labels[-1]}"
+    return f"100% is from all {labels[0]} to all {labels[-1]}"
 
 
 def _policy_stakes(tolerance: float, result: Result) -> str | None:

@@ -91,9 +91,7 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
-    loss = (
-        rf"falls short of your best plan by at most ([\d.]+)% \({sure}\); 100% is from always level 1 to always level 5"
-    )
+    loss = rf"falls short of your best plan by at most ([\d.]+)% \({sure}\); 100% is from all level 1 to all level 5"
     bound = re.search(loss, " ".join(said.split()))
     assert bound
     assert float(bound[1]) < 1
@@ -209,7 +207,7 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         result = asker.result()
         said.append((course.subject.stakes(result), course.subject.report(result)[-1]))
     assert said[0] == said[1]
-    lost = re.search(r"better by up to ([\d.]+)%; 100% is from always died to always well", str(said[0][0]))
+    lost = re.search(r"better by up to ([\d.]+)%; 100% is from all died to all well", str(said[0][0]))
     assert lost
     assert float(lost[1]) == pytest.approx(40, abs=0.011)  # what ill is worth is open: from 0 to 1
 
