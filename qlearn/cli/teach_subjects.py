@@ -87,15 +87,15 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         preamble = "Level 1 is the worst. There is no right or wrong answer."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
-        "The patients are alike at the start. Each is then in the condition shown, all for equally long. Mild, "
-        "moderate, severe and critical are sepsis in intensive care with a SOFA score of up to about 4.7, 6.5, 8.6, "
-        "and above: bands for research, no clinical categories. Choose the group you would rather see, as a whole. "
-        "There is no right or wrong answer. For research on algorithms; not medical advice."
+        "The patients are alike at the start. Each is then in the condition shown, all for equally long. Mild to "
+        "critical are sepsis in intensive care: SOFA scores up to about 4.7, 6.5, 8.6, and above. Choose the group you "
+        "would rather see, as a whole. There is no right or wrong answer. For research on algorithms; not medical "
+        "advice."
     )
     legend = (
-        "A state is a cluster of similar patients. Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to "
-        "the highest quarter of the doses given. These come from a benchmark's tables: for research on algorithms; not "
-        "medical advice."
+        "A state is a cluster of similar patients; mild to critical are quarters of them, no clinical categories. "
+        "Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to the highest quarter of the doses given. "
+        "All comes from a benchmark's tables: for research on algorithms; not medical advice."
     )
     return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"), legend
 
@@ -136,7 +136,7 @@ def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Resul
 
 def _whole_way(labels: tuple[str, ...]) -> str:
     """What a loss is measured by."""
-    return f"100% is from always {labels[0]} to always {labels[-1]}"
+    return f"100% is from all {labels[0]} to all {labels[-1]}"
 
 
 def _policy_stakes(tolerance: float, result: Result) -> str | None:

@@ -27,6 +27,7 @@ _MEANS: dict[str, _Key] = {
     **dict.fromkeys(("q", "quit", "exit"), "quit"),
 }
 _KEYS = "a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit"
+_KEYS_AT_THE_END = "Enter: what was learned; u: undo; q: quit"
 _WIDEST = 100
 _BAR = 40  # columns of an interval, at most
 _LEAST_BAR = 10
@@ -76,8 +77,8 @@ class Terminal:
                 case _:
                     open_still = f" of whole numbers. {self._finer}" if screen["end"]["open"] else "."
                     self._say(f"\nThere are no more questions{open_still}")
-                    self._say("Enter: what was learned; u: undo; q: quit")
-                    key = self._read({"": "done"}, "done")
+                    self._say(_KEYS_AT_THE_END)
+                    key = self._read({"": "done"}, "done", _KEYS_AT_THE_END)
             match key:
                 case "done":
                     self._report(screen["end"])
@@ -101,7 +102,7 @@ class Terminal:
         assert self._interview.shown is not None
         print(self._interview.shown.text(self._width))
         self._say(f"\n{_KEYS}")
-        return self._read({}, "quit")
+        return self._read({}, "quit", _KEYS)
 
     def _why(self, screen: dict[str, Any]) -> None:
         """Why the question is asked, and how many come after it, as far as that was computed meanwhile."""
@@ -149,8 +150,8 @@ class Terminal:
     def _handle(self, do: str, **parts: str) -> dict[str, Any]:
         return self._interview.handle({"do": do, **parts})
 
-    def _read(self, more: dict[str, str], at_end: str) -> str:
-        """The next line that means something; ``at_end`` where there are no more."""
+    def _read(self, more: dict[str, str], at_end: str, keys: str) -> str:
+        """The next line that means something; ``at_end`` where there are no more; keys: what is said of others."""
         while True:
             print("> ", end="", flush=True)
             line = sys.stdin.readline()
@@ -164,7 +165,7 @@ class Terminal:
             if meant is not None and (not more or meant in ("undo", "quit", *more.values())):
                 return meant
             if said:
-                self._say(f"{said[:40]!r} is no answer. {_KEYS}")
+                self._say(f"{said[:40]!r} is no answer here. {keys}")
 
     def _say(self, text: str) -> None:
         """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its ends stay."""
@@ -185,7 +186,10 @@ def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[s
     """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with its interval."""
     name = min(max(len(row.label) for row in rows), width - 20)
     bar = min(_BAR, width - name - 22)
-    said = f"What the levels are worth, from 0 to 100 (best guess, interval; {certainty}):"
+    said = (
+        "What the levels are worth, from 0 to 100: 60 is as good as 60 of 100 at the best level and 40 at the worst "
+        f"(best guess, interval; {certainty})"
+    )
     lines = textwrap.wrap(said, width)
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"

@@ -92,9 +92,7 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
-    loss = (
-        rf"falls short of your best plan by at most ([\d.]+)% \({sure}\); 100% is from always level 1 to always level 5"
-    )
+    loss = rf"falls short of your best plan by at most ([\d.]+)% \({sure}\); 100% is from all level 1 to all level 5"
     bound = re.search(loss, " ".join(said.split()))
     assert bound
     assert float(bound[1]) < 1
@@ -235,7 +233,7 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         result = asker.result()
         said.append((course.subject.stakes(result), course.subject.report(result)[-1]))
     assert said[0] == said[1]
-    lost = re.search(r"better by up to ([\d.]+)%; 100% is from always died to always well", str(said[0][0]))
+    lost = re.search(r"better by up to ([\d.]+)%; 100% is from all died to all well", str(said[0][0]))
     assert lost
     assert float(lost[1]) == pytest.approx(40, abs=0.011)  # what ill is worth is open: from 0 to 1
 
@@ -246,7 +244,7 @@ def test_words_for_keys_undo_and_quit(
     typed = "LEFT\n\nwhat\n=\nu\nu\n?\nright\nundo\nquit\nnever read\n"
     code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
     assert code == 0
-    assert "'what' is no answer. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit" in " ".join(
+    assert "'what' is no answer here. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit" in " ".join(
         shown.split()
     )
     assert shown.count("Taken back.") == 2
@@ -262,6 +260,15 @@ def test_words_for_keys_undo_and_quit(
         (None, False),
         (log[2].answer.verdict, True),
     ]
+
+
+def test_at_the_end_the_keys_of_the_end_are_said(
+    table: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, shown, _ = taught("a\n" * 12, monkeypatch, capsys, table)
+    after = shown[shown.index("There are no more questions") :]
+    assert "'a' is no answer here. Enter: what was learned; u: undo; q: quit" in after
+    assert "w: why" not in after
 
 
 def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> None:
