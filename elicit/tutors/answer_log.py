@@ -266,12 +266,18 @@ class AnswerLog:
         header = self._header
         if self.k is None and "left" in fields:
             header = {"format": FORMAT, "version": VERSION, "k": len(fields["left"]), **header}
-        if self._file is not None:
-            self._write(self._file, header, text)
+        lines = self._lines if self._file is None else self._written(self._file, header, text)
         self._header = header
         change()
+        self._lines = lines
 
-    def _write(self, file: LogFile, header: dict[str, Any], text: bytes) -> None:
+    def _written(self, file: LogFile, header: dict[str, Any], text: bytes) -> Lines:
+        """What the file holds once an event is on the disk."""
+        if file.kept != self._lines.kept:
+            raise BadLog(
+                f"an append to {self._path} was interrupted when its line was on the disk already: open the log again "
+                "to continue from what is there"
+            )
         lines, data, check = self._lines, self._lines.joint, self._lines.check
         if header.get("k") is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
@@ -283,7 +289,7 @@ class AnswerLog:
             data += seal
         line, check = with_check(text, check or "")
         file.append(data + line)
-        self._lines = Lines(kept=lines.kept + len(data) + len(line), check=check)
+        return Lines(kept=lines.kept + len(data) + len(line), check=check)
 
     def _load(self, path: Path, data: bytes, faults: list[BadLog] | None) -> None:
         found: list[BadLog] = []

@@ -69,6 +69,11 @@ class LogFile:
         """So many bytes are whole lines: what is behind them goes with the next append."""
         self._kept = size
 
+    @property
+    def kept(self) -> int:
+        """Bytes of whole lines."""
+        return self._kept
+
     def append(self, data: bytes) -> None:
         """Add to the end; when this returns it is on the disk, and when it raises the file ends where it did. Raises
         ValueError where it was closed, BadLog if someone else wrote to it, OSError if writing fails."""

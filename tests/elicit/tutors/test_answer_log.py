@@ -710,3 +710,25 @@ def test_a_log_is_read_like_a_list(path):
     assert repr(log) == f"AnswerLog(3 answers, 1 of them retracted, k=3, path={str(path)!r})"
     assert repr(AnswerLog.read(path)).endswith(", read only)")
     assert repr(AnswerLog()) == "AnswerLog(0 answers, k=None)"
+
+
+def test_interrupted_when_the_line_was_on_the_disk_the_log_does_not_go_on(tmp_path, monkeypatch):
+    """As by Ctrl+C in a notebook, whose session stays."""
+    path, answers = tmp_path / "log.jsonl", [Answer(Query(f"q{i}", [0, 1], [1, 0]), 1) for i in range(3)]
+    append = log_file.LogFile.append
+
+    def interrupted(self, data):
+        append(self, data)
+        raise KeyboardInterrupt
+
+    with AnswerLog(path) as log:
+        log.append(answers[0])
+        with monkeypatch.context() as patch:
+            patch.setattr(log_file.LogFile, "append", interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                log.append(answers[1])
+        with pytest.raises(BadLog, match="open the log again"):
+            log.append(answers[2])
+    with AnswerLog(path) as log:
+        log.append(answers[2])
+    assert [entry.answer.query.id for entry in AnswerLog.read(path)] == ["q0", "q1", "q2"]
