@@ -65,12 +65,13 @@ class Outlook:
         """The least and the greatest number of questions after this one; None where nothing tells."""
         self.ready = False
         """Whether nothing is to be added any more."""
-        answered = [*answered]
         if before is not None and (earlier := before._before) is not None:  # it was given up before it began
             before, answered = earlier, [*before._answered, *answered]
         self._twin, self._shown, self._pending = twin, shown, pending
         self._stakes, self._ends, self._seed = stakes, ends, seed
-        self._before, self._answered, self._counted = before, answered, counted
+        self._before: Outlook | None = before
+        self._answered: list[Verdict | None] = [*answered]
+        self._counted = counted
         self._plays: list[_Play] = []
         if before is not None:  # at once; these may be in use still, and go on only in ``steps``
             self._plays = before._going_on(self._answered)
