@@ -1,8 +1,9 @@
 """A mountain car whose outcomes are only ordered, trained by Stable-Baselines3's DQN, with the questions put to you.
 
-    pip install 'elicit-qlearn[sb3]'
     python examples/train_with_sb3.py              # you answer: l, r, = or nothing for "cannot tell"
     python examples/train_with_sb3.py --simulated  # a simulated tutor answers
+
+It needs the extra: pip install 'elicit-qlearn[sb3]'.
 
 What is better, a car that rests in the valley for ever, or one that wears itself out and is at the top sooner? The
 levels say only that racing about is worst, then going gently, then resting, then being at the top.

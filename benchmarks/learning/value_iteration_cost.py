@@ -14,8 +14,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from importlib.util import find_spec
+from itertools import repeat
 from pathlib import Path
 from statistics import median
 from time import perf_counter, process_time
@@ -89,8 +89,8 @@ def knowing(mdp: OrdinalMDP, values: Floats, jobs: int) -> Run:
     with ThreadPoolExecutor(jobs) as pool:
         mapped: Callable[..., Any] = pool.map if jobs > 1 else map
         while not change < TOLERANCE * (1 - gamma) / (4 * gamma):
-            sweep = partial(sweep_knowing, g=g, v=v, following=following, best=best, model=model)
-            change = max(mapped(sweep, blocks))
+            arrays = g, v, following, best, model
+            change = max(mapped(sweep_knowing, blocks, *map(repeat, arrays)))
             v, following, sweeps = following, v, sweeps + 1
     return {"policy": best, "sweeps": sweeps}
 

@@ -170,7 +170,8 @@ def test_a_log_that_cannot_be_gone_on_with_is_said_before_there_is_an_address(
     monkeypatch.chdir(tmp_path)
     log = tmp_path / "answers-random.jsonl"
     with TeachWeb(tmp_path, "--problem", "random") as teach:
-        answer_all(teach.visitor, VALUES, most=4)
+        answered = answer_all(teach.visitor, VALUES, most=4)["answered"]
+        assert answered > 0
         assert re.search(rf"answers-random\.jsonl .*{teach.process.pid}", refused(capsys))
         port = str(teach.visitor.at.port)
         said = refused(capsys, "--log", "other.jsonl", "--port", port)
@@ -181,7 +182,7 @@ def test_a_log_that_cannot_be_gone_on_with_is_said_before_there_is_an_address(
     assert re.search(r"line \d+ of answers-random\.jsonl", refused(capsys))
     log.write_bytes(whole + b'{"event": "answered", "id": "x')  # a torn line is no fault
     with TeachWeb(tmp_path, "--problem", "random") as teach:
-        assert teach.visitor.screen()["answered"] == 3
+        assert teach.visitor.screen()["answered"] == answered
 
 
 def test_a_log_that_may_not_be_written_is_said(
