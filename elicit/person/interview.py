@@ -45,7 +45,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import partial
 from inspect import signature
 from itertools import chain
@@ -312,16 +312,17 @@ class Interview:
     def _report(self) -> dict[str, Any]:
         query, log = self._session.question(), self._session.log
         whole = query is not None and self._shown(query).exact
-        now = datetime.now().astimezone()
+        now = datetime.now(UTC)
         title = printable(self._subject.words.title)
         html = report_page(
             title,
-            f"{now.day} {now:%B %Y, %H:%M}",
+            f"{now.day} {now:%B %Y, %H:%M} UTC",
             self._end(query is not None and not whole),
             self._answers()["answers"],
             waiting=whole,
             log=None if log.path is None else printable(log.path.name),
             checksum=log.checksum,
+            preamble=printable(self._subject.words.preamble),
         )
         words = re.findall(r"\w+", title.lower())
         return {"html": html, "name": "-".join([*words, "report", f"{now:%Y-%m-%d}"]) + ".html"}

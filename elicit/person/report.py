@@ -44,14 +44,18 @@ def report_page(
     waiting: bool,
     log: str | None = None,
     checksum: str | None = None,
+    preamble: str = "",
 ) -> str:
     """The page. when: said as it is given; end, answers: as in the replies of ``Interview``; waiting: whether more
-    could be asked; log, checksum: the name of the file of the answers, and what its last line ends in."""
+    could be asked; log, checksum: the name of the file of the answers, and what its last line ends in; preamble: what
+    was said before the questions."""
     name = title or "Your judgement"
     parts = [
         f"<h1>{_text(name)}: a report</h1>",
         f'<p class="soft">{_text(when)}. {_text(_counted(end["counts"]))}</p>',
     ]
+    if preamble:
+        parts.append(f"<p>{_text(preamble)}</p>")
     if waiting:
         parts.append("<p><b>Not finished: more could be asked.</b> This is how things stood.</p>")
     if end["open"]:

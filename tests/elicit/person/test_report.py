@@ -102,7 +102,8 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(end
 
 
 def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:
-    page = Parts(report_page("Mine", "today", end, [], waiting=False))
+    page = Parts(report_page("Mine", "today", end, [], waiting=False, preamble="Of <patients> alike."))
+    assert "Of <patients> alike." in page.text
     assert "well 100 fixed ill 40 31 to 55 died 0 fixed" in page.text
     placed = [(name, value) for name, value in page.attributes if name in ("x", "width", "cx") and value != "100%"]
     assert ("x", "31.0%") in placed
