@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.asking import certificates as certified
 from benchmarks.asking import certify_at_scale as scale
+from benchmarks.asking import person_sessions as sessions
 from benchmarks.asking import question_counts as questions
 from tests.report_cases import table_rows
 
@@ -87,3 +88,26 @@ def test_a_run_at_scale_is_proven_and_the_page_says_so(monkeypatch, tmp_path, ca
     assert (random[0], grid[0]) == ("36", "10,000 (100 x 100 grid)")
     monkeypatch.setattr(scale, "apart", lambda task, *problem, limit: found | {"loss": 2 * found["bound"] + 1e-6})
     assert scale.row("random", 36, 0.9, 2, 1.0)[head.index("valid")] == "0 of 2"
+
+
+def test_a_line_on_sessions_counts_answers_and_broken_bounds():
+    setting = sessions.Setting("polytope", 0.01)
+    run = sessions.session(setting, 0)
+    assert run == sessions.session(setting, 0)
+    assert 0 < run.answered < 10
+    assert run.loss <= run.bound <= 0.01
+    assert run.confidence == 1
+    cells = sessions.row_of(setting, [run, run._replace(answered=run.answered + 2, loss=run.bound + 0.001)])
+    assert cells[:5] == ["polytope", "0.01", "0%", "0", "2"]
+    assert cells[6:9] == [str(run.answered), str(run.answered + 1), str(run.answered + 2)]
+    assert cells[-1] == "1 of 2"
+
+
+def test_a_person_answers_by_the_counts_that_are_shown():
+    says = sessions.person(np.array([0, 0.4, 1.0]), sessions.Setting("polytope", 0.01, tie=0.01), 0)
+    rows = [{"level": 1, "a": 10, "b": 0}, {"level": 2, "a": 0, "b": 4}, {"level": 0, "a": 0, "b": 6}]
+    assert says({"rows": rows, "of": 10}) == "equal"
+    assert says({"rows": [*rows[:1], {"level": 2, "a": 0, "b": 3}], "of": 10}) == "a"
+    assert says({"rows": [*rows[:1], {"level": 2, "a": 0, "b": 5}], "of": 10}) == "b"
+    always_wrong = sessions.person(np.array([0, 0.4, 1.0]), sessions.Setting("polytope", 0.01, flips=1.0), 0)
+    assert always_wrong({"rows": [*rows[:1], {"level": 2, "a": 0, "b": 5}], "of": 10}) == "a"

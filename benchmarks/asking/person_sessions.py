@@ -1,0 +1,203 @@
+"""What a session of ICU-Sepsis asks of a person, and how long she waits: RESULTS-sessions.md.
+
+    python -m benchmarks.asking.person_sessions --out benchmarks/RESULTS-sessions.md   ten minutes on two idle cores
+    python -m benchmarks.asking.person_sessions --scales 1 --browser ""                without the browser; rough
+
+Scripted persons with hidden scales answer what ``elicit.Interview`` shows, by the counts that are shown. The waiting is
+measured in a browser (``--browser``: its program; Playwright drives it) in front of ``qlearn teach --web``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.reporting import machine, markdown, publish, with_interval
+from elicit import AnswerLog, Interview, Session
+from elicit.model.scale import Floats
+from qlearn import icu_sepsis, policy_loss
+from qlearn.cli.teach_subjects import taught_by
+
+PROBLEM, DAYS, READING = "icu-sepsis", 10, 1.0  # seconds that she reads
+Person = Callable[[dict[str, Any]], str]
+
+
+class Setting(NamedTuple):
+    """A comparator, its tolerance, and a person who turns so many answers round, and calls so much equal."""
+
+    comparator: str
+    tolerance: float
+    flips: float = 0.0
+    tie: float = 0.0
+
+
+class Run(NamedTuple):
+    """What came out of a session: answers, repeats not counted; the bound that is said, its confidence; the loss."""
+
+    answered: int
+    bound: float
+    confidence: float
+    loss: float
+
+
+SETTINGS = (
+    Setting("polytope", 0.01),
+    Setting("polytope", 0.001),
+    Setting("polytope", 0.01, tie=0.01),
+    Setting("polytope", 0.001, tie=0.01),
+    Setting("posterior", 0.01, flips=0.1),
+    Setting("posterior", 0.01, tie=0.01),
+)
+IN_BROWSER = (Setting("polytope", 0.01), Setting("polytope", 0.001), Setting("posterior", 0.01, flips=0.1))
+HEAD = ("comparator", "tolerance", "turned round", "equal within", "runs", "questions", "least", "median", "most")
+HEAD_END = ("bound, at most", "loss, at most", "bound broken")
+WAITS = ("comparator", "tolerance", "turned round", "address s", "first question s", "questions", "median ms")
+WAITS_END = ("95% ms", "most ms")
+
+
+def scale(k: int, number: int) -> Floats:
+    """A hidden scale (k,): uniform spacings."""
+    inside = np.sort(np.random.default_rng(1000 + number).random(k - 2))
+    return np.concatenate([[0.0], inside, [1.0]])
+
+
+def person(values: Floats, setting: Setting, number: int) -> Person:
+    """Who answers a question as it is drawn: "a", "b" or "equal"."""
+    rng = np.random.default_rng([number, 7])
+
+    def says(question: dict[str, Any]) -> str:
+        apart = sum((row["a"] - row["b"]) * values[row["level"]] for row in question["rows"]) / question["of"]
+        if abs(apart) <= max(setting.tie, 1e-12):
+            return "equal"
+        return "a" if (apart > 0) != (rng.random() < setting.flips) else "b"
+
+    return says
+
+
+def session(setting: Setting, number: int) -> Run:
+    """One session, answered without waiting for what is computed beside."""
+    mdp = icu_sepsis()
+    values = scale(mdp.k, number)
+    says = person(values, setting, number)
+    taught = taught_by(PROBLEM, setting.comparator, DAYS, None, 0, setting.tolerance)
+    with Session(taught.make, AnswerLog()) as one, Interview(one, taught.subject) as interview:
+        screen = interview.handle({"do": "practised", "choice": "a"})
+        while question := screen["question"]:
+            screen = interview.handle({"do": "answer", "id": question["id"], "choice": says(question)})
+        result = one.result()
+    loss = float(policy_loss(mdp, result.policy, values).max())
+    return Run(screen["answered"], result.loss_bound, result.confidence, loss)
+
+
+def row_of(setting: Setting, runs: list[Run]) -> list[str]:
+    """A line of the table of questions."""
+    asked = [run.answered for run in runs]
+    broken = sum(run.loss > run.bound + 1e-9 for run in runs)
+    return [
+        *_named(setting)[:3],
+        f"{setting.tie:g}",
+        f"{len(runs)}",
+        with_interval(asked, 1),
+        f"{min(asked)}",
+        f"{np.median(asked):g}",
+        f"{max(asked)}",
+        f"{max(run.bound for run in runs):.4f}",
+        f"{max(run.loss for run in runs):.4f}",
+        f"{broken} of {len(runs)}",
+    ]
+
+
+def waits(setting: Setting, browser: str, folder: Path) -> list[str]:
+    """A line of the table of waiting: a session in a browser, by the keyboard."""
+    from playwright.sync_api import sync_playwright
+
+    says = person(scale(icu_sepsis().k, 0), setting, 0)
+    options = ["--comparator", setting.comparator, "--tolerance", f"{setting.tolerance:g}", "--log", "answers.jsonl"]
+    begun = time.monotonic()
+    command = [sys.executable, "-m", "qlearn", "teach", "--web", *options]
+    server = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert server.stdout is not None
+    address, printed = server.stdout.readline().strip(), time.monotonic()
+    try:
+        with sync_playwright() as playwright:
+            window = playwright.chromium.launch(executable_path=browser, args=["--no-sandbox", "--disable-gpu"])
+            page, screens = window.new_page(), []
+
+            def seen(reply: Any) -> None:
+                if reply.url.endswith("/api") and "stage" in (screen := reply.json()):
+                    screens.append(screen)
+
+            page.on("response", seen)
+            page.goto(address)
+            page.wait_for_selector(".pick")
+            opened, each = time.monotonic(), []
+            while (screen := screens[-1])["stage"] != "end":
+                page.wait_for_timeout(1000 * READING)
+                now, before = time.monotonic(), _place(screen)
+                page.keyboard.press({"a": "a", "b": "b", "equal": "ArrowDown"}[says(screen["question"])])
+                while _place(screens[-1]) == before:
+                    page.wait_for_timeout(4)
+                if screens[-1]["stage"] == "question":
+                    each.append(1000 * (time.monotonic() - now))
+            page.remove_listener("response", seen)
+            window.close()
+    finally:
+        server.kill()
+        server.wait()
+    waited = [f"{x:.0f}" for x in np.quantile(each, [0.5, 0.95, 1.0])]
+    return [*_named(setting)[:3], f"{printed - begun:.1f}", f"{opened - printed:.1f}", f"{len(each)}", *waited]
+
+
+def report(scales: int, browser: str) -> Iterator[list[str]]:
+    """The parts of the page."""
+    yield ["# Sessions of a person", "", machine()]
+    yield [
+        "ICU-Sepsis, bags of 10 patients, defaults of `qlearn teach` but for the repeated questions, which are left "
+        "out here. Hidden scales with uniform spacings, one a run. Questions: mean with its 95% interval, least, "
+        "median, most. Bound and loss are shares of the value range, from all died to all recovered."
+    ]
+    rows = (row_of(setting, [session(setting, number) for number in range(scales)]) for setting in SETTINGS)
+    yield markdown([*HEAD, *HEAD_END], rows, 1)
+    if browser:
+        yield [
+            "## Waiting",
+            "",
+            f"In a browser (headless Chromium), from a key to the next question, by a person who reads {READING:g} s; "
+            "with repeated questions. Address: from the command to the printed address; first question: from there.",
+        ]
+        with tempfile.TemporaryDirectory() as folder:
+            places = [Path(folder) / str(i) for i in range(len(IN_BROWSER))]
+            for place in places:
+                place.mkdir()
+            rows = (waits(setting, browser, place) for setting, place in zip(IN_BROWSER, places, strict=True))
+            yield markdown([*WAITS, *WAITS_END], rows, 1)
+    yield [f"Written by `python -m benchmarks.asking.person_sessions --scales {scales}`."]
+
+
+def _named(setting: Setting) -> list[str]:
+    return [setting.comparator, f"{setting.tolerance:g}", f"{setting.flips:.0%}"]
+
+
+def _place(screen: dict[str, Any]) -> tuple[str, str | None]:
+    return screen["stage"], screen["question"] and screen["question"]["id"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scales", type=int, default=20, help="hidden scales a setting [%(default)s]")
+    parser.add_argument("--browser", default="/usr/bin/chromium-headless-shell", help="its program, or '' for none")
+    parser.add_argument("--out", type=Path, help="the page to write")
+    given = parser.parse_args()
+    publish(report(given.scales, given.browser), given.out)
+
+
+if __name__ == "__main__":
+    main()
