@@ -120,7 +120,7 @@ class InteractiveTraining:
         self.optimality_gap = None if optimality_gap is None else float(optimality_gap)
         self._everything = ReachableSet.shares(k) if objectives is None else ReachableSet.box(*objectives)
         fits = self._everything.corners.shape[1] == k - 1
-        require(fits, "objectives", f"the least and the greatest of each of {k - 1}, for k = {k},", objectives)
+        require(fits, "objectives", f"the least and the greatest of each of {k - 1}, for k = {k}", objectives)
         self._labels = [f"level {i + 1}" for i in range(k)] if labels is None else [str(label) for label in labels]
         self._strategy, self._bags = strategy_of(strategy), None if objectives is not None else bags
         self._most = int(max_trainings)
