@@ -224,7 +224,7 @@ def reward_space(k: int) -> gym.spaces.Box:
 def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
     """Values (k,) from a comparator or from numbers, a copy. Raises ValueError where they are not finite, or fall."""
     if hasattr(values, "bounds"):
-        check_comparator_made(values)
+        check_comparator_made(values)  # type: ignore[arg-type]
         values = best_guess(values)  # type: ignore[arg-type]
     found = np.array(values, dtype=np.float64)
     if found.ndim != 1 or len(found) < 2 or (k is not None and len(found) != k):
