@@ -30,7 +30,7 @@ def level(observation, reward, info):
 def you(query):
     """The tutor is whoever sits before the screen."""
     print(query)
-    said = input("left, right, = or nothing? ").strip()
+    said = input("left, right, = or nothing? ").strip().lower()
     return elicit.Answer(query, {"l": 1, "r": -1, "=": 0}.get(said[:1]))
 
 
@@ -55,5 +55,5 @@ if __name__ == "__main__":
     print(result.status.value)
     print(
         f"asked {result.asked}, trained {result.trained}; shares:",
-        dict(zip(LABELS, result.shares.round(3), strict=True)),
+        dict(zip(LABELS, result.shares.round(3).tolist(), strict=True)),
     )

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import require
-from elicit.model.comparator import Comparator, best_guess
+from elicit.model.comparator import Comparator, best_guess, check_comparator_made
 from elicit.model.scale import Floats
 from qlearn.environments.levels import After, Level, Levels
 
@@ -46,10 +46,10 @@ class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
         super().__init__(env)
         self.levels = levels
         self._mode = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
-        if self._mode == AutoresetMode.SAME_STEP and not isinstance(levels.level, str):
+        if self._mode == AutoresetMode.SAME_STEP and callable(levels.level):
             raise ValueError(
-                "environments that start anew in the step that ends an episode need level= to be a key of info; wrap "
-                "each of them instead: gymnasium.make_vec(..., wrappers=[...])"
+                "environments that start anew in the step that ends an episode need level= to be a key of info "
+                "or a mapping from rewards; wrap each of them instead: gymnasium.make_vec(..., wrappers=[...])"
             )
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
         self._during: Floats = np.empty(0)
@@ -66,8 +66,9 @@ class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         stepped, told = ~self._ended, infos
         ended = np.asarray(terminated) | np.asarray(truncated)
-        if self._mode == AutoresetMode.SAME_STEP and ended.any():
-            told = _of_these_steps(str(self.levels.level), infos, ended)
+        key = self.levels.level
+        if self._mode == AutoresetMode.SAME_STEP and isinstance(key, str) and ended.any():
+            told = _of_these_steps(key, infos, ended)
         levels = infos["level"] = self.levels.of_steps(observations, rewards, told, stepped)
         infos["_level"] = stepped
         given = self._during[levels]
@@ -98,7 +99,7 @@ class OrdinalReward(LevelRewarded[float]):
     that is not there.
     """
 
-    def __new__(cls, env: Any, *given: Any, **settings: Any) -> Any:
+    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copies are made without arguments
         if isinstance(env, VectorEnv):
             return OrdinalRewardVector(env, *given, **settings)
         return super().__new__(cls)
@@ -168,7 +169,7 @@ class LevelVector(LevelRewarded[Floats]):
     it. Raises ValueError.
     """
 
-    def __new__(cls, env: Any, *given: Any, **settings: Any) -> Any:
+    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copies are made without arguments
         if isinstance(env, VectorEnv):
             return LevelVectorVector(env, *given, **settings)
         return super().__new__(cls)
@@ -222,8 +223,9 @@ def reward_space(k: int) -> gym.spaces.Box:
 
 def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
     """Values (k,) from a comparator or from numbers, a copy. Raises ValueError where they are not finite, or fall."""
-    if hasattr(values, "compare"):
-        return best_guess(values).copy()  # type: ignore[arg-type]
+    if hasattr(values, "bounds"):
+        check_comparator_made(values)  # type: ignore[arg-type]
+        values = best_guess(values)  # type: ignore[arg-type]
     found = np.array(values, dtype=np.float64)
     if found.ndim != 1 or len(found) < 2 or (k is not None and len(found) != k):
         raise ValueError(f"values must be {k or 'k >= 2'} numbers, one a level, worst first, not shape {found.shape}")

@@ -72,15 +72,13 @@ class Levels:
     def of_step(self, observation: Any, reward: Any, info: dict[str, Any]) -> int:
         """The level of one step. Raises ValueError where there is none, or it is none of 0 to k - 1."""
         level = self.level
-        try:
-            if isinstance(level, str):
-                found = info[level]
-            elif isinstance(level, Mapping):
-                found = level[float(reward)]
-            else:
-                found = level(observation, reward, info)
-        except KeyError:
-            raise self._missing(reward, info) from None
+        if callable(level):
+            found = level(observation, reward, info)  # whose own errors are its own
+        else:
+            try:
+                found = info[level] if isinstance(level, str) else level[float(reward)]
+            except KeyError:
+                raise self._missing(reward, info) from None
         if type(found) is int and 0 <= found < self.k:  # the quick way
             return found
         try:
@@ -101,6 +99,8 @@ class Levels:
             found = infos.get(level, np.zeros(len(stepped), np.int64))
         else:
             found = level(observations, rewards, infos)
+            if np.shape(found) not in ((), stepped.shape):
+                raise ValueError(f"level= must find one level for each of {len(stepped)} environments, not {found!r}")
         levels = np.where(stepped, np.asarray(found), 0)
         whole = levels.shape == stepped.shape and levels.dtype.kind in "iuf"
         if not (whole and ((levels >= 0) & (levels < self.k) & (levels == np.floor(levels))).all()):
@@ -116,7 +116,7 @@ class Levels:
 
     def _missing(self, reward: Any, info: dict[str, Any]) -> ValueError:
         if isinstance(self.level, Mapping):
-            return ValueError(f"no level is given for the reward {float(reward):g}: level= maps {sorted(self.level)}")
+            return ValueError(f"no level is given for the reward {float(reward)!r}: level= maps {sorted(self.level)}")
         return ValueError(
             f"the step's info has no {self.level!r}, only {sorted(info)}: level= takes the key of info under which the "
             "level is, a mapping from rewards to levels, or a function of (observation, reward, info)"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import VectorEnv
 
 from elicit._support.validation import is_whole, require
 from elicit.model.scale import Floats
@@ -32,20 +33,26 @@ def rollout_shares(
     env: a Gymnasium environment. Within an ``OrdinalReward`` or a ``LevelVector`` it is known what a step's level is,
     what comes after the end, and the discount; of another give ``discount``, ``k``, ``level`` and ``after``, in their
     words. policy: a function from an observation to an action, or anything with ``predict``, such as a model of
-    Stable-Baselines3 (which then takes its best action, not one to explore). Episodes are cut off where the
+    Stable-Baselines3 (which then takes its best action, not one to explore). Of a ``LevelVector`` that does not say
+    what comes after the end, ``after`` does. Episodes are cut off where the
     environment truncates them, and after ``max_steps`` (default: once less than 1e-4 of the time is left). ``seed``
     goes to the first ``reset``. Raises ValueError, TypeError.
     """
+    if isinstance(env, VectorEnv):
+        raise TypeError(f"episodes are run one after the other: give one environment, not the {env.num_envs} of {env}")
     levels = levels_of(env)
     if levels is None:
         require(k is not None, "k", "given for an environment that is not in an OrdinalReward or a LevelVector", k)
         levels = Levels(k or 0, level, after, discount)
+    require(k in (None, levels.k), "k", f"left out, or that of the rewards, {levels.k}", k)
+    lasts = after if levels.after is None else levels.after
+    require(after in (None, lasts), "after", f"left out, or that of the rewards, {lasts!r}", after)
     given = levels.discount if discount is None else discount
     require(given is not None, "discount", "a number of at least 0 and below 1", given)
     require(levels.discount in (None, given), "discount", f"that of the rewards, {levels.discount!r}", discount)
-    levels = Levels(levels.k, "level" if levels_of(env) is not None else levels.level, levels.after, given)
+    levels = Levels(levels.k, "level" if levels_of(env) is not None else levels.level, lasts, given)
     assert levels.discount is not None
-    require(is_whole(episodes, 2), "episodes", "a whole number of at least 2, for standard errors,", episodes)
+    require(is_whole(episodes, 2), "episodes", "a whole number of at least 2 (for standard errors)", episodes)
     known = max_steps is None or is_whole(max_steps, 1)
     require(known, "max_steps", "None or a whole number of at least 1", max_steps)
     most = int(max_steps or max(1.0, np.ceil(np.log(1e-4) / np.log(max(levels.discount, 1e-4)))))
@@ -85,8 +92,9 @@ def _acting(policy: Any) -> Callable[[Any], Any]:
             raise TypeError(f"a policy is a function from an observation to an action, or has predict, not {policy!r}")
         return policy  # type: ignore[no-any-return]
     takes = inspect.signature(predict).parameters
-    if "deterministic" not in takes:
-        return lambda observation: _action(predict(observation))
+    if not {"state", "episode_start"} <= set(takes):
+        fixed = {"deterministic": True} if "deterministic" in takes else {}
+        return lambda observation: _action(predict(observation, **fixed))
     state: Any = None
     first = True
 

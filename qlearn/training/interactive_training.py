@@ -120,7 +120,7 @@ class InteractiveTraining:
         self.optimality_gap = None if optimality_gap is None else float(optimality_gap)
         self._everything = ReachableSet.shares(k) if objectives is None else ReachableSet.box(*objectives)
         fits = self._everything.corners.shape[1] == k - 1
-        require(fits, "objectives", f"the least and the greatest of each of {k - 1}, for k = {k},", objectives)
+        require(fits, "objectives", f"the least and the greatest of each of {k - 1}, for k = {k}", objectives)
         self._labels = [f"level {i + 1}" for i in range(k)] if labels is None else [str(label) for label in labels]
         self._strategy, self._bags = strategy_of(strategy), None if objectives is not None else bags
         self._most = int(max_trainings)
@@ -269,7 +269,10 @@ class InteractiveTraining:
             return None
         gaps = np.column_stack([centre, draws_of(comparator).gaps])
         gain = reach.greatest(gaps) - (tail_sums(shares) @ gaps).max(axis=0)
-        if self._at_the_limit():
+        least = (_MATTERS if spent else _LEAST) * self.tolerance
+        at_limit = self._at_the_limit()
+        missed = at_limit and gain.max() > least  # a training that would be made but for the limit
+        if at_limit:
             gain = np.zeros_like(gain)
         promising = gain.max() > _MATTERS * self.tolerance
         if not spent and (self._corners_left > 0 or not promising):
@@ -279,11 +282,11 @@ class InteractiveTraining:
                 return None
         if gain[0] > _MATTERS * self.tolerance:
             return _values(centre)
-        if gain.max() > (_MATTERS if spent else _LEAST) * self.tolerance:
+        if gain.max() > least:
             return _values(gaps[:, int(np.argmax(gain))])
         if not spent and self._ask_simply(unseen[high > self.tolerance]):
             return None
-        return self._stopped(spent)
+        return self._stopped(spent, missed)
 
     def _at_the_limit(self) -> bool:
         return sum(policy.trained_on is not None for policy in self._policies) >= self._most
@@ -371,13 +374,13 @@ class InteractiveTraining:
         found = guarantee_of(self._everything, policies, self._best(), comparator, self.optimality_gap)
         return TrainingStatus.CONVERGED if found.loss_bound <= self.tolerance + ROUNDING else TrainingStatus.SETTLED
 
-    def _stopped(self, spent: bool) -> TrainingStatus:
+    def _stopped(self, spent: bool, missed: bool) -> TrainingStatus:
         if self.optimality_gap is not None and is_broken(self._policies, self.optimality_gap):
             return TrainingStatus.GAP_BROKEN
+        if missed:
+            return TrainingStatus.TRAINING_LIMIT
         if spent:
             return TrainingStatus.GUESSED
-        if self._at_the_limit():
-            return TrainingStatus.TRAINING_LIMIT
         return TrainingStatus.CALLED_EQUAL if self._elicitation.called_equal else TrainingStatus.EXHAUSTED
 
 

@@ -1,13 +1,16 @@
 """Rewards by levels: the discounted return is the share vector times the values, whatever comes after the end."""
 
+import copy
+import pickle
 import warnings
 
 import gymnasium as gym
 import numpy as np
+import pandas as pd
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from gymnasium.wrappers import TimeLimit
+from gymnasium.wrappers import TimeLimit, TransformReward
 
 from elicit import Answers, PolytopeComparator
 from qlearn import LevelVector, OrdinalReward
@@ -151,6 +154,57 @@ def test_vectorised_environments_read_levels_from_rewards_and_functions_too():
     same = SyncVectorEnv([Walk], autoreset_mode=AutoresetMode.SAME_STEP)
     with pytest.raises(ValueError, match="wrap each of them instead"):
         OrdinalReward(same, VALUES, each[1], "last", discount=DISCOUNT)
+
+
+def test_levels_come_from_rewards_also_where_an_episode_starts_anew_in_the_step_that_ends_one():
+    mapping = {0.0: 0, 10.0: 1, 20.0: 2, 30.0: 3}
+    both = [
+        OrdinalReward(
+            SyncVectorEnv([Walk, Walk], autoreset_mode=AutoresetMode.SAME_STEP), VALUES, level, 1, discount=DISCOUNT
+        )
+        for level in ("level", mapping)
+    ]
+    for env in both:
+        env.reset(seed=3)
+    actions = np.random.default_rng(0).integers(3, size=(60, 2))
+    rewards = [[env.step(action)[1] for action in actions] for env in both]
+    assert np.array_equal(*rewards)
+
+
+@pytest.mark.parametrize("reproduce", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_goes_on_as_the_original_does(reproduce):
+    ordinal = OrdinalReward(Walk(), VALUES, after=0, discount=DISCOUNT)
+    for env in (ordinal, LevelVector(Walk(), 4, after=0, discount=DISCOUNT)):
+        env.reset(seed=1)
+        again = reproduce(env)
+        for _ in range(5):
+            assert again.step(2)[1] == pytest.approx(env.step(2)[1])
+
+
+def test_values_that_are_no_comparator_are_numbers_and_a_comparator_has_as_many_levels():
+    env = OrdinalReward(Walk(), pd.Series(VALUES), after=0, discount=DISCOUNT)
+    assert env.values == pytest.approx(VALUES)
+    many = OrdinalReward(SyncVectorEnv([Walk]), VALUES, after=0, discount=DISCOUNT)
+    for each in (env, many):
+        with pytest.raises(ValueError, match=r"values must be 4 numbers, .* not shape \(5,\)"):
+            each.values = PolytopeComparator(5)
+    with pytest.raises(TypeError, match="a comparator is wanted, such as"):
+        OrdinalReward(Walk(), PolytopeComparator, after=0, discount=DISCOUNT)
+
+
+def test_an_error_in_a_function_of_levels_is_its_own():
+    env = OrdinalReward(Walk(), VALUES, lambda observation, reward, info: {}["mine"], discount=DISCOUNT)
+    with pytest.raises(KeyError, match="mine"):
+        episode(env, 0)
+    many = OrdinalReward(SyncVectorEnv([Walk, Walk]), VALUES, lambda *_: [0, 0, 0], discount=DISCOUNT)
+    with pytest.raises(ValueError, match="one level for each of 2 environments"):
+        up_for_long(many)
+
+
+def test_a_reward_without_a_level_is_told_to_its_last_digit():
+    env = OrdinalReward(TransformReward(Walk(), lambda r: float(np.float32(0.1))), VALUES, {0.1: 0}, discount=DISCOUNT)
+    with pytest.raises(ValueError, match=r"no level is given for the reward 0\.10000000149"):
+        episode(env, 0)
 
 
 def test_what_is_wrong_is_said():

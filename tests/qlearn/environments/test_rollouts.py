@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
 
 from qlearn import LevelVector, OrdinalReward, rollout_shares
@@ -65,10 +66,15 @@ def test_whatever_predicts_is_a_policy():
             self.starts += state is None
             return np.int64(2), (0,)
 
+    class Explores:
+        def predict(self, observation, deterministic=False):
+            return 2 if deterministic else 0
+
     env = OrdinalReward(Walk(), VALUES, after=0, discount=DISCOUNT)
     wanted = rollout_shares(env, up, episodes=20).shares
     model = Model()
     assert rollout_shares(env, Plain(), episodes=20).shares == pytest.approx(wanted)
+    assert rollout_shares(env, Explores(), episodes=20).shares == pytest.approx(wanted)
     assert rollout_shares(env, model, episodes=20).shares == pytest.approx(wanted)
     assert model.starts == 20
 
@@ -87,3 +93,15 @@ def test_what_is_missing_is_said():
         rollout_shares(env, 3)
     with pytest.raises(ValueError, match="give after="):
         rollout_shares(Walk(), up, DISCOUNT, k=4)
+    with pytest.raises(ValueError, match="k must be left out, or that of the rewards, 4, not 3"):
+        rollout_shares(env, up, k=3)
+    with pytest.raises(ValueError, match="after must be left out, or that of the rewards, 0, not 'last'"):
+        rollout_shares(env, up, after="last")
+    with pytest.raises(TypeError, match="give one environment, not the 2 of"):
+        rollout_shares(SyncVectorEnv([Walk, Walk]), up, DISCOUNT, k=4)
+
+
+def test_of_vectors_that_do_not_say_what_comes_after_it_can_be_said_later():
+    wanted = rollout_shares(OrdinalReward(Walk(), VALUES, after=2, discount=DISCOUNT), up, episodes=20)
+    found = rollout_shares(LevelVector(Walk(), 4), up, DISCOUNT, episodes=20, after=2)
+    assert found.shares == pytest.approx(wanted.shares)

@@ -211,6 +211,22 @@ def test_limits_end_it_and_are_said():
     assert same.status in (TrainingStatus.CALLED_EQUAL, TrainingStatus.CONVERGED)
 
 
+def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_the_policy_fits_the_guess():
+    mdp, values = problem(0)
+    both = training_of(PolytopeComparator(5), mdp, tolerance=1e-4, optimality_gap=0.0, max_queries=2, max_trainings=1)
+    result = run(both, mdp, exact(mdp), TruthfulTutor(values))
+    assert loss_of(mdp, result, result.comparator.values) > 1e-4  # at the best guess
+    assert result.status is TrainingStatus.TRAINING_LIMIT
+    n_trainings = run(
+        training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1),
+        mdp,
+        exact(mdp),
+        TruthfulTutor(values),
+    ).trained
+    enough = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1, max_trainings=n_trainings)
+    assert run(enough, mdp, exact(mdp), TruthfulTutor(values)).status is TrainingStatus.GUESSED
+
+
 def test_bags_come_where_plain_pairs_run_out():
     mdp, values = problem(6)
 
