@@ -166,7 +166,8 @@ def _solve(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
             residual = target - matrix @ column
             if np.abs(residual).max() <= _RESIDUAL * max(1.0, np.abs(column).max()):
                 break
-            column += step(residual)[0]
+            with np.errstate(all="ignore"):  # it may diverge to where numbers overflow: then factors are taken
+                column += step(residual)[0]
         else:
             if n > _SPARSE:
                 return _swept(chain, inflow, discount)

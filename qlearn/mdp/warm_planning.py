@@ -35,14 +35,14 @@ def nearly_optimal(
     ends = np.where(mdp.terminal, ends, 0.0)
     v = np.where(mdp.terminal, ends, start)
     policy = np.argmax(mdp.admissible, axis=1)
-    for _ in range(_ROUNDS):
+    for left in reversed(range(_ROUNDS)):
         q = backed_up(mdp, gain, ends, v)
         greedy = q.argmax(axis=1)
         best, same = q[rows, greedy], greedy == policy
         low, high = _range(best - v)
         policy, v = greedy, best
-        if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING):
-            break
+        if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING) or not left:
+            break  # at a value that low and high are about, also where rounds have run out
         own, final = gain[rows, policy][:, None], ends[:, None]
         v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], float(high - low) / 10)[:, 0]
     middle = _to_go(mdp, low, high)

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 import qlearn.mdp.planning
 from elicit.model.scale import Floats
 from qlearn import OrdinalMDP, draw_values, random_mdp
-from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
+from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration, valued
 from tests.mdp_cases import messy_mdp
 
 
@@ -151,6 +151,18 @@ def test_a_chain_that_never_mixes(discount: float) -> None:
     expected = (1 - discount) * np.float64(discount) ** ahead / (1 - discount**n)
     np.testing.assert_allclose(value_iteration(ring, [0, 1])[0], expected, rtol=0, atol=1e-12)
     np.testing.assert_allclose(evaluate_policy(ring, np.zeros(n, int))[:, 1], expected, rtol=0, atol=1e-12)
+
+
+def test_a_line_on_which_krylov_methods_diverge_until_numbers_overflow() -> None:
+    n, discount = 500, 0.999
+    ends = np.minimum(np.arange(n) + 1, n - 1)
+    line = OrdinalMDP(ends[:, None, None], np.ones((n, 1, 1)), np.zeros((n, 1), int), discount, ("off", "on"))
+    gain = np.full((n, 1), 1e-14)
+    gain[n // 2] = 1e-3
+    found = valued(line, line.transitions, gain, np.zeros((n, 1)))[:, 0]
+    ahead = np.maximum(n // 2 - np.arange(n), 0)
+    expected = np.where(np.arange(n) <= n // 2, 1e-3 * np.float64(discount) ** ahead, 0.0)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10)
 
 
 def test_a_tolerance_that_cannot_be_or_is_below_rounding_is_refused() -> None:

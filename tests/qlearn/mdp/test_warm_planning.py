@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from qlearn import OrdinalMDP, random_mdp
+from qlearn.mdp import warm_planning
 from qlearn.mdp.planning import evaluate_policy, policy_loss, rewarded, value_iteration
 from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
 from tests.mdp_cases import messy_mdp
@@ -39,6 +40,17 @@ def test_values_are_as_near_as_they_are_said_to_be(name, within):
         assert (exact <= v + more + 1e-10).all()
         assert (v <= exact + within + 1e-10).all()
         assert policy_loss(mdp, policy, VALUES).max() <= 2 * within + 1e-10
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("rounds", [1, 2, 3])
+def test_what_is_said_of_values_is_so_where_rounds_run_out(monkeypatch, name, rounds):
+    mdp = MODELS[name]
+    exact = value_iteration(mdp, VALUES, 1e-11)[0]
+    monkeypatch.setattr(warm_planning, "_ROUNDS", rounds)
+    for start in (np.full(mdp.n_states, 0.5), exact + 0.3, exact - 0.3):
+        v, _, more = nearly_optimal(mdp, *rewarded(mdp, VALUES), start, 1e-9)
+        assert (exact <= v + more + 1e-10).all()
 
 
 @pytest.mark.parametrize("name", MODELS)
