@@ -49,9 +49,9 @@ from datetime import UTC, datetime
 from functools import partial
 from inspect import signature
 from itertools import chain
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
 from elicit.person.background import Background
 from elicit.person.findings import certainty, scale_rows
@@ -103,7 +103,7 @@ class _Beside:
     outlook: Outlook | None = None
 
 
-class Interview:
+class Interview(Closing):
     """A session as screens and messages (see the module). Raises what ``Session`` and its log raise, after which the
     same message may be sent again; ValueError for what is no message.
 
@@ -148,14 +148,6 @@ class Interview:
     def close(self) -> None:
         """End what is computed beside. The session stays open, and so may this be used again."""
         self._background.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
         session, words = self._session, self._subject.words

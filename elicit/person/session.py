@@ -14,9 +14,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from os import PathLike
-from types import TracebackType
-from typing import Any, NamedTuple, Protocol, Self, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+from elicit._support.closing import Closing
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import OnConflict
@@ -103,7 +103,7 @@ class SessionStatus:
         return f"{state}: {self.answered} answered{f' ({among})' if among else ''}{taken_back}{again}"
 
 
-class Session:
+class Session(Closing):
     """Questions, one at a time, and answers that are on the disk before anything is made of them.
 
     asker: a function that makes an asker from the answers it is to know (``MakeAsker``), or a new asker; the latter
@@ -337,14 +337,6 @@ class Session:
         """Close the log, if the session opened it."""
         if self._mine:
             self._log.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _take(self, told: Told) -> None:
         """Go on with an asker that was told what was not told yet."""

@@ -14,9 +14,8 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from types import TracebackType
-from typing import Self
 
+from elicit._support.closing import Closing
 from elicit._support.distribution import with_advice
 from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
@@ -25,7 +24,7 @@ _HTTP = 80
 _FAREWELL = 5  # seconds for requests that are under way when the server stops
 
 
-class WebServer:
+class WebServer(Closing):
     """The page of a session, served by a thread of its own from now until ``close``.
 
     host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1, ::1 and localhost;
@@ -86,14 +85,6 @@ class WebServer:
         self._server.should_exit = True
         self._thread.join()
         self._interview.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def serve(

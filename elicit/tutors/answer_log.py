@@ -21,9 +21,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import index
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self, SupportsIndex, overload
 
+from elicit._support.closing import Closing
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.tutors.log_file import LogFile, read_bytes
 from elicit.tutors.log_lines import (
@@ -90,7 +90,7 @@ def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
     return entries
 
 
-class AnswerLog:
+class AnswerLog(Closing):
     """All answers of a run, in the order in which they were told: ``log[i]`` is an ``Entry``, ``log[i:j]`` several.
 
     path: the file to write; an existing log is continued. None keeps the log in memory. k: the number of levels; None
@@ -142,14 +142,6 @@ class AnswerLog:
         """Give the file free for another writer. What is in the log can still be read."""
         if self._file is not None:
             self._file.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     @property
     def path(self) -> Path | None:
