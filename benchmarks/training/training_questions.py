@@ -227,7 +227,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--problems", type=int, default=20, help="of each kind (default: 20)")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
-    publish(report(given.problems), given.out)
+    publish(report(given.problems), given.out, f"0-{given.problems - 1}, 0-{2 * given.problems - 1} where she errs")
 
 
 if __name__ == "__main__":
