@@ -217,11 +217,12 @@ def report(done: Sequence[tuple[Row, Row]]) -> str:
         lines += ["|---|---|---|" + "---|" * len(GRID)]
         for key, rows in groups.items():
             if key[:2] == (environment, error):
-                lines += [_line(key[3], key[2], rows)]
+                lines += [line(key[3], key[2], rows)]
     return "\n".join([*lines, "", *_closing(groups)]) + "\n"
 
 
-def _line(method: str, comparator: str, rows: Sequence[Row]) -> str:
+def line(method: str, comparator: str, rows: Sequence[Row]) -> str:
+    """A row of the tables: a method and comparator on all problems."""
     loss = 100 * np.mean([row["loss"] for row in rows], axis=0)
     bound = 100 * np.mean([row["bound"] for row in rows], axis=0)
     shown = [f"{a:.2f}" + (f"<br>≤ {b:.2f}" if np.isfinite(b) else "") for a, b in zip(loss, bound, strict=True)]
