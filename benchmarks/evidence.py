@@ -29,8 +29,8 @@ NEEDS = {"peers": "quantecon", "sb3": "stable_baselines3", "browser": "playwrigh
 
 class Page(NamedTuple):
     """A page or table: where it lies; what follows ``python -m`` to make it; about how many minutes on two cores; the
-    extras that takes beside ``dev``. Where the command is none of these programs': what of its results the page is a
-    copy of, and the seeds. ``awaits``: why its numbers are known to be of older settings, until it is made again."""
+    extras that takes beside ``dev``. Where the command writes elsewhere: what the page is a copy of, and its seeds.
+    ``awaits``: what of its numbers is known to be otherwise now, until it is made again."""
 
     path: str
     command: str
@@ -52,7 +52,7 @@ class Page(NamedTuple):
 
     @property
     def state(self) -> str:
-        """ "current", or why it is not."""
+        """The word "current", or why it is not."""
         stamp = stamps.of(ROOT / self.path) if (ROOT / self.path).exists() else None
         if stamp is None or not stamp.sources:
             return "made before stamps" if stamp else "not stamped"
@@ -81,7 +81,7 @@ PAGES = (  # a notebook after the tables that it reads
         "notebooks/data/ablation.csv",
         "benchmarks.paper.ablation_table --out notebooks/data/ablation.csv",
         30,
-        awaits=TOLD,
+        awaits=f"{TOLD}; its audits, and which tier of the polytope decides, are of older code",
     ),
     results("RESULTS-certified", "asking.certificates", 15, awaits=TOLD),
     results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 180, awaits=TOLD),
@@ -90,9 +90,11 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
     results("RESULTS-calibration", "fitting.calibration", 60, awaits=TOLD),
     results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
-    results("RESULTS-bradley-terry", "fitting.fit_cost", 15),
+    results("RESULTS-bradley-terry", "fitting.fit_cost", 15, awaits="its answers are not those that are drawn now"),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
-    results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
+    results(
+        "RESULTS-ivi", "learning.value_iteration_cost", 6, "peers", awaits="its tiers are those of an older screen"
+    ),
     results("RESULTS-ivi-huge", "learning.value_iteration_cost --states 1000000 --repeats 1", 25, "peers"),
     results("RESULTS-lp", "comparing.comparison_cost", 6),
     results("RESULTS-training", "training.training_questions", 15),

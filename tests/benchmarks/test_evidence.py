@@ -6,6 +6,7 @@ page again, where the change was meant.
 
 import csv
 import io
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -164,8 +165,7 @@ def swept(text: str) -> Iterator[str | Cells]:
 
 
 def streams(text: str) -> Iterator[str | Cells]:
-    for kind in comparison_cost.KINDS:
-        yield comparison_cost.about(comparison_cost.record(kind, 5, 0, steps=100_000, tolerance=0.0005))[-1]
+    yield comparison_cost.about(comparison_cost.record("IVI", 5, 0, steps=100_000, tolerance=0.0005))[-1]
 
 
 def trained(kind: str) -> Again:
@@ -233,13 +233,13 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("exploration", explored),
     ("ablation", ablated("polytope")),
     ("ablation", ablated("posterior")),
-    ("RESULTS-certified", certified("value iteration")),
+    ("RESULTS-certified", certified("value iteration"), SLOW),
     ("RESULTS-certified", certified("policy iteration")),
     ("RESULTS-certified", certified("policy iteration", truthful=False), SLOW),
     ("RESULTS-questions", questions("certify, max regret", "polytope")),
     ("RESULTS-questions", questions("certify, max regret", "posterior"), SLOW),
     ("about-equal", equal, SLOW),
-    ("RESULTS-sessions", sessions),
+    ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
     ("RESULTS-calibration", calibrated(6, "posterior"), SLOW),
     ("RESULTS-lapse", lapse, SLOW),
@@ -248,7 +248,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-ivi", swept),
     ("RESULTS-lp", streams),
     ("RESULTS-training", trained("random MDP, k = 5, truthful")),
-    ("RESULTS-training", trained("deep-sea-treasure, hidden weights")),
+    ("RESULTS-training", trained("deep-sea-treasure, hidden weights"), SLOW),
     ("dqn_terrain", walked, SLOW),
 ]
 NOT_AGAIN = {
@@ -281,9 +281,17 @@ def test_rows_made_again_have_the_digits_of_their_page(name, again):
 
 def any_like(found: Cells, rows: list[list[str]]) -> bool:
     """Whether a row is there, but for what is not compared."""
-    return any(
-        len(row) == len(found) and all(a is None or a == b for a, b in zip(found, row, strict=True)) for row in rows
-    )
+    return any(len(row) == len(found) and all(map(alike, found, row)) for row in rows)
+
+
+def alike(made: str | None, there: str) -> bool:
+    """Whether a cell is the same; the long floats of tables may differ where rounding does."""
+    if made is None or made == there:
+        return True
+    try:
+        return len(made) > 12 and math.isclose(float(made), float(there), rel_tol=1e-9, abs_tol=1e-12)
+    except ValueError:
+        return False
 
 
 def test_another_digit_is_noticed():
@@ -291,3 +299,5 @@ def test_another_digit_is_noticed():
     assert any_like(["k = 5", "1.0", None], rows)
     assert not any_like(["k = 5", "1.1", None], rows)
     assert not any_like(["k = 5", "1.0"], rows)
+    assert alike("0.001640921411100429", "0.001640921411100349")
+    assert not alike("0.001640921411100429", "0.001640921511100349")
