@@ -21,7 +21,7 @@ def quick_report(module: str, folder: Path, *settings: str) -> str:
     text = out.read_text(encoding="utf-8")
     stamp = stamps.of(out)
     assert stamp is not None
-    assert shlex.split(stamp.command)[1:] == command[4:]  # all but -W error
+    assert shlex.split(stamp.command)[1:] == command[3:]  # all but -W error
     text = stamps.without(text)
     assert done.stdout.strip() == text.strip()
     return text
