@@ -5,7 +5,7 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation figures browser teach test test-slow lint docs bench bench-huge notebooks clean
+.PHONY: ablation figures browser teach test test-slow lint docs evidence bench bench-huge notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
@@ -36,22 +36,21 @@ docs: $(READY)  ## the site in build/docs, without a warning
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	$(BIN)/python -m sphinx -q -E -W --keep-going -c docs -d build/doctrees . build/docs
 
+evidence: $(READY)  ## every page and figure of results that is of older code, page by page: hours, and the same command goes on
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
+	$(BIN)/python docs/pictures/draw.py
+	$(BIN)/python -m benchmarks.evidence
+
 bench: $(READY)  ## what learning, comparisons and fits cost, against other libraries (most of an hour): benchmarks/RESULTS*.md, docs/exploration.md
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
-	$(BIN)/python -m benchmarks.learning.learning_cost --out benchmarks/RESULTS.md
-	$(BIN)/python -m benchmarks.learning.value_iteration_cost --out benchmarks/RESULTS-ivi.md
-	(echo; cat benchmarks/RESULTS-ivi.md) >> benchmarks/RESULTS.md
-	$(BIN)/python -m benchmarks.comparing.comparison_cost --out benchmarks/RESULTS-lp.md
-	$(BIN)/python -m benchmarks.paper.exploration --out docs/exploration.md
-	$(BIN)/python -m benchmarks.fitting.fit_cost --out benchmarks/RESULTS-bradley-terry.md
+	$(BIN)/python -m benchmarks.evidence --fresh --only RESULTS RESULTS-ivi RESULTS-lp exploration RESULTS-bradley-terry
 
 bench-huge: $(READY)  ## value iteration and certify first with a million states: most of an hour, one thread, 4 GiB
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
-	$(BIN)/python -m benchmarks.learning.value_iteration_cost --states 1000000 --repeats 1 --out benchmarks/RESULTS-ivi-huge.md
-	$(BIN)/python -m benchmarks.asking.certify_at_scale --huge --out benchmarks/RESULTS-scale.md
+	$(BIN)/python -m benchmarks.evidence --fresh --only RESULTS-ivi-huge RESULTS-scale
 
 notebooks: $(READY)  ## run the notebooks at their full setting, in place
-	$(BIN)/python notebooks/execute.py
+	$(BIN)/python -m notebooks.execute
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

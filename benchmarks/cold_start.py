@@ -91,7 +91,7 @@ def main() -> None:
     parser.add_argument("--before", type=Path, help="a checkout of an earlier version")
     parser.add_argument("--out", type=Path, help="the file to write, in Markdown")
     given = parser.parse_args()
-    publish(report({", before": given.before, "": ROOT} if given.before else {"": ROOT}), given.out)
+    publish(report({", before": given.before, "": ROOT} if given.before else {"": ROOT}), given.out, "0")
 
 
 if __name__ == "__main__":

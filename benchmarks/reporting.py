@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from benchmarks import stamps
+
 PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "highspy", "numba")
 
 
@@ -50,17 +52,19 @@ def with_interval(x: ArrayLike, digits: int, signed: bool = False) -> str:
     return text if n < 2 else f"{text} ± {stats.t.ppf(0.975, n - 1) * stats.sem(given):,.{digits}f}"
 
 
-def publish(parts: Iterable[list[str]], out: Path | None) -> None:
-    """Print the parts of a report as they come, an empty line after each; at the end write them to the file."""
+def publish(parts: Iterable[list[str]], out: Path | None, seeds: str = "") -> None:
+    """Print the parts of a report as they come, an empty line after each; at the end ``save`` them."""
     lines: list[str] = []
     for part in parts:
         print("\n".join(part), end="\n\n", flush=True)
         lines += [*part, ""]
-    save("\n".join(lines), out)
+    save("\n".join(lines), out, seeds)
 
 
-def save(text: str, out: Path | None) -> None:
-    """Write a report to the file that ``--out`` names, if any, and make its folder."""
+def save(text: str, out: Path | None, seeds: str = "") -> None:
+    """Write a report to the file that ``--out`` names, if any, and make its folder. The file is stamped (``stamps``);
+    ``seeds`` says which the numbers are of, such as "0-19"."""
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")
+        stamps.sign(out, seeds)

@@ -1,11 +1,12 @@
 """Run the notebooks in place, so that what they show is what their code does now.
 
-    python notebooks/execute.py                       all of them, at the full setting (minutes)
-    python notebooks/execute.py 02_polytope           one of them
-    python notebooks/execute.py --setting small       seconds, to see that they run; not to be committed
+    python -m notebooks.execute                       all of them, at the full setting (minutes)
+    python -m notebooks.execute 02_polytope           one of them
+    python -m notebooks.execute --setting small       seconds, to see that they run; not to be committed
 
 A notebook reads its setting from the environment variable NOTEBOOK_SETTING. It is written back only if every cell
-ran without an error, and as the same bytes where nothing has changed: no times, no names of machines or kernels.
+ran without an error, and as the same bytes where nothing has changed on the same day: no times, no names of machines or
+kernels. Its stamp (``benchmarks.stamps``) is in its metadata.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 from nbformat import NotebookNode
+
+from benchmarks import stamps
 
 HERE = Path(__file__).resolve().parent
 SETTINGS = ("small", "full")
@@ -113,8 +116,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     failed = 0
     for path in _paths(parser, chosen.names):
         start = time.perf_counter()
+        command = f"python -m notebooks.execute {path.stem}{'' if chosen.setting == 'full' else ' --setting small'}"
+        stamp = stamps.made_now(command, "in its cells", str(path))
         try:
-            write(execute(read(path), chosen.setting, HERE), path)
+            ran = execute(read(path), chosen.setting, HERE)
+            ran.metadata.executed.stamp = str(stamp)
+            write(ran, path)
         except CellExecutionError as error:
             failed = 1
             print(f"{path.name} failed and was left as it was:\n{error}", file=sys.stderr)

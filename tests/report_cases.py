@@ -1,21 +1,28 @@
 """What people read: a benchmark's report, run quickly, and its tables; the intervals in a picture."""
 
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 from matplotlib.axes import Axes
 
+from benchmarks import stamps
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def quick_report(module: str, folder: Path, *settings: str) -> str:
-    """What ``python -m module --quick`` prints, without a warning, and writes to a folder that is new as well."""
+    """What ``python -m module --quick`` prints, without a warning, and writes, stamped, to a folder that is new."""
     out = folder / "new folder" / "report.md"
     command = [sys.executable, "-W", "error", "-m", module, "--quick", *settings, "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     text = out.read_text(encoding="utf-8")
+    stamp = stamps.of(out)
+    assert stamp is not None
+    assert shlex.split(stamp.command)[1:] == command[3:]  # all but -W error
+    text = stamps.without(text)
     assert done.stdout.strip() == text.strip()
     return text
 

@@ -129,7 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--problems", type=int, default=17, help="for each number of levels (default: 17)")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
-    publish(report(given.problems), given.out)
+    publish(report(given.problems), given.out, f"0-{given.problems - 1}")
 
 
 if __name__ == "__main__":

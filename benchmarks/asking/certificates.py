@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             count = min(5, given.problems) if few else given.problems if truthful else given.erring
             text.append(line(name, who, problem, tolerance if truthful else ENOUGH, truthful, count))
             print(text[-1], flush=True)
-    save("\n".join([*text, ""]), given.out)
+    save("\n".join([*text, ""]), given.out, f"0-{given.problems - 1}, 0-{given.erring - 1} where she errs")
 
 
 if __name__ == "__main__":

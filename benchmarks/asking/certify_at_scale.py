@@ -127,7 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         'median of seconds over those of "values known".'
     )
     head = ["# Certify first as models grow", "", machine("one thread a run, CPU seconds"), "", intro]
-    publish([head, markdown(HEAD, rows, 1)], given.out)
+    publish([head, markdown(HEAD, rows, 1)], given.out, f"1-{given.seeds}")
 
 
 if __name__ == "__main__":

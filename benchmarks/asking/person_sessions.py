@@ -179,7 +179,6 @@ def report(scales: int, browser: str) -> Iterator[list[str]]:
                 place.mkdir()
             rows = (waits(setting, browser, place) for setting, place in zip(IN_BROWSER, places, strict=True))
             yield markdown([*WAITS, *WAITS_END], rows, 1)
-    yield [f"Written by `python -m benchmarks.asking.person_sessions --scales {scales}`."]
 
 
 def _named(setting: Setting) -> list[str]:
@@ -196,7 +195,7 @@ def main() -> None:
     parser.add_argument("--browser", default="/usr/bin/chromium-headless-shell", help="its program, or '' for none")
     parser.add_argument("--out", type=Path, help="the page to write")
     given = parser.parse_args()
-    publish(report(given.scales, given.browser), given.out)
+    publish(report(given.scales, given.browser), given.out, f"0-{given.scales - 1}")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,8 @@ with a tutor who flips 0, 10 or 20% of her answers. The learners: certify first 
 each question strategy, value iteration and Q-learning as in the literature and asking late; and random pairs with a
 fit, which is what one does without a learner. The strategies of the active-preference literature choose among the same
 pairs: most even cut (volume removal; Sadigh et al. 2017), mutual information (Biyik et al. 2019), maximal regret (Wilde
-et al. 2020). ``--journal`` keeps finished runs: the same command goes on where it was stopped, also with more seeds.
+et al. 2020). ``--journal`` keeps finished runs: while the code is the same, the same command goes on where
+it was stopped, also with more seeds.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 
 import elicit
 from benchmarks.reporting import save, with_interval
+from benchmarks.stamps import sources
 from elicit.model.scale import Floats
 from qlearn import strategies
 from qlearn.experiments.parallel import Cell, sweep
@@ -215,11 +217,12 @@ def report(done: Sequence[tuple[Row, Row]]) -> str:
         lines += ["|---|---|---|" + "---|" * len(GRID)]
         for key, rows in groups.items():
             if key[:2] == (environment, error):
-                lines += [_line(key[3], key[2], rows)]
+                lines += [line(key[3], key[2], rows)]
     return "\n".join([*lines, "", *_closing(groups)]) + "\n"
 
 
-def _line(method: str, comparator: str, rows: Sequence[Row]) -> str:
+def line(method: str, comparator: str, rows: Sequence[Row]) -> str:
+    """A row of the tables: a method and comparator on all problems."""
     loss = 100 * np.mean([row["loss"] for row in rows], axis=0)
     bound = 100 * np.mean([row["bound"] for row in rows], axis=0)
     shown = [f"{a:.2f}" + (f"<br>≤ {b:.2f}" if np.isfinite(b) else "") for a, b in zip(loss, bound, strict=True)]
@@ -265,11 +268,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     todo = cells(environments, 2 if chosen.quick else chosen.seeds, methods)
     from benchmarks.asking import question_counts  # by the name that workers and the journal know, not as __main__
 
-    rows = sweep(question_counts.run, todo, journal=chosen.journal, jobs=chosen.jobs, progress=_progress)
+    made_of = sources(question_counts.__name__)  # a row of other code is none of these
+    how = {"journal": chosen.journal, "jobs": chosen.jobs, "progress": _progress}
+    rows = sweep(question_counts.run, todo, own=lambda cell: (made_of, {}), **how)
     text = report(list(zip(todo, rows, strict=True)))
     if chosen.out is None:
         print(text)
-    save(text, chosen.out)
+    save(text, chosen.out, f"0-{(2 if chosen.quick else chosen.seeds) - 1}")
 
 
 def _progress(done: int, total: int) -> None:

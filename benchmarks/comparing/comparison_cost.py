@@ -79,7 +79,7 @@ class Cost(NamedTuple):
 def main(arguments: list[str] | None = None) -> None:
     """Run the benchmark; print its tables and, with --out, write them to a file."""
     options = _options(arguments)
-    publish(report(options.levels, options.streams, options.seed, options.quick), options.out)
+    publish(report(options.levels, options.streams, options.seed, options.quick), options.out, str(options.seed))
 
 
 def report(levels: list[int], kinds: list[Kind], seed: int, quick: bool) -> Iterator[list[str]]:

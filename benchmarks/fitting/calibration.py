@@ -132,7 +132,7 @@ def main(arguments: list[str] | None = None) -> None:
     cells = summary(measure(size, options.seed, options.jobs, chosen, options.rules))
     text = "\n".join(report(cells))
     print(text)
-    save(text + "\n", options.out)
+    save(text + "\n", options.out, str(options.seed))
     if options.csv is not None:
         options.csv.parent.mkdir(parents=True, exist_ok=True)
         with options.csv.open("w", newline="", encoding="utf-8") as file:

@@ -106,7 +106,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--levels", type=int, nargs="+", default=[10, 20], help="numbers of levels k")
     parser.add_argument("--flips", type=float, nargs="+", default=[0, 0.05, 0.1, 0.2, 0.3], help="shares of answers")
     chosen = parser.parse_args(arguments)
-    publish(report(QUICK if chosen.quick else FULL, chosen.levels, chosen.flips, chosen.jobs), chosen.out)
+    size = QUICK if chosen.quick else FULL
+    publish(report(size, chosen.levels, chosen.flips, chosen.jobs), chosen.out, f"0-{size.seeds - 1}")
 
 
 if __name__ == "__main__":

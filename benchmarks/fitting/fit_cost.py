@@ -32,7 +32,8 @@ from elicit import Verdict
 def main(arguments: list[str] | None = None) -> None:
     """Run the benchmark; print its tables and, with --out, write them to a file."""
     options = _options(arguments)
-    publish(report(options.levels, options.answers, options.sets, options.resamples, options.seed), options.out)
+    seeds = f"{options.seed}-{options.seed + options.sets - 1}"
+    publish(report(options.levels, options.answers, options.sets, options.resamples, options.seed), options.out, seeds)
 
 
 def report(levels: list[int], answers: list[int], sets: int, m: int, seed: int) -> Iterator[list[str]]:

@@ -237,7 +237,7 @@ def main(arguments: list[str] | None = None) -> None:
             parts.append(Row(name, "", "", "", None, remark=f"not measured: {failure}"))
     text = "\n".join([*render(parts, about(at.steps, at.states, at.actions, at.seeds, at.repeats)), ""])
     print(text, end="")
-    save(text, given.out)
+    save(text, given.out, f"0-{at.seeds - 1}")
 
 
 if __name__ == "__main__":

@@ -243,7 +243,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         lines += report(states, given.jobs, given.repeats, given.seed, given.limit, not given.ours)
     text = "\n".join(lines)
     print(text)
-    save(text, given.out)
+    save(text, given.out, str(given.seed))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from typing import Any
 
 import pandas as pd
 
+from benchmarks.stamps import sign
 from qlearn.experiments.ablation import ablate
 
 COMPARATORS = ("always", "polytope", "relaxed", "posterior", "posterior-close", "box")
@@ -87,6 +88,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     rows = table(journal=out.with_suffix(".jsonl"), **chosen)
     rows.to_csv(out, index=False, lineterminator="\n")
+    sign(out, f"0-{chosen['seeds'] - 1}")
     print(f"{len(rows)} rows written to {out}")
 
 

@@ -140,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with threadpool_limits(1):
         print("\n".join(head))
         lines = [*head, "", *report(*size, say=lambda line: print(line, flush=True)), ""]
-    save("\n".join(lines), chosen.out)
+    save("\n".join(lines), chosen.out, f"0-{size[-1] - 1}")
 
 
 if __name__ == "__main__":

@@ -128,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             part = section(title, problem, steps, seeds, ask)
             print("\n".join(part), flush=True)
             lines += part
-    save("\n".join(lines), chosen.out)
+    save("\n".join(lines), chosen.out, f"0-{seeds - 1}")
 
 
 if __name__ == "__main__":

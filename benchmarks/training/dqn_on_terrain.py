@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from benchmarks.stamps import sign
 from benchmarks.training.terrain import DISCOUNT, OUTCOMES, Terrain
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats, normalise
@@ -73,6 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
     pd.DataFrame(rows(given.steps)).round(4).to_csv(given.out, index=False)
+    sign(given.out, str(SEED))
 
 
 if __name__ == "__main__":

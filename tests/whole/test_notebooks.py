@@ -13,6 +13,7 @@ import pytest
 from nbclient.exceptions import CellExecutionError
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
 
+from benchmarks import stamps
 from notebooks import execute
 
 NOTEBOOKS = sorted(execute.HERE.glob("*.ipynb"))
@@ -82,9 +83,10 @@ def test_the_committed_one_was_run_in_full_in_order_with_this_code_and_names_no_
     assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
     assert complaints(notebook) == []
     assert any("image/png" in output.get("data", {}) for output in outputs(notebook))
+    assert notebook.metadata.executed.pop("stamp").startswith("Made ")
     assert notebook.metadata.executed == {"setting": "full", "code": execute.code_hash(notebook)}
     assert "setting: full" in json.dumps(said(notebook))
-    assert notebook == execute.clean(execute.read(path), "full")  # no times, no names of kernels
+    assert notebook == execute.clean(execute.read(path), "full")  # beside the stamp no times, no names of kernels
     ids = [cell.id for cell in notebook.cells]
     assert len(set(ids)) == len(ids)
     assert machine_paths("\n".join(cell.source for cell in notebook.cells)) == []
@@ -100,7 +102,7 @@ def test_a_full_run_says_what_is_committed(path, tmp_path):
     notebook = execute.read(path)
     again = execute.execute(execute.read(path), "full", tmp_path)
     assert said(again) == said(notebook)
-    assert again.metadata == notebook.metadata
+    assert again.metadata.executed.code == notebook.metadata.executed.code
 
 
 def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home(tmp_path, monkeypatch):
@@ -138,7 +140,9 @@ def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(tmp
 
     first = good.read_bytes()
     ran = execute.read(good)
-    assert ran.metadata.executed == {"setting": "full", "code": execute.code_hash(ran)}
+    stamp = stamps.of(good)
+    assert (stamp.command, stamp.sources) == ("python -m notebooks.execute 01_good", stamps.sources(str(good)))
+    assert ran.metadata.executed == {"setting": "full", "code": execute.code_hash(ran), "stamp": str(stamp)}
     assert [cell.execution_count for cell in code_cells(ran)] == [1, 2]
     assert [o.text for o in outputs(ran) if o.get("name") == "stdout"] == ["full\n", "a\nb\n"]
     assert "execution" not in first.decode().replace("execution_count", "")

@@ -1,0 +1,176 @@
+"""Every page of results, the command that makes it, and whether it is of the code of today: ``make evidence``.
+
+    python -m benchmarks.evidence                        make what is stale again, page by page, in this order
+    python -m benchmarks.evidence --only claims RESULTS  of these pages only
+    python -m benchmarks.evidence --stale                say which pages are stale; the exit code is 1 if any is
+    python -m benchmarks.evidence --list                 all pages: state, minutes, what they need, command
+
+A page is stale if its stamp (``stamps``) names other sources than those its program would run now, or none. Stopped,
+the same command goes on, for pages that are done are current then. Within a page the figures, the ablation and the
+count of questions keep their finished runs; the other programs begin their page again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks import stamps
+
+ROOT = stamps.ROOT
+NEEDS = {"peers": "quantecon", "sb3": "stable_baselines3", "browser": "playwright"}  # an extra, and a package of it
+
+
+class Page(NamedTuple):
+    """A page or table: where it lies; what follows ``python -m`` to make it; about how many minutes on two cores; the
+    extras that takes beside ``dev``. Where the command writes elsewhere: what the page is a copy of, and its seeds.
+    ``awaits``: what of its numbers is known to be otherwise now, until it is made again."""
+
+    path: str
+    command: str
+    minutes: float
+    needs: tuple[str, ...] = ()
+    copy_of: str = ""
+    seeds: str = ""
+    awaits: str = ""
+
+    @property
+    def name(self) -> str:
+        """What it is called in ``--only``."""
+        return Path(self.path).stem
+
+    @property
+    def sources(self) -> str:
+        """The hash of what its program would run now."""
+        return stamps.sources(self.path if self.path.endswith(".ipynb") else self.command.split()[0])
+
+    @property
+    def state(self) -> str:
+        """The word "current", or why it is not."""
+        stamp = stamps.of(ROOT / self.path) if (ROOT / self.path).exists() else None
+        if stamp is None or not stamp.sources:
+            return "made before stamps" if stamp else "not stamped"
+        return "current" if stamp.sources == self.sources else "of older sources"
+
+
+def results(name: str, command: str, minutes: float, *needs: str, awaits: str = "") -> Page:
+    """A page of ``benchmarks`` that its program writes."""
+    path = f"benchmarks/{name}.md"
+    return Page(path, f"benchmarks.{command} --out {path}", minutes, needs, awaits=awaits)
+
+
+def notebook(name: str, minutes: float) -> Page:
+    """A notebook with what its cells print."""
+    return Page(f"notebooks/{name}.ipynb", f"notebooks.execute {name}", minutes)
+
+
+TOLD = "its posterior was told a lapse of .05, which the default now learns"
+ERRING = "its runs with a tutor who errs are of older code"
+FIGURES = "qlearn figures --both-tutors --out results/figures"
+PAGES = (  # a notebook after the tables that it reads
+    Page("notebooks/data/figures.csv", FIGURES, 45, (), "results/figures/runs.csv", "0-19", TOLD),
+    Page("docs/claims.md", FIGURES, 45, (), "results/figures/claims.md", "0-19", TOLD),
+    Page("docs/assumptions.md", "benchmarks.paper.assumptions --out docs/assumptions.md", 20),
+    Page("docs/exploration.md", "benchmarks.paper.exploration --out docs/exploration.md", 5),
+    Page(
+        "notebooks/data/ablation.csv",
+        "benchmarks.paper.ablation_table --out notebooks/data/ablation.csv",
+        30,
+        awaits=f"{TOLD}; its audits, and which tier of the polytope decides, are of older code",
+    ),
+    results("RESULTS-certified", "asking.certificates", 15, awaits=ERRING),
+    results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 180, awaits=ERRING),
+    Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
+    results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
+    results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
+    results("RESULTS-calibration", "fitting.calibration", 100, awaits=TOLD),
+    results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
+    results("RESULTS-bradley-terry", "fitting.fit_cost", 15, awaits="its answers are not those that are drawn now"),
+    results("RESULTS", "learning.learning_cost", 25, "peers"),
+    results(
+        "RESULTS-ivi", "learning.value_iteration_cost", 6, "peers", awaits="its tiers are those of an older screen"
+    ),
+    results("RESULTS-ivi-huge", "learning.value_iteration_cost --states 1000000 --repeats 1", 25, "peers"),
+    results("RESULTS-lp", "comparing.comparison_cost", 6),
+    results("RESULTS-training", "training.training_questions", 15),
+    Page(
+        "notebooks/data/dqn_terrain.csv",
+        "benchmarks.training.dqn_on_terrain --out notebooks/data/dqn_terrain.csv",
+        10,
+        ("sb3",),
+    ),
+    results("RESULTS-cold", "cold_start", 10),
+    notebook("01_two_tutors", 1),
+    notebook("02_polytope", 2),
+    notebook("03_bradley_terry", 4),
+    notebook("04_ablation", 1),
+    notebook("05_paper_figures", 1),
+    notebook("06_fewer_questions", 2),
+    notebook("07_you_are_the_tutor", 1),
+    notebook("08_beyond_tables", 2),
+)
+
+
+def make(page: Page) -> bool:
+    """Run a page's command, and stamp what the command itself does not stamp; whether the page is current then."""
+    command = f"python -m {page.command}"
+    print(f"{page.path}, about {page.minutes:g} minutes: {command}", flush=True)
+    begun = stamps.made_now(command, page.seeds, page.command.split()[0])
+    done = subprocess.run([sys.executable, "-m", *page.command.split()], cwd=ROOT)
+    if done.returncode:
+        print(f"{page.path} stays as it was: its command ended with {done.returncode}", file=sys.stderr)
+        return False
+    if page.copy_of:
+        shutil.copyfile(ROOT / page.copy_of, ROOT / page.path)
+        stamps.put(ROOT / page.path, begun)
+    return page.state == "current"
+
+
+def missing(page: Page) -> list[str]:
+    """Extras that the page needs and that are not installed."""
+    return [extra for extra in page.needs if find_spec(NEEDS[extra]) is None]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command; returns 1 if a page is, or is left, stale."""
+    parser = argparse.ArgumentParser("python -m benchmarks.evidence", description=(__doc__ or "").splitlines()[0])
+    names = [page.name for page in PAGES]
+    parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="these pages only")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--stale", action="store_true", help="say which pages are stale, and make none")
+    what.add_argument("--list", action="store_true", help="say what there is, and make nothing")
+    what.add_argument("--fresh", action="store_true", help="make those that are current again too")
+    given = parser.parse_args(arguments)
+    chosen = [page for page in PAGES if page.name in given.only]
+    if given.list:
+        for page in chosen:
+            needs = f" (needs {', '.join(page.needs)})" if page.needs else ""
+            print(f"{page.name}: {page.state}; {page.minutes:g} min{needs}: python -m {page.command}")
+        return 0
+    if given.stale:
+        stale = [page for page in chosen if page.state != "current"]
+        for page in stale:
+            print(f"{page.path} is {page.state}{page.awaits and '; ' + page.awaits}: python -m {page.command}")
+        return int(bool(stale))
+    left = []
+    for page in chosen:
+        if page.state == "current" and not given.fresh:
+            print(f"{page.path} is current")
+        elif extras := missing(page):
+            print(f"{page.path} needs pip install -e '.[{','.join(extras)}]'", file=sys.stderr)
+            left.append(page)
+        elif not make(page):
+            left.append(page)
+    if left:
+        print(f"left as they were: {', '.join(page.path for page in left)}", file=sys.stderr)
+    return int(bool(left))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
