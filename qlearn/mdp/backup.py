@@ -24,7 +24,7 @@ class Model(NamedTuple):
     discount: float
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
-        """Itself: copies of its arrays could be written to, and a learner that was copied would be compiled for anew."""
+        """Itself: copies of its arrays could be written to, and a copied learner would be compiled for anew."""
         return self
 
 
