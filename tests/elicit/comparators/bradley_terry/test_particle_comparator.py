@@ -786,7 +786,7 @@ def assert_uniform(names: list[str], found: Floats) -> None:
 
 
 def test_ranks_of_the_truth_are_uniform() -> None:
-    assert_uniform(*ranks(5, 40, 120, 0))
+    assert_uniform(*ranks(5, 40, 200, 0))
 
 
 @pytest.mark.slow
