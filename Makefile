@@ -22,10 +22,10 @@ teach: $(READY)  ## you are the tutor of ICU-Sepsis: prints the address of a pag
 	$(BIN)/qlearn teach --web
 
 test: $(READY)  ## the tests, without the slow ones
-	$(BIN)/python -m pytest -q -n auto
+	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 test-slow: $(READY)  ## every test
-	$(BIN)/python -m pytest -q -n auto -m "slow or not slow"
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m "slow or not slow"
 
 lint: $(READY)  ## ruff and mypy
 	$(BIN)/ruff check .
@@ -56,8 +56,9 @@ $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Python 3.11 or later is needed; name one with: make PYTHON=python3.12"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
-	$(BIN)/python -m qlearn.warm_up
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(BIN)/python -m qlearn.warm_up & compiling=$$!; \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]' && wait $$compiling
 	touch $@
 
 clean:

@@ -8,17 +8,8 @@ import numpy as np
 
 import elicit
 import qlearn
-from elicit.asking.bags import Bags
 from elicit.model.comparator import bounds_of, simultaneous_bounds
-
-LEARNERS: dict[str, tuple[Any, dict[str, Any]]] = {
-    "policy iteration": (qlearn.InteractivePolicyIteration, {}),
-    "policy iteration, bags": (qlearn.InteractivePolicyIteration, {"bags": Bags(days=10)}),
-    "value iteration": (qlearn.InteractiveValueIteration, {"tolerance": 0.05}),
-    "late value iteration": (qlearn.LateValueIteration, {"tolerance": 0.05}),
-    "Q-learning": (qlearn.InteractiveQLearning, {"steps": 4000}),
-    "late Q-learning": (qlearn.LateQLearning, {"steps": 4000}),
-}
+from tests.compile_cases import LEARNERS
 
 
 def comparators(k: int) -> dict[str, Any]:

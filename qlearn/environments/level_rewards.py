@@ -81,7 +81,42 @@ class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
         return observations, given, terminated, truncated, infos
 
 
-class OrdinalReward(LevelRewarded[float]):
+class ByValues:
+    """What goes before a wrapper whose rewards are what a scale's values make of the levels."""
+
+    levels: Levels
+
+    def __init__(
+        self,
+        env: Any,
+        values: Comparator | ArrayLike,
+        level: Level = "level",
+        after: After = None,
+        *,
+        discount: float,
+    ) -> None:
+        given = numbers_of(values)
+        require(discount is not None, "discount", "a number of at least 0 and below 1", discount)
+        super().__init__(env, Levels(len(given), level, after, discount))  # type: ignore[call-arg]
+        self.values = given
+
+    @property
+    def values(self) -> Floats:
+        """(k,) what each level is worth now; to be set to k numbers, or to a comparator."""
+        return self._values
+
+    @values.setter
+    def values(self, values: Comparator | ArrayLike) -> None:
+        self._values = numbers_of(values, self.levels.k)
+        ending = self.levels.ending
+        self._pay(self.levels.during @ self._values, None if ending is None else ending @ self._values)
+
+    def _pay(self, during: Floats, ending: Floats | None) -> None:
+        """Take the rewards (k,) of steps at each level, and of those that terminate an episode."""
+        raise NotImplementedError
+
+
+class OrdinalReward(ByValues, LevelRewarded[float]):
     """An environment whose reward is what the scale ``values`` makes of each step's level: any library can train on it.
 
     The discounted sum of an episode's rewards is its share vector times ``values``, exactly. With discount c a step at
@@ -104,59 +139,15 @@ class OrdinalReward(LevelRewarded[float]):
             return OrdinalRewardVector(env, *given, **settings)
         return super().__new__(cls)
 
-    def __init__(
-        self,
-        env: Env,
-        values: Comparator | ArrayLike,
-        level: Level = "level",
-        after: After = None,
-        *,
-        discount: float,
-    ) -> None:
-        given = numbers_of(values)
-        require(discount is not None, "discount", "a number of at least 0 and below 1", discount)
-        super().__init__(env, Levels(len(given), level, after, discount))
-        self.values = given
-
-    @property
-    def values(self) -> Floats:
-        """(k,) what each level is worth now; to be set to k numbers, or to a comparator."""
-        return self._values
-
-    @values.setter
-    def values(self, values: Comparator | ArrayLike) -> None:
-        self._values = numbers_of(values, self.levels.k)
-        self._during = (self.levels.during @ self._values).tolist()
-        self._ending = None if self.levels.ending is None else (self.levels.ending @ self._values).tolist()
+    def _pay(self, during: Floats, ending: Floats | None) -> None:
+        self._during, self._ending = during.tolist(), None if ending is None else ending.tolist()
 
 
-class OrdinalRewardVector(LevelRewardedVector):
+class OrdinalRewardVector(ByValues, LevelRewardedVector):
     """``OrdinalReward`` of several environments at once."""
 
-    def __init__(
-        self,
-        env: VectorEnv[Any, Any, NDArray[Any]],
-        values: Comparator | ArrayLike,
-        level: Level = "level",
-        after: After = None,
-        *,
-        discount: float,
-    ) -> None:
-        given = numbers_of(values)
-        require(discount is not None, "discount", "a number of at least 0 and below 1", discount)
-        super().__init__(env, Levels(len(given), level, after, discount))
-        self.values = given
-
-    @property
-    def values(self) -> Floats:
-        """(k,) what each level is worth now; to be set to k numbers, or to a comparator."""
-        return self._values
-
-    @values.setter
-    def values(self, values: Comparator | ArrayLike) -> None:
-        self._values = numbers_of(values, self.levels.k)
-        self._during = self.levels.during @ self._values
-        self._ending = None if self.levels.ending is None else self.levels.ending @ self._values
+    def _pay(self, during: Floats, ending: Floats | None) -> None:
+        self._during, self._ending = during, ending
 
 
 class LevelVector(LevelRewarded[Floats]):

@@ -43,6 +43,10 @@ class Model(NamedTuple):
     episode_length: int  # 0: episodes end in terminal states only
     key: Any  # np.uint64
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
+        """Itself, as that of ``backup``: a copied learner is not compiled for anew."""
+        return self
+
 
 class State(NamedTuple):
     """What the loop changes."""

@@ -23,6 +23,10 @@ class Model(NamedTuple):
     n_actions: int
     discount: float
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
+        """Itself: copies of its arrays could be written to, and a copied learner would be compiled for anew."""
+        return self
+
 
 def model_of(mdp: OrdinalMDP) -> Model:
     """The MDP's own arrays, to read: whether they could be written to is chance, and would be compiled for anew."""

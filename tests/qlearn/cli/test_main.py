@@ -235,17 +235,18 @@ def test_a_partial_table_and_picture_say_what_is_incomplete(
     assert titles[1].splitlines()[-1] == "means over 3 seeds, with 95% intervals"
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
-def test_parts_of_the_users_go_in_from_the_current_directory(jobs: str, tmp_path: Path) -> None:
+def test_parts_of_the_users_go_in_from_the_current_directory(tmp_path: Path) -> None:
     (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef exact(k, seed):\n"
                                            "    return Exact(tiny(seed)[1])\n")  # fmt: skip
     options = (
-        "ablate --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --learners ivi "
-        "certified=tests.own_cases:certified --tutors tests.own_cases:careless --error-rates 0 --seeds 1 "
-        f"--tolerance 0.05 --audit 0 --jobs {jobs}"
-    ).split()
+        "ablate --learners ivi certified=tests.own_cases:certified --error-rates 0 --tutors tests.own_cases:careless"
+    )
+    options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1 --jobs 2"
+    options += " --tolerance 0.05 --audit 0"
     start = "import sys; sys.path = [p for p in sys.path if p]; from qlearn.cli.main import main; "
-    lines = run(f"{start}raise SystemExit(main({options!r}))", tmp_path, PYTHONPATH=str(ROOT), PYTHONWARNINGS="ignore")
+    lines = run(
+        f"{start}raise SystemExit(main({options.split()!r}))", tmp_path, PYTHONPATH=str(ROOT), PYTHONWARNINGS="ignore"
+    )
     heads = [line for line in lines if line.startswith("box, ")]
     assert heads == ["box, value iteration", "box, certified"]
     rows = pd.read_csv(tmp_path / "results" / "ablation" / "runs.csv").set_index(

@@ -159,7 +159,7 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
         teach.leave()
     undisturbed = report(teach.shown)
     chance, log, kept, repeats = random.Random(1), tmp_path / "killed.jsonl", 0, 0
-    for _ in range(4):
+    for _ in range(3):
         with Teach(tmp_path, "--problem", "random", "--log", "killed.jsonl") as teach:
             first = teach.prompted()
             assert (f"Going on after {kept - repeats} answer" in first) == (kept > 0)

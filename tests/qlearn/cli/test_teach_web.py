@@ -107,7 +107,7 @@ def refused(capsys: pytest.CaptureFixture[str], *options: str) -> str:
 def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(
     tmp_path: Path, undisturbed: Undisturbed
 ) -> None:
-    assert killed(tmp_path, undisturbed, 3, seed=1)
+    assert killed(tmp_path, undisturbed, 2, seed=1)
 
 
 @pytest.mark.slow

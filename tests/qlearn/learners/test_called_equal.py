@@ -44,7 +44,7 @@ def check_bound(result: Result, loss: float) -> None:
     assert loss <= result.loss_bound + 1e-12, f"it loses {loss}, but was to lose {result.loss_bound} at most"
 
 
-@pytest.mark.parametrize("tie", [0.002, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("tie", [0.005, 0.02])
 @pytest.mark.parametrize("name", LEARNERS)
 def test_no_bound_is_broken_by_a_tutor_who_calls_equal_what_is_close(name, tie):
     for k, seed in ((5, 1), (8, 3)):

@@ -121,11 +121,12 @@ def test_audits_have_a_limit(name, batch):
         learner = LEARNERS[name](MDP, PolytopeComparator(5), audit=1.0, batch=batch, **settings)
         return drive(learner, FlippingTutor(VALUES, 0.02), on_conflict="drop").audited
 
-    assert audited() <= MAX_AUDITS
+    usual = audited()
+    assert usual <= MAX_AUDITS
     assert audited(max_audits=3) <= 3
     assert audited(max_audits=0) == 0
     if name == "value iteration":
-        assert audited(max_audits=10_000) > MAX_AUDITS == audited()
+        assert audited(max_audits=MAX_AUDITS + 20) > MAX_AUDITS == usual
 
 
 @pytest.mark.parametrize(

@@ -35,12 +35,13 @@ def test_a_learner(kind: Any) -> None:
 
 @pytest.mark.parametrize("kind", LEARNERS)
 def test_a_result_says_what_its_policy_may_lose_once_that_is_known(kind: Any) -> None:
-    result = qlearn.drive(kind(MDP, PolytopeComparator(4)), TruthfulTutor(VALUES))
+    settings = {"steps": 2000} if kind is qlearn.InteractiveQLearning else {}
+    result = qlearn.drive(kind(MDP, PolytopeComparator(4), **settings), TruthfulTutor(VALUES))
     assert repr(result) == f"Result(status={result.status.name}, asked={result.asked})"
     bound = result.loss_bound
     shown = f"Result(status={result.status.name}, asked={result.asked}, loss_bound={bound:.3g}, confidence=1)"
     assert repr(result) == shown
-    unsure = qlearn.drive(kind(MDP, PolytopeComparator(4)), lambda query: Answer(query, None))
+    unsure = qlearn.drive(kind(MDP, PolytopeComparator(4), **settings), lambda query: Answer(query, None))
     assert f"cannot_tell={unsure.cannot_tell}" in repr(unsure)
 
 

@@ -1,5 +1,7 @@
 """Backed-up share vectors are those of eq. (3), compiled or not."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -29,3 +31,10 @@ def test_q_is_equation_3(messy: bool, discount: float) -> None:
     np.testing.assert_array_equal(q_of(some, v, model_of(mdp)), q[some])
     back_up_together(some, v, model_of(mdp), together)
     assert together.tobytes() == q[some].tobytes()
+
+
+def test_a_copy_of_a_model_is_the_model_whose_arrays_only_are_read() -> None:
+    """Copies could be written to, and machine code for such arrays is another one."""
+    model = model_of(random_mdp(4, 2, 3, rng=0)[0])
+    assert copy.deepcopy([model])[0] is model
+    assert not any(part.flags.writeable for part in model if isinstance(part, np.ndarray))

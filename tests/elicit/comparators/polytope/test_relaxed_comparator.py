@@ -104,7 +104,7 @@ def check_against(fit: Fit, comparator: RelaxedPolytopeComparator, ask: Floats, 
     return seen
 
 
-@pytest.mark.parametrize("part", range(4))
+@pytest.mark.parametrize("part", range(2))
 def test_verdicts_and_bounds_are_those_of_the_linear_programs(part: int) -> None:
     seen: Counter[int] = Counter()
     inconsistent = 0
@@ -121,7 +121,7 @@ def test_verdicts_and_bounds_are_those_of_the_linear_programs(part: int) -> None
         inconsistent += comparator.violation > 0
         ask = np.concatenate([shares(rng, k, 3), told.d[:1]])
         seen += check_against(Fit(k, margin, None, told), comparator, ask, 1.0)
-    assert inconsistent >= 50  # 200 in all
+    assert inconsistent >= 50
     assert min(seen[v] for v in (-1, 1, 2)) > 25
 
 
