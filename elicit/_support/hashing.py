@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.jit import compiled, expect
+from elicit._support.jit import compiled, compiled_beside, expect
 
 Seed: TypeAlias = int | np.integer[Any] | np.random.SeedSequence | np.random.Generator
 
@@ -75,7 +75,14 @@ def orientation(t: Any) -> int:
     return 0
 
 
-@compiled
+def _code_of_arrays(key: Any, t: Any, work: Any) -> Any:
+    """``pair_code`` until it is compiled, all entries at once."""
+    work[:] = t * np.sign(t[(t != 0.0).argmax()]) + 0.0
+    codes = _round(_round(key, np.arange(len(t), dtype=np.uint64)), work.view(np.uint64))
+    return _round(key, codes.sum())
+
+
+@compiled_beside(_code_of_arrays)
 def pair_code(key: Any, t: Any, work: Any) -> Any:
     """A hash of (key, the unordered pair with tail sums t (p,)): t and -t get the same. ``work`` (p,) is written in."""
     sign = orientation(t)

@@ -1,7 +1,9 @@
 """Likelihoods in single precision, twice as fast, which decide on nearly all proposals as the exact ones would.
 
 Nothing hangs on their rounding: each comes with a bound on its error, and what is closer than that is left to double
-precision. Rows are filled up to whole blocks, so that every loop has a length that the compiler knows.
+precision. So the rows may come in any order: those that particles find hard to explain come first, and a bad proposal
+is given up after few of them. Rows are filled up to whole blocks, so that every loop has a length that the compiler
+knows.
 """
 
 from __future__ import annotations
@@ -12,20 +14,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from elicit._support.jit import compiled, loosely
-from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, logits
+from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, logits, scaled
 
 ROUNDING = 2.0**-24  # of a number in single precision
 TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
 GREATEST = 1e30  # theta: single precision ends not far above
 HALF = BLOCK // 2
 SMALL = 1e-150  # products below are put away as logarithms; from that lapse on half a block's is not below
+CLASSES, WIDTH, LOWEST = 64, 0.5, -8.0  # of logits that rows are put in order by: how many, how wide, from where on
 _NONE, _ONE, _PART = np.float32(0.0), np.float32(1.0), np.float32(-1.0 / 32.0)
 _NEAR, _FAR = np.float32(15.0), np.float32(25.0)  # logits beyond are taken for these: the first without lapses
 _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in range(2, 8))
 
 
 class Rough(NamedTuple):
-    """Rows in single precision, with zeros up to whole blocks."""
+    """Rows in single precision, in an order of their own, with zeros up to whole blocks."""
 
     rows: Any  # (p, n), single precision
     tied: Any  # (n,)
@@ -36,41 +39,67 @@ class Rough(NamedTuple):
 
 
 @compiled
-def roughened(rows: Any, tied: Any, n: int) -> Rough:
-    """The first n of rows (p, >= n) and of ``tied``."""
-    p, whole = len(rows), (n + BLOCK - 1) // BLOCK * BLOCK
+def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) -> Any:
+    """The first n of rows (p, >= n) in the order (n,) of their logits at the mean theta of particles x (m, >= p), to
+    within ``WIDTH``, the least first; before them those ``tied``."""
+    p, m = len(rows), len(x)
+    theta, mean, eta = np.empty(p), np.zeros(p), np.zeros(n)
+    for i in range(m):
+        scaled(x[i], prior.fixed, theta)
+        for j in range(p):
+            mean[j] += theta[j] / m
+    for j in range(p):
+        for i in range(n):
+            eta[i] += mean[j] * rows[j, i]
+    place, end, order = np.empty(n, np.int64), np.zeros(CLASSES, np.int64), np.empty(n, np.int64)
+    for i in range(n):
+        place[i] = 0 if tied[i] else int(min(max((eta[i] - LOWEST) / WIDTH, 0.0), CLASSES - 1.0))
+        end[place[i]] += 1
+    for i in range(1, CLASSES):
+        end[i] += end[i - 1]
+    for i in range(n):
+        end[place[i]] -= 1
+        order[end[place[i]]] = i
+    return order
+
+
+@compiled
+def roughened(rows: Any, tied: Any, order: Any) -> Rough:
+    """Of rows (p, n) and of ``tied`` those in ``order``."""
+    p, n, whole = len(rows), len(order), (len(order) + BLOCK - 1) // BLOCK * BLOCK
     out, ties, sums = np.zeros((p, whole), np.float32), np.zeros(whole, np.bool_), np.zeros(p)
     counts = np.zeros(whole // BLOCK, np.int64)
     for j in range(p):
         for i in range(n):
-            out[j, i] = rows[j, i]
-            sums[j] += abs(rows[j, i])
+            out[j, i] = rows[j, order[i]]
+            sums[j] += abs(rows[j, order[i]])
     for i in range(n):
-        ties[i] = tied[i]
-        counts[i // BLOCK] += tied[i]
+        ties[i] = tied[order[i]]
+        counts[i // BLOCK] += ties[i]
     return Rough(out, ties, sums, counts, np.empty(p, np.float32), n)
 
 
 @compiled
 def error(theta: Any, rough: Rough, width: float) -> float:
     """How far ``rough_likelihood`` of n rows may be from the exact one."""
-    sizes = 0.0
-    for j in range(len(theta)):
+    sizes, p = 0.0, len(theta)
+    for j in range(p):
         sizes += rough.sums[j] * theta[j]
         if not theta[j] <= GREATEST:
             return math.inf
-    return TERM * len(rough.tied) + ROUNDING * ((len(theta) + 6) * sizes + 8 * len(rough.tied) * width)
+    roundings = p // 4 + p % 4 + 8  # of a product in ``logits``, which adds four at a time; and three of what it is of
+    return TERM * len(rough.tied) + ROUNDING * (roundings * sizes + 8 * len(rough.tied) * width)
 
 
 @compiled
 def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least: float, small: Any) -> float:
     """``log_likelihood`` of theta (p,) to within ``error``, or too great by more where the lapse is below
-    ``LEAST_LAPSE``, for a term is never less than exp(-``_NEAR``); -inf as soon as it is below ``least``. Writes in
-    small (2, BLOCK), in single precision."""
+    ``LEAST_LAPSE``, for a term is never less than exp(-``_NEAR``); -inf as soon as it must be below ``least``. Writes
+    in small (2, BLOCK), in single precision."""
     whole, gone, share = len(rough.tied), 0.0, 1.0
     for j in range(len(theta)):
         rough.theta[j] = theta[j]
-    limit = math.exp(least) if least > -700.0 else 0.0
+    most = math.log(1.0 - lapse * (2.0 / 3.0 if width > 0.0 else 0.5)) + 4.0 * ROUNDING  # of a term
     for start in range(0, whole, BLOCK):
         logits(rough.theta, rough.rows, start, BLOCK, small[0])
         if width > 0.0:
@@ -85,8 +114,8 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least
             share *= max(product(half), SMALL)
             if share < SMALL:
                 gone += math.log(share)
-                share, limit = 1.0, math.exp(least - gone) if least - gone > -700.0 else 0.0
-        if share < limit:
+                share = 1.0
+        if share < math.exp(least - gone - most * max(0, rough.n - start - BLOCK)):
             return -math.inf
     return gone + math.log(share)
 

@@ -16,7 +16,7 @@ from elicit._support.hashing import mix
 from elicit._support.jit import compiled, compiled_beside
 from elicit.comparators.bradley_terry import mcmc_arrays
 from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, log_prior, powered, slips
-from elicit.comparators.bradley_terry.density_float32 import error, rough_likelihood, roughened
+from elicit.comparators.bradley_terry.density_float32 import error, hardest_first, rough_likelihood, roughened
 from elicit.comparators.bradley_terry.mcmc_arrays import FEW, NUDGE, SHIFTS, SWAPS, WHOLE
 
 _S11 = np.uint64(11)
@@ -36,7 +36,8 @@ def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior
     p, (m, size) = len(rows), x.shape
     proposal, theta, work, small = np.empty(size), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
     # where the last answer is tempered, nothing is decided roughly
-    rough, logs, errors = roughened(rows, tied, n if last == 1.0 else 0), np.empty(m), np.zeros(m)
+    order = hardest_first(x, rows, tied, n if last == 1.0 else 0, prior)
+    rough, logs, errors = roughened(rows, tied, order), np.empty(m), np.zeros(m)
     precise, accepted = last < 1.0 or 0.0 <= prior.lapse < LEAST_LAPSE, 0
     for i in range(m):
         if i > 0 and (x[i] == x[i - 1]).all():
@@ -102,15 +103,15 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     for j in range(size):
         proposal[j] = x[i, j]
     if kind < SHIFTS:
-        apart += x[a, :p].max() - x[b, :p].max()
+        apart, by = x[a, :p].max() - x[b, :p].max(), 2.0 * unit(mix(h, 8))
         for j in range(p):
-            proposal[j] += 2.0 * unit(mix(h, 8)) * apart
+            proposal[j] += by * apart
         for j in range(p, size):
-            proposal[j] += 2.0 * unit(mix(h, 8)) * (x[a, j] - x[b, j])
+            proposal[j] += by * (x[a, j] - x[b, j])
             apart = max(abs(apart), abs(x[a, j] - x[b, j]))
         return bool(apart != 0.0)
     for q in range(count):
-        j = (first + q) % size
+        j = first + q if first + q < size else first + q - size
         proposal[j] += length * (x[a, j] - x[b, j])
         apart = max(apart, abs(x[a, j] - x[b, j]))
     proposal[first] += NUDGE * apart * (unit(mix(h, 9)) - 0.5)
@@ -126,7 +127,7 @@ def swap(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     for j in range(x.shape[1]):
         proposal[j] = x[i, j]
     for q in range(count):
-        j = (first + q) % p
+        j = first + q if first + q < p else first + q - p
         if x[i, j] > x[i, best]:
             best = j
     other = (first + int(unit(mix(h, 4)) * (count - 1))) % p

@@ -281,7 +281,7 @@ def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
     theta = np.exp(rng.normal(size=p) * 2.0)
     width = float(rng.choice([0.0, 1e-6, 10.0 ** rng.uniform(-3, 3)]))
     small, work = np.empty((2, D.BLOCK), np.float32), np.empty((2, D.BLOCK))
-    rough = R.roughened(rows, tied, n)
+    rough = R.roughened(rows, tied, rng.permutation(n))
     exact = D.log_likelihood(theta, rows, tied, 0, n, lapse, width, -math.inf, work)
     found = R.rough_likelihood(theta, rough, lapse, width, -math.inf, small)
     slack = R.error(theta, rough, width)
@@ -290,6 +290,18 @@ def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
     assert R.rough_likelihood(theta, rough, lapse, width, found - 1e-9, small) == pytest.approx(found, abs=1e-9)
     assert R.rough_likelihood(theta, rough, lapse, width, found + 1e-6, small) == -math.inf
     assert slack < 1e-3 * n + 1e-5 * ((np.abs(rows).T @ theta).sum() + (n + D.BLOCK) * width)
+
+
+@pytest.mark.parametrize("n", [0, 1, 200])
+def test_rows_that_particles_find_hard_to_explain_come_first(n: int) -> None:
+    p, rng = 6, np.random.default_rng(n)
+    rows, tied = rng.normal(size=(p, 200)), rng.random(200) < 0.1
+    x = np.log(4.0 * rng.dirichlet(np.ones(p), 30))
+    order = R.hardest_first(x, rows, tied, n, prior_of(p + 1))
+    assert sorted(order) == list(range(n))
+    first = tied[order].sum()
+    assert tied[order[:first]].all()
+    assert (np.diff((np.exp(x).mean(axis=0) @ rows)[order[first:]]) > -R.WIDTH - 1e-9).all()
 
 
 def statistics(x: Floats) -> dict[str, Floats]:
