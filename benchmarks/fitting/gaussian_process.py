@@ -6,6 +6,7 @@ and botorch are no dependency: ``pip install torch==2.13.0 botorch`` beside the 
 
 from __future__ import annotations
 
+import copy
 import warnings
 from importlib.util import find_spec
 from typing import Any
@@ -32,10 +33,12 @@ def utility_draws(
     name: str, left: Floats, right: Floats, y: NDArray[np.int8], at: Floats, draws: int, seed: int
 ) -> Floats:
     """Draws (draws, q) of the utility at vectors ``at`` (q, k), given that of left (n, k) and right (n, k) the tutor
-    preferred the one that y (n,) in {-1, 1} says; hyperparameters by the greatest marginal likelihood."""
+    preferred the one that y (n,) in {-1, 1} says; hyperparameters by the greatest marginal likelihood, or as it has
+    them at first where its search for that fails."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what torch deprecates of itself
         import torch
+        from botorch.exceptions.errors import ModelFittingError
         from botorch.fit import fit_gpytorch_mll
         from botorch.models import PairwiseGP
         from botorch.models.likelihoods.pairwise import PairwiseLogitLikelihood, PairwiseProbitLikelihood
@@ -65,7 +68,11 @@ def utility_draws(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its doubts about single fits; what they come to shows in the scores
         model = PairwiseGP(points, torch.as_tensor(np.stack(better, axis=1)), **settings)
-        fit_gpytorch_mll(PairwiseLaplaceMarginalLogLikelihood(model.likelihood, model))
+        begun = copy.deepcopy(model)
+        try:
+            fit_gpytorch_mll(PairwiseLaplaceMarginalLogLikelihood(model.likelihood, model))
+        except ModelFittingError:
+            model = begun.eval()
         with torch.no_grad():
             found = model.posterior(torch.as_tensor(at))
             mean, covariance = found.mean[:, 0].numpy(), found.distribution.covariance_matrix.numpy()

@@ -249,8 +249,8 @@ def report(cells: Sequence[Cell], rows: Sequence[dict[str, Row]]) -> Iterator[li
         "the mean of its lapses, for it gives out no others; a Gaussian process knows no lapse).",
         f"- *decided*: pairs whose sign has a probability of {LEVEL:.0%} or more; *wrong*: of these, all problems "
         "together.",
-        "- *from a long run*: root mean square difference of the chances from another, longer Hamiltonian run, for those "
-        "that sample the same posterior.",
+        "- *from a long run*: root mean square difference of the chances from another, longer Hamiltonian run, for "
+        "those that sample the same posterior.",
         "- *s, all*: processor seconds for all answers, PosteriorComparator taking them one by one; *s, one more*: for "
         "one answer more, where the others start anew.",
     ]

@@ -1,0 +1,155 @@
+"""Which question next: others' rules beside ours, all else equal.
+
+    python -m benchmarks.asking.question_rules --quick                                          a minute; rough figures
+    python -m benchmarks.asking.question_rules --out benchmarks/RESULTS-question-rules.md
+
+``InteractivePolicyIteration`` on random MDPs of the paper (|S| = 100, |A| = 5, discount .95), each time with another
+rule for its next question: our own, APReL's (mutual information, volume removal, greatest regret), Toubia's polyhedral
+one, and chance. ``--journal`` keeps finished runs: the same command goes on where it was stopped, also with more seeds.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from benchmarks.asking import question_counts as questions
+from benchmarks.reporting import machine, markdown, publish, with_interval
+from elicit.model.scale import Floats
+from qlearn.experiments.parallel import Cell, sweep
+
+OURS = "ours: telling violation (the default)"
+RULES = {  # by whom, and the method of question_counts
+    OURS: "certify, telling violation",
+    "ours: greatest bound": "certify, max regret",
+    "mutual information, or BALD (Houlsby 2011; Biyik 2019; APReL)": "certify, mutual information",
+    "volume removal (Sadigh 2017; APReL)": "certify, volume removal",
+    "greatest regret of two scales (Wilde 2020; APReL)": "certify, regret of two scales",
+    "polyhedral (Toubia 2004)": "certify, polyhedral",
+    "a random candidate": "certify, random candidate",
+}
+TUTORS = {  # share of answers flipped, and who learns from them
+    "truthful, polytope": (0.0, "polytope"),
+    "truthful, posterior": (0.0, "posterior"),
+    "10% flipped, posterior": (0.1, "posterior"),
+}
+Row = dict[str, Any]
+Key = tuple[str, str]  # an environment and a tutor
+
+
+def cells(environments: Sequence[str], seeds: int) -> list[Cell]:
+    """All rules on the same problems."""
+    return [
+        {"environment": environment, "method": method, "error": error, "comparator": name, "bounds": False,
+         "seed": seed}
+        for environment in environments
+        for error, name in TUTORS.values()
+        for method in RULES.values()
+        for seed in range(seeds)
+    ]  # fmt: skip
+
+
+def report(done: Sequence[tuple[Cell, Row]]) -> Iterator[list[str]]:
+    """The page, part by part, of (cell, row) pairs in the order of ``cells``."""
+    tutors, rules = {pair: name for name, pair in TUTORS.items()}, {method: name for name, method in RULES.items()}
+    groups: dict[Key, dict[str, list[Row]]] = {}
+    for cell, row in done:
+        key = cell["environment"], tutors[cell["error"], cell["comparator"]]
+        groups.setdefault(key, {}).setdefault(rules[cell["method"]], []).append(row)
+    seeds = len(next(iter(groups.values()))[OURS])
+    yield [
+        "# Which question next?",
+        "",
+        *_fewer(groups),
+        "",
+        machine(),
+        "",
+        f"{seeds} problems for each table, the same for all rules; means ± half a 95% interval. *Asked*: questions "
+        f"until no plausible scale lets the policy lose over {questions.TOLERANCE:.0%} of the value range anywhere "
+        f"(`InteractivePolicyIteration`), at most {questions.GRID[-1]}. *Beyond ours*: questions more than our default "
+        "asked on the same problem. A posterior is told how often answers are flipped, and 5% random ones where none "
+        "are. Then the true loss at the worst state after so many answers, in percent of the "
+        "value range; who has finished, keeps the policy.",
+        "",
+        "The rules differ, and nothing else: the candidates (advantages that some plausible scale puts above the "
+        "indifference), the draws of scales, the comparator and the stopping rule are ours for all of them. Without "
+        "errors volume removal and mutual information are one rule, the most even cut, but for rounding.",
+    ]
+    for (environment, tutor), found in groups.items():
+        head = ("rule", "asked", "beyond ours", *(f"after {n}" for n in questions.GRID[:-1]))
+        rows = []
+        for rule in sorted(found, key=lambda name: float(np.mean(_asked(found[name])))):
+            loss = 100 * np.array([row["loss"] for row in found[rule]])
+            beyond = "" if rule == OURS else with_interval(_asked(found[rule]) - _asked(found[OURS]), 1, signed=True)
+            asked = with_interval(_asked(found[rule]), 1)
+            rows.append([rule, asked, beyond, *(with_interval(column, 2) for column in loss.T[:-1])])
+        yield [f"## {environment}, {tutor}", "", *markdown(head, rows, 1)]
+
+
+def _fewer(groups: dict[Key, dict[str, list[Row]]]) -> list[str]:
+    """Who asks fewer questions than our default does, first; then who asks more, and where neither can be told."""
+    rows, fewer = [], list[str]()
+    for rule in RULES:
+        if rule == OURS:
+            continue
+        told = {
+            f"{environment}, {tutor}": _interval(_asked(found[rule]) - _asked(found[OURS]))
+            for (environment, tutor), found in groups.items()
+        }
+        less, more = ([name for name, (low, high) in told.items() if sign(low, high)] for sign in (_below, _above))
+        fewer += [f"{rule} at {name}" for name in less]
+        every = np.concatenate([_asked(found[rule]) - _asked(found[OURS]) for found in groups.values()])
+        counts = f"{len(less)} / {len(told) - len(less) - len(more)} / {len(more)}"
+        rows.append((float(every.mean()), [rule, with_interval(every, 1, signed=True), counts]))
+    rows.sort()
+    head = ("rule", "questions beyond our default", f"fewer / not told / more, of {len(groups)} tables")
+    return [
+        ("Fewer questions than our default, beyond the interval: " + "; ".join(fewer) + "." if fewer else
+         "In no table another rule asks fewer questions than our default beyond the interval.")
+        + " All tables together, the fewest first:",
+        "",
+        *markdown(head, [shown for _, shown in rows], 1),
+    ]  # fmt: skip
+
+
+def _asked(rows: Sequence[Row]) -> Floats:
+    return np.array([row["asked"] for row in rows], dtype=np.float64)
+
+
+def _interval(x: Floats) -> tuple[float, float]:
+    """Of the mean of x (n,), 95%, by Student's t."""
+    half = float(stats.t.ppf(0.975, len(x) - 1) * stats.sem(x)) if len(x) > 1 else np.inf
+    return float(x.mean()) - half, float(x.mean()) + half
+
+
+def _below(low: float, high: float) -> bool:
+    return high < 0
+
+
+def _above(low: float, high: float) -> bool:
+    return low > 0
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(description="Others' rules for the next question beside ours.")
+    parser.add_argument("--quick", action="store_true", help="two problems, k = 5 only")
+    parser.add_argument("--seeds", type=int, help="problems for each table (default: 20; quick: 2)")
+    parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels (default: 5 10 20; quick: 5)")
+    parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
+    parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
+    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
+    chosen = parser.parse_args(arguments)
+    levels = chosen.levels or ([5] if chosen.quick else [5, 10, 20])
+    todo = cells([f"k = {k}" for k in levels], chosen.seeds or (2 if chosen.quick else 20))
+    rows = sweep(questions.run, todo, journal=chosen.journal, jobs=chosen.jobs)
+    publish(report(list(zip(todo, rows, strict=True))), chosen.out)
+
+
+if __name__ == "__main__":
+    main()
