@@ -62,12 +62,15 @@ def report(done: Sequence[tuple[Cell, Row]]) -> Iterator[list[str]]:
         key = cell["environment"], tutors[cell["error"], cell["comparator"]]
         groups.setdefault(key, {}).setdefault(rules[cell["method"]], []).append(row)
     seeds = len(next(iter(groups.values()))[OURS])
+    levels = dict.fromkeys(environment.removeprefix("k = ") for environment, _ in groups)
     yield [
         "# Which question next?",
         "",
         *_fewer(groups),
         "",
         machine(),
+        "",
+        f"`python -m benchmarks.asking.question_rules --seeds {seeds} --levels {' '.join(levels)}`.",
         "",
         f"{seeds} problems for each table, the same for all rules; means ± half a 95% interval. *Asked*: questions "
         f"until no plausible scale lets the policy lose over {questions.TOLERANCE:.0%} of the value range anywhere "

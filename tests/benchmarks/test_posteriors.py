@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.fitting import gaussian_process as gp
-from benchmarks.fitting import markov_chains as chains
-from benchmarks.fitting import preference_posteriors as bench
+from benchmarks.posteriors import gaussian_process as gp
+from benchmarks.posteriors import markov_chains as chains
+from benchmarks.posteriors import preference_posteriors as bench
 from elicit import Answers, Verdict
 from elicit.model.scale import dominance, tail_sums
 from tests.report_cases import quick_report, table_rows
@@ -89,7 +89,7 @@ def test_the_page_says_who_is_better_first_and_what_is_left_out(tmp_path, monkey
     monkeypatch.setattr(bench, "find_spec", lambda name: None)
     bench.main(["--quick", "--out", str(tmp_path / "page.md")])
     text = (tmp_path / "page.md").read_text()
-    assert "botorch is not installed: its rows are left out." in text
+    assert "botorch is not installed: its rows are left out" in text
     assert text.index("foretelling held-out answers") < text.index("## a tutor")
     rows = table_rows(text)
     assert [row[0] for row in rows] == [
@@ -112,9 +112,9 @@ def test_a_method_that_is_better_beyond_the_interval_is_named_as_such():
 def test_a_gaussian_process_learns_what_it_is_told(name):
     problem = bench.draw(3, 60, "logistic", 0)
     believed, _ = bench.by_gaussian_process(name)(problem, 0)
-    assert bench.score(problem, believed)["loss"] < np.log(2) - 0.1
+    assert bench.score(problem, believed)["loss"] < np.log(2) - 0.03
 
 
 def test_the_quick_run_writes_its_page(tmp_path):
-    text = quick_report("benchmarks.fitting.preference_posteriors", tmp_path, "--seeds", "1")
+    text = quick_report("benchmarks.posteriors.preference_posteriors", tmp_path, "--seeds", "1")
     assert "## a tutor by eq. (6), k = 5, 20 answers" in text

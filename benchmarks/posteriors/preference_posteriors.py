@@ -1,7 +1,7 @@
 """Posteriors over a tutor's preferences, ours and others': held-out answers, intervals, time.
 
-    python -m benchmarks.fitting.preference_posteriors --quick                        seconds; rough figures
-    python -m benchmarks.fitting.preference_posteriors --out benchmarks/RESULTS-posteriors.md
+    python -m benchmarks.posteriors.preference_posteriors --quick                        seconds; rough figures
+    python -m benchmarks.posteriors.preference_posteriors --out benchmarks/RESULTS-posteriors.md
 
 ``PosteriorComparator``, the same posterior by plain Hamiltonian Monte Carlo and by emcee's ensemble sampler, and
 BoTorch's ``PairwiseGP``, on the same answers. emcee comes with the extra ``test``; for the Gaussian process
@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.special import expit
 
-from benchmarks.fitting import gaussian_process
 from benchmarks.fitting.calibration import scale
-from benchmarks.fitting.markov_chains import Density, Scales, hamiltonian, log_posterior, scales, start
+from benchmarks.posteriors import gaussian_process
+from benchmarks.posteriors.markov_chains import Density, Scales, hamiltonian, log_posterior, scales, start
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from elicit import Answers, BradleyTerryTutor, FlippingTutor, PosteriorComparator, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
@@ -44,6 +44,7 @@ FLIPS = 0.1
 LAWS = ("even", "skewed", "prior")  # of the scales, in turn
 LEVEL = 0.95
 GP_DRAWS = 2000
+INSTALL = "`pip install emcee torch==2.13.0 botorch`"
 LONG = (300, 500, 8)  # warm-up, draws and leaps of the run that others are compared with
 Row = dict[str, Any]
 
@@ -235,7 +236,9 @@ def report(cells: Sequence[Cell], rows: Sequence[dict[str, Row]]) -> Iterator[li
         "",
         machine("one thread"),
         f"Also {', '.join(f'{name} {version(name)}' for name in packages)}." if packages else "",
-        *[f"{name} is not installed: its rows are left out." for name in absent],
+        *[f"{name} is not installed: its rows are left out ({INSTALL})." for name in absent],
+        "",
+        f"`python -m benchmarks.posteriors.preference_posteriors --seeds {seeds}`, after {INSTALL}.",
         "",
         f"{seeds} problems for each table, scales by turns {', '.join(LAWS)} ('prior': PosteriorComparator's own law); "
         f"a tutor by eq. (6) with logits of standard deviation {SPREAD:g}, or who flips {FLIPS:.0%} of the answers; "
@@ -333,7 +336,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for n in counts
         for seed in range(seeds)
     ]
-    from benchmarks.fitting import preference_posteriors  # by the name that workers know, not as __main__
+    from benchmarks.posteriors import preference_posteriors  # by the name that workers know, not as __main__
 
     rows = sweep(preference_posteriors.run, cells, journal=chosen.journal, jobs=chosen.jobs)
     publish(report(cells, rows), chosen.out)
