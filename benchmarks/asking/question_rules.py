@@ -121,7 +121,8 @@ def _fewer(groups: dict[Key, dict[str, list[Row]]]) -> list[str]:
          "In no table another rule asks fewer questions than our default beyond the interval."),
         "",
         ("A lower loss than our default's after so many answers, beyond the interval: " + "; ".join(less_lost) if
-         less_lost else "In no table another rule loses less than our default after any number of answers, beyond the interval")
+         less_lost else "In no table another rule loses less than our default after any number of answers, beyond the "
+         "interval")
         + f". (Of {compared} such comparisons of equals chance alone would put {0.025 * compared:.0f} here.)",
         "",
         "All tables together, the fewest questions first:",

@@ -19,6 +19,7 @@ os.environ |= ONE_THREAD  # read when the libraries load, hence set before they 
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,6 +42,7 @@ from qlearn.experiments.parallel import Cell, sweep
 FRESH = 300  # held-out pairs
 SPREAD = 2.0  # standard deviation of a logistic tutor's logits
 FLIPS = 0.1
+TUTORS = ("logistic", "flips")
 LAWS = ("even", "skewed", "prior")  # of the scales, in turn
 LEVEL = 0.95
 GP_DRAWS = 2000
@@ -174,9 +176,8 @@ def run(cell: Cell) -> dict[str, Row]:
     rows = {
         "": score(problem, Believed(np.ones(1), problem.chances[:, None], (problem.fresh @ problem.values)[:, None]))
     }
-    tiny = draw(3, 4, "flips", 0)
+    _warm_up()
     for name, method in methods().items():
-        method(tiny, 0)  # loads and compiles what is to be loaded and compiled
         begin = process_time()
         believed, more = method(problem, cell["seed"])
         row = score(problem, believed) | {"seconds": process_time() - begin, "more": more}
@@ -185,6 +186,14 @@ def run(cell: Cell) -> dict[str, Row]:
             row["from_long"] = float(np.sqrt((apart**2).mean()))
         rows[name] = row
     return rows
+
+
+@cache
+def _warm_up() -> None:
+    """Load and compile once a process what is to be loaded and compiled."""
+    tiny = draw(3, 4, "flips", 0)
+    for method in methods().values():
+        method(tiny, 0)
 
 
 def score(problem: Problem, believed: Believed) -> Row:
@@ -324,10 +333,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
     parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
+    parser.add_argument("--tutors", nargs="+", choices=TUTORS, help="who answers (default: both; quick: logistic)")
     chosen = parser.parse_args(arguments)
-    levels, counts, tutors = (
-        ((5,), (20,), ("logistic",)) if chosen.quick else ((5, 10), (20, 100), ("logistic", "flips"))
-    )
+    levels, counts = ((5,), (20,)) if chosen.quick else ((5, 10), (20, 100))
+    tutors = chosen.tutors or TUTORS[: 1 if chosen.quick else 2]
     seeds = chosen.seeds or (2 if chosen.quick else 9)
     cells: list[Cell] = [
         {"tutor": tutor, "k": k, "n": n, "seed": seed}
