@@ -236,6 +236,9 @@ def report(cells: Sequence[Cell], rows: Sequence[dict[str, Row]]) -> Iterator[li
     groups: dict[tuple[str, int, int], list[dict[str, Row]]] = {}
     for cell, row in zip(cells, rows, strict=True):
         groups.setdefault((cell["tutor"], cell["k"], cell["n"]), []).append(row)
+    given = [f"--seeds {seeds}"]
+    for name, key in (("tutors", "tutor"), ("levels", "k"), ("answers", "n")):
+        given.append(f"--{name} {' '.join(dict.fromkeys(str(cell[key]) for cell in cells))}")
     packages = [name for name in ("emcee", "torch", "botorch") if find_spec(name)]
     absent = [name for name in ("emcee", "botorch") if not find_spec(name)]
     yield [
@@ -247,7 +250,7 @@ def report(cells: Sequence[Cell], rows: Sequence[dict[str, Row]]) -> Iterator[li
         f"Also {', '.join(f'{name} {version(name)}' for name in packages)}." if packages else "",
         *[f"{name} is not installed: its rows are left out ({INSTALL})." for name in absent],
         "",
-        f"`python -m benchmarks.posteriors.preference_posteriors --seeds {seeds}`, after {INSTALL}.",
+        f"`python -m benchmarks.posteriors.preference_posteriors {' '.join(given)}`, after {INSTALL}.",
         "",
         f"{seeds} problems for each table, scales by turns {', '.join(LAWS)} ('prior': PosteriorComparator's own law); "
         f"a tutor by eq. (6) with logits of standard deviation {SPREAD:g}, or who flips {FLIPS:.0%} of the answers; "
@@ -333,9 +336,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
     parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
+    parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels (default: 5 10; quick: 5)")
+    parser.add_argument("--answers", type=int, nargs="+", help="numbers of answers (default: 20 100; quick: 20)")
     parser.add_argument("--tutors", nargs="+", choices=TUTORS, help="who answers (default: both; quick: logistic)")
     chosen = parser.parse_args(arguments)
-    levels, counts = ((5,), (20,)) if chosen.quick else ((5, 10), (20, 100))
+    levels = chosen.levels or ([5] if chosen.quick else [5, 10])
+    counts = chosen.answers or ([20] if chosen.quick else [20, 100])
     tutors = chosen.tutors or TUTORS[: 1 if chosen.quick else 2]
     seeds = chosen.seeds or (2 if chosen.quick else 9)
     cells: list[Cell] = [
