@@ -301,27 +301,40 @@ def _beyond(found: Sequence[dict[str, Row]], name: str) -> Floats:
 
 def _wins(groups: dict[tuple[str, int, int], list[dict[str, Row]]], names: Sequence[str]) -> list[str]:
     """Where others are better than ours, problem by problem, then where they are worse."""
-    ours, rows, better = names[0], list[tuple[float, list[str]]](), list[str]()
+    ours, rows, better, safer = names[0], list[tuple[float, list[str]]](), list[str](), list[str]()
     runs = [run for found in groups.values() for run in found]
     for name in names[1:]:
-        loss = np.concatenate([_beyond(found, name) - _beyond(found, ours) for found in groups.values()])
+        loss = _beyond(runs, name) - _beyond(runs, ours)
+        held = np.array([run[name]["chance_covered"] - run[ours]["chance_covered"] for run in runs])
         faster = sum(_mean(found, name, "seconds") < _mean(found, ours, "seconds") for found in groups.values())
         more = _mean(runs, name, "more") / _mean(runs, ours, "more")
-        shown = [name, with_interval(1e3 * loss, 1, signed=True), f"{faster} of {len(groups)}", f"{more:,.1f}"]
-        rows.append((float(loss.mean()), shown))
-        if len(loss) > 1 and loss.mean() + stats.t.ppf(0.975, len(loss) - 1) * stats.sem(loss) < 0:
-            better.append(name)
+        shown = [name, with_interval(1e3 * loss, 1, signed=True), with_interval(100 * held, 0, signed=True)]
+        rows.append((float(loss.mean()), [*shown, f"{faster} of {len(groups)}", f"{more:,.1f}"]))
+        better += [name] * _surely_below(loss)
+        safer += [name] * _surely_below(-held)
     rows.sort()
-    named = f"{' and '.join(better)}" if better else "None of the others"
-    head = ("method", "log loss beyond ours, thousandths", "faster, all answers", "one more answer, ratio")
+    head = ("method", "log loss beyond ours, thousandths", "chance held, points beyond ours", "faster, all answers",
+            "one more answer, ratio")  # fmt: skip
     return [
-        f"Better than `PosteriorComparator` at foretelling held-out answers, beyond the interval: {named}. The others, "
-        "the best first: what they lose more, in thousandths of a nat, problem by problem (less than 0: they are "
-        "better); in how many tables they take less time for all answers at once; and how many times its time they "
-        "take for one answer more.",
+        f"Better than `PosteriorComparator` at foretelling held-out answers, beyond the interval: {_listed(better)}. "
+        f"With intervals for the chance of an answer that hold the truth more often: {_listed(safer)}.",
+        "",
+        "The others beside it, problem by problem, the best at foretelling first: what they lose more, in thousandths "
+        "of a nat (less than 0: they are better); how much more often their intervals for the chance hold the truth; "
+        "in how many tables they take less time for all answers at once; and how many times its time they take for one "
+        "answer more.",
         "",
         *markdown(head, [shown for _, shown in rows], 1),
     ]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return "; ".join(names) or "none of the others"
+
+
+def _surely_below(x: Floats) -> bool:
+    """Whether the mean of x (n,) is below 0 by more than half its 95% t-interval."""
+    return len(x) > 1 and bool(x.mean() + stats.t.ppf(0.975, len(x) - 1) * stats.sem(x) < 0)
 
 
 def _mean(runs: Sequence[dict[str, Row]], name: str, key: str) -> float:

@@ -98,13 +98,19 @@ def test_the_page_says_who_is_better_first_and_what_is_left_out(tmp_path, monkey
 
 
 def test_a_method_that_is_better_beyond_the_interval_is_named_as_such():
-    def rows(gain):
+    def rows(gain, held):
         base = {"seconds": 1.0, "more": 1.0}
-        return [{"": {"loss": 0.0}, "ours": base | {"loss": 0.5}, "other": base | {"loss": 0.5 - gain * u}}
+        return [{"": {"loss": 0.0}, "ours": base | {"loss": 0.5, "chance_covered": 0.8},
+                 "other": base | {"loss": 0.5 - gain * u, "chance_covered": 0.8 + held * u}}
                 for u in (1.0, 1.1, 0.9)]  # fmt: skip
 
-    assert "the interval: other." in bench._wins({("t", 5, 9): rows(0.1)}, ["ours", "other"])[0]
-    assert "None of the others" in bench._wins({("t", 5, 9): rows(-0.1)}, ["ours", "other"])[0]
+    def said(gain, held):
+        return bench._wins({("t", 5, 9): rows(gain, held)}, ["ours", "other"])[0]
+
+    assert "beyond the interval: other." in said(0.1, -0.1)
+    assert "more often: none of the others." in said(0.1, -0.1)
+    assert "beyond the interval: none of the others." in said(-0.1, 0.1)
+    assert "more often: other." in said(-0.1, 0.1)
 
 
 @pytest.mark.skipif(not gp.available(), reason="botorch is not installed")
