@@ -86,12 +86,14 @@ PAGES = (  # a notebook after the tables that it reads
     ),
     results("RESULTS-certified", "asking.certificates", 15, awaits=ERRING),
     results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 180, awaits=ERRING),
+    results("RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 40),
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
     results("RESULTS-calibration", "fitting.calibration", 100, awaits=TOLD),
     results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
     results("RESULTS-bradley-terry", "fitting.fit_cost", 15, awaits="its answers are not those that are drawn now"),
+    results("RESULTS-posteriors", "posteriors.preference_posteriors --journal results/posteriors.jsonl", 30, "peers"),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results(
         "RESULTS-ivi", "learning.value_iteration_cost", 6, "peers", awaits="its tiers are those of an older screen"

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 import elicit
+from benchmarks.asking.rival_rules import RIVAL_RULES
 from benchmarks.reporting import save, with_interval
 from benchmarks.stamps import sources
 from elicit.model.scale import Floats
@@ -64,6 +65,7 @@ METHODS = (
     "Q-learning, late",
     "random pairs + fit",
 )
+"""Those of the page; ``run`` knows ``RIVAL_RULES`` as well."""
 
 
 def run(cell: Cell) -> Row:
@@ -128,7 +130,7 @@ def learner_of(method: str, mdp: OrdinalMDP, comparator: elicit.Comparator, seed
         common["tolerance"] = TOLERANCE
         if method == "certify, simple bags":
             return InteractivePolicyIteration(mdp, comparator, bags=elicit.Bags(), **common)
-        chosen = CERTIFY[method] or _at_random(seed)
+        chosen = (CERTIFY | RIVAL_RULES)[method] or _at_random(seed)
         return InteractivePolicyIteration(mdp, comparator, strategy=chosen, **common)
     if method.startswith("value iteration"):
         common["tolerance"] = TOLERANCE

@@ -23,7 +23,8 @@ import numpy as np
 
 from benchmarks.fitting.fit_accuracy import References, completed, distances, references, rule
 from benchmarks.fitting.fit_methods import ENTRIES, Entry, Problem
-from benchmarks.fitting.fit_tables import Line, about, notes, table
+from benchmarks.fitting.fit_tables import Line, about, fastest, notes, table
+from benchmarks.fitting.item_strengths import PER_ITEM, item_lines, item_tables
 from benchmarks.fitting.tutor_data import Data, draw
 from benchmarks.reporting import machine, publish
 from elicit import Verdict
@@ -37,17 +38,23 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def report(levels: list[int], answers: list[int], sets: int, m: int, seed: int) -> Iterator[list[str]]:
-    """The parts of the report, as lines of Markdown."""
+    """The parts of the report, as lines of Markdown: who is fastest comes first, so all is measured before."""
     also = ", ".join(f"{name} {version(name)}" for name in ("scikit-learn", "statsmodels"))
     head = [machine("one thread"), f"Also {also}.", "", *notes(sets, m)]
-    yield ["# The cost of an answer of an unreliable tutor", "", *head]
     small = draw(3, 8, 2, seed)
     costs([small], [references(small)])  # loads and compiles what is to be loaded and compiled
+    measured, parts = {}, []
     for k in levels:
         for n in answers:
             cell = [draw(k, n, m, seed + i) for i in range(sets)]
             tight = [references(data) for data in cell]
-            yield [f"## k = {k}, {n} answers", "", about(cell, tight), "", *table(costs(cell, tight))]
+            measured[k, n] = costs(cell, tight)
+            parts.append([f"## k = {k}, {n} answers", "", about(cell, tight), "", *table(measured[k, n])])
+    items = {(k, n): item_lines(k, n, sets, m, seed) for k in levels for n in answers if n >= PER_ITEM * k}
+    yield ["# The cost of an answer of an unreliable tutor", "", *fastest(measured, items), "", *head]
+    yield from parts
+    if items:
+        yield from item_tables(items, sets, m)
 
 
 def costs(cell: list[Data], tight: list[References]) -> list[Line]:

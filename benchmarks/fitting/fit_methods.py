@@ -73,6 +73,15 @@ def in_a_loop(make: Make, data: Data, fits: int) -> Run:
     return Run(ends[0] - begin + each * (len(data.counts) - 1), gamma)
 
 
+def scipy_at_once(data: Data, fits: int) -> Run:
+    """The answers as they are first, and from there all resamples in one program."""
+    begin, y, gamma = process_time(), data.answers.y, np.full((len(data.counts), data.t.shape[1]), np.nan)
+    with suppress(NoFit):
+        gamma[0] = tools.scipy_minimize(data.t, y, ordered=False)(data.counts[0], np.zeros(data.t.shape[1]))
+        gamma[1:] = tools.scipy_all_at_once(data.t, y, data.counts[1:], gamma[0])
+    return Run(process_time() - begin, gamma)
+
+
 def together(problem: Problem, data: Data, fits: int) -> Run:
     """The project's damped Newton steps on all resamples at once, from the fit to the answers as they are."""
     begin = process_time()
@@ -126,14 +135,19 @@ def _loop(name: str, make: Make, fits: int | None, solves: Problem = RIDGED) -> 
 
 TIGHT: dict[str, Any] = {"tol": 1e-10, "max_iter": 10_000, "warm_start": True}
 CHOLESKY = TIGHT | {"solver": "newton-cholesky"}
+LIBLINEAR: dict[str, Any] = {"solver": "liblinear", "tol": 1e-6, "max_iter": 1000}
 POSTERIOR = Entry("PosteriorComparator, lapse 0", "posterior", partial(one_by_one, partial(posterior, 0.0)))
 ENTRIES = (
-    _loop("scikit-learn, lbfgs, default tol 1e-4", tools.scikit_learn, None),
-    _loop("scikit-learn, lbfgs, tol 1e-10", partial(tools.scikit_learn, **TIGHT), 50),
-    _loop("scikit-learn, newton-cholesky, tol 1e-10", partial(tools.scikit_learn, **CHOLESKY), 50),
+    _loop("scikit-learn, lbfgs, default tol 1e-4", partial(tools.scikit_learn, unchecked=False), None),
+    _loop("scikit-learn, lbfgs, tol 1e-10, unchecked", partial(tools.scikit_learn, **TIGHT), 50),
+    _loop("scikit-learn, newton-cholesky, tol 1e-10, unchecked", partial(tools.scikit_learn, **CHOLESKY), 50),
+    _loop("scikit-learn, liblinear, tol 1e-6, unchecked", partial(tools.scikit_learn, **LIBLINEAR), 50),
     _loop("SciPy L-BFGS-B, gradient, ftol 1e-13", partial(tools.scipy_minimize, ordered=False), 50),
+    _loop("SciPy trust-exact, gradient and Hessian", tools.scipy_trust_region, 50),
+    Entry("SciPy L-BFGS-B, all resamples in one program", RIDGED, scipy_at_once),
     _loop("SciPy L-BFGS-B, the same with bounds", partial(tools.scipy_minimize, ordered=True), 50, ORDERED),
     _loop("statsmodels GLM.fit_regularized", tools.statsmodels_ridge, 10),
+    _loop("statsmodels GLM with its L2 penalty, Newton", tools.statsmodels_newton, 20),
     _loop("statsmodels Logit.fit", tools.statsmodels_logit, 20, FREE),
     _loop("cvxpy + Clarabel, rebuilt each time", partial(tools.cone_rebuilt, ordered=False), 2),
     _loop("cvxpy + Clarabel, counts as a Parameter", tools.cone_parameter, 2),

@@ -14,7 +14,10 @@ import numpy as np
 import statsmodels.api as sm
 from scipy.optimize import minimize
 from scipy.special import expit
+from sklearn import config_context
 from sklearn.linear_model import LogisticRegression
+from statsmodels.base._penalized import PenalizedMixin
+from statsmodels.base._penalties import L2
 
 from elicit.comparators.bradley_terry.likelihood import Signs
 from elicit.model.scale import Floats
@@ -29,15 +32,16 @@ class NoFit(Exception):
     """A tool gave no fit, or said that its fit is none."""
 
 
-def scikit_learn(t: Floats, y: Signs, **settings: Any) -> Refit:
-    """Each fit from the one before it where ``warm_start`` is set."""
+def scikit_learn(t: Floats, y: Signs, unchecked: bool = True, **settings: Any) -> Refit:
+    """Each fit from the one before it where ``warm_start`` is set; ``unchecked``: without looking at its input."""
     model = LogisticRegression(C=1.0 / RIDGE, fit_intercept=False, **settings)
 
     def refit(counts: Floats, start: Floats) -> Floats:
         kept = counts > 0
         _demand(y[kept].min() < y[kept].max())  # it refuses answers of one kind
-        model.fit(t[kept], y[kept], sample_weight=counts[kept])
-        _demand(model.n_iter_[0] < model.max_iter)
+        with config_context(assume_finite=unchecked, skip_parameter_validation=unchecked):
+            model.fit(t[kept], y[kept], sample_weight=counts[kept])
+        _demand(np.max(model.n_iter_) < model.max_iter)
         return np.array(model.coef_[0])
 
     return refit
@@ -49,19 +53,62 @@ def scipy_minimize(t: Floats, y: Signs, ordered: bool) -> Refit:
     x = t * y[:, None]
 
     def refit(counts: Floats, start: Floats) -> Floats:
-        kept = counts > 0
-        rows, c = x[kept], counts[kept]
-
-        def loss(gamma: Floats) -> tuple[float, Floats]:
-            z = rows @ gamma
-            slope = RIDGE * gamma - (c * expit(-z)) @ rows
-            return float(c @ np.logaddexp(0.0, -z) + RIDGE / 2.0 * (gamma @ gamma)), slope
-
+        loss = _loss(x, counts)
         found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         _demand(found.success)
         return np.asarray(found.x)
 
     return refit
+
+
+def scipy_trust_region(t: Floats, y: Signs) -> Refit:
+    """With the Hessian too."""
+    x = t * y[:, None]
+
+    def refit(counts: Floats, start: Floats) -> Floats:
+        kept = counts > 0
+        rows, c = x[kept], counts[kept]
+
+        def hessian(gamma: Floats) -> Floats:
+            s = expit(rows @ gamma)
+            return (rows.T * (c * s * (1.0 - s))) @ rows + RIDGE * np.eye(len(gamma))
+
+        found = minimize(_loss(x, counts), start, jac=True, hess=hessian, method="trust-exact", options={"gtol": 1e-5})
+        _demand(found.success)
+        return np.asarray(found.x)
+
+    return refit
+
+
+def _loss(x: Floats, counts: Floats) -> Callable[[Floats], tuple[float, Floats]]:
+    """Of gaps (p,): minus eq. (7) plus the ridge, and its gradient; x (n, p) the rows times the answers."""
+    kept = counts > 0
+    rows, c = x[kept], counts[kept]
+
+    def loss(gamma: Floats) -> tuple[float, Floats]:
+        z = rows @ gamma
+        terms = np.log1p(np.exp(-np.abs(z))) - np.minimum(z, 0.0)  # twice as fast as logaddexp
+        return float(c @ terms + RIDGE / 2.0 * (gamma @ gamma)), RIDGE * gamma - (c * expit(-z)) @ rows
+
+    return loss
+
+
+def scipy_all_at_once(t: Floats, y: Signs, counts: Floats, start: Floats) -> Floats:
+    """The fits (m, p) to all resamples, counts (m, n), from one start (p,): one program in m p unknowns, whose loss
+    and gradient are two matrix products. A single call instead of m, but all go on until the last is done."""
+    x, (m, p) = t * y[:, None], (len(counts), t.shape[1])
+
+    def loss(all_gammas: Floats) -> tuple[float, Floats]:
+        gamma = all_gammas.reshape(m, p)
+        z = gamma @ x.T
+        terms = np.log1p(np.exp(-np.abs(z))) - np.minimum(z, 0.0)
+        slope = RIDGE * gamma - (counts * expit(-z)) @ x
+        return float((counts * terms).sum() + RIDGE / 2.0 * (all_gammas @ all_gammas)), slope.ravel()
+
+    options = {"ftol": 1e-15, "gtol": 1e-6, "maxiter": 10_000, "maxfun": 100_000, "maxcor": 20}
+    found = minimize(loss, np.tile(start, m), jac=True, method="L-BFGS-B", options=options)
+    _demand(found.success)
+    return np.asarray(found.x).reshape(m, p)
 
 
 def statsmodels_ridge(t: Floats, y: Signs) -> Refit:
@@ -74,6 +121,24 @@ def statsmodels_ridge(t: Floats, y: Signs) -> Refit:
                 found = model.fit_regularized(alpha=RIDGE / kept.sum(), L1_wt=0.0, start_params=start)
             except sm.tools.sm_exceptions.ConvergenceWarning as error:
                 raise NoFit from error
+        return np.asarray(found.params)
+
+    return refit
+
+
+class _PenalizedGLM(PenalizedMixin, sm.GLM):  # type: ignore[misc]
+    """A GLM whose ``fit`` takes a penalty, by Newton's method."""
+
+
+def statsmodels_newton(t: Floats, y: Signs) -> Refit:
+    """The ridge by the classes that its own additive models are built on, which its manual does not show."""
+
+    def refit(counts: Floats, start: Floats) -> Floats:
+        kept = counts > 0
+        settings = {"family": sm.families.Binomial(), "freq_weights": counts[kept]}
+        model = _PenalizedGLM((y[kept] + 1) / 2, t[kept], penal=L2(), pen_weight=RIDGE / 2, **settings)
+        found = model.fit(method="newton", start_params=start, disp=0, trim=False)
+        _demand(found.mle_retvals["converged"])
         return np.asarray(found.params)
 
     return refit

@@ -49,7 +49,8 @@ def separable() -> Data:
 def test_the_quick_run_has_every_method_and_small_errors(tmp_path):
     text = quick_report("benchmarks.fitting.fit_cost", tmp_path, "--seed", "1")
     assert re.findall(r"^## (.*)$", text, re.MULTILINE) == ["k = 5, 30 answers"]
-    rows = [row for row in table_rows(text) if row[0] != "method"]
+    first, *rows = (row for row in table_rows(text) if row[0] not in ("problem", "method"))
+    assert first[:3] == ["bags, ridge", "5", "30"]  # who is fastest comes first
     assert [row[0] for row in rows] == [entry.name for entry in ENTRIES]
     assert all(float(row[2].replace(",", "")) > 0 for row in rows)
     assert [row[3] for row in rows if row[0] == methods.POSTERIOR.name] == ["1.0"]

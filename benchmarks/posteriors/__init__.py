@@ -1,0 +1,1 @@
+"""Posteriors over a tutor's preferences beside each other: ours and other libraries'."""
