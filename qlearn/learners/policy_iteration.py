@@ -216,7 +216,8 @@ class InteractivePolicyIteration(Learner):
         found = closing_cut(known, candidates.draws, candidates.d[most], high[most], _CLOSE * self._enough)
         if found.row >= 0:
             return self._pair(over, int(rows[most[found.row]]))
-        pair = Pair(*np.maximum([found.d, -found.d], 0.0), "two mixtures of levels: left or right?", elicitation.asked)
+        left, right = np.maximum(found.d, 0.0), np.maximum(-found.d, 0.0)
+        pair = Pair(left, right, "two mixtures of levels: left or right?", ("cut", elicitation.asked))
         return pair if elicitation.may_ask(found.d[None], lambda _: pair.place).all() else None
 
     def _settled_by(self, over: Advantages) -> NDArray[np.int8]:
