@@ -68,7 +68,10 @@ class InteractivePolicyIteration(Learner):
 
     ``strategy`` picks the question (a function of ``qlearn.strategies``, or its name); the default weighs what an
     answer tells by how likely it is to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as
-    they tell enough of the signs of the advantages in question (``elicit.Bags``), one at a time. ``indifference``
+    they tell enough of the signs of the advantages in question (``elicit.Bags``), one at a time. ``cuts``: once most of
+    what is plausible agrees on the policy, ask also about two mixtures of levels made to close several advantages at
+    once (``elicit.asking.cuts``; default: with the default strategy). That is where bounds are proven, without bags,
+    one question at a time, and as long as the tutor calls no pair equal and can tell all. ``indifference``
     (default tolerance (1 - discount)): an advantage that no plausible scale puts above it is not asked about; above the
     default, the tolerance may be out of reach. ``max_loss``: stop there even if the tolerance is smaller.
     ``max_queries``: beyond it the policy for the central scale stands, with what can be said of its loss. ``audit``:
@@ -127,7 +130,7 @@ class InteractivePolicyIteration(Learner):
         small = mdp.n_states <= LARGE if exact is None else exact
         self._solver = _Exactly(mdp, self._enough) if small else _Nearly(mdp, self._enough, self.seed)
         wanted = self._strategy is telling_violation if cuts is None else cuts
-        self._cuts = wanted and small and bags is None and batch == 1
+        self._cuts = wanted and bags is None and batch == 1
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
 

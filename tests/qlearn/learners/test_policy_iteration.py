@@ -272,12 +272,15 @@ def of_cuts(result):
     return (np.abs(np.abs(result.answers.d).sum(axis=1) - 2.0) < 1e-9).sum()
 
 
-def test_cuts_prove_a_policy_with_fewer_questions():
+@both_ways
+def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
+    monkeypatch.setattr(policy_iteration, "_SAMPLE", 100)
+    monkeypatch.setattr(loss_bounds, "STATES", 1000)
     asked, cut = {True: 0, False: 0}, 0
     for seed in range(3):
         mdp, values = random_mdp(60, 5, 8, rng=seed)
         for cuts in asked:
-            result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, cuts=cuts)
+            result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, cuts=cuts, exact=exact)
             assert result.status is Status.CONVERGED
             assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 1e-4
             worst = losses_under(mdp, result.policy, result.comparator.draws.gaps[:, ::8]).max()
@@ -291,8 +294,8 @@ def test_cuts_prove_a_policy_with_fewer_questions():
         InteractivePolicyIteration(mdp, PolytopeComparator(8), cuts=1)
 
 
-@pytest.mark.parametrize("settings", [{"batch": 2}, {"bags": Bags(10)}, {"strategy": "max_regret"}, {"exact": False}])
-def test_cuts_are_asked_one_at_a_time_with_the_default_strategy_of_small_models(settings):
+@pytest.mark.parametrize("settings", [{"batch": 2}, {"bags": Bags(10)}, {"strategy": "max_regret"}, {"cuts": False}])
+def test_cuts_are_asked_one_at_a_time_with_the_default_strategy(settings):
     mdp, values = random_mdp(60, 5, 8, rng=0)
     result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, **settings)
     assert result.status is Status.CONVERGED
