@@ -199,7 +199,7 @@ def test_partial_sweeps_end_where_a_tutor_errs_anew_each_time() -> None:
     mdp, values = random_mdp(20, 3, 5, discount=0.5, rng=0)
     learner = InteractiveValueIteration(mdp, AlwaysAsk(5), tolerance=0.001, max_sweeps=10)
     followed, follow = [], learner._states.follow
-    learner._states.follow = lambda within: (followed.append(within), follow(within))[1]  # type: ignore[method-assign]
+    learner._states.follow = lambda within: (followed.append(within), follow(within))[1]
     result = drive(learner, FlippingTutor(values, 0.4, seed=0))
     assert (result.rounds, result.status) == (10, Status.SWEEP_LIMIT)
     assert len(followed) == 5, "the second half of the sweeps are plain ones, which contract"
