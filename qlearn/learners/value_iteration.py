@@ -40,9 +40,10 @@ class InteractiveValueIteration(Learner):
     of V differ from state to state by less than tolerance (1 - discount) / (2 discount) under every ordered scale (what
     all states change alike moves no comparison), or after ``max_sweeps`` (default: twice what value iteration with
     known values can need; a tutor who errs anew each time can keep V moving for ever).
-    ``partial_sweeps``: between two sweeps, the first half of them, V goes on to what the present actions are worth,
-    without comparing any, as in modified policy iteration (Puterman and Shin 1978): the same promise after fewer sweeps
-    and mostly fewer questions. False: each sweep starts from the last one's V, as in the paper.
+    ``partial_sweeps``: from the second sweep on, and in the first half of ``max_sweeps``, V goes on between two sweeps
+    to what the present actions are worth, without comparing any, as in modified policy iteration (Puterman and Shin
+    1978): the same promise after fewer sweeps and mostly fewer questions. False: each sweep starts from the last one's
+    V, as in the paper.
     ``max_loss`` stops after a sweep whose policy no plausible scale lets lose more (``Result.loss_bound``, computed
     whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``seed`` only picks the
     audits. Questions come in order of states, each asked as soon as what is known cannot settle it; with ``batch`` > 1
@@ -51,9 +52,9 @@ class InteractiveValueIteration(Learner):
     ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so that
     several runs side by side do not crowd each other; there is one, too, where somebody watches or answers by
     ``consult``. Beside the MDP only V is kept, twice (S, k), and what settled each (s, a) last, k - 1 numbers of half
-    size; ``Result.q`` is computed when first read: once
-    finished, of the policy's value. Where only the comparator itself can tell, it is asked about many
-    pairs at a time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
+    size; partial sweeps take V twice more while they last, and one row of transitions a state. ``Result.q`` is computed
+    when first read, once finished of the policy's value. Where only the comparator itself can tell, it is asked about
+    many pairs at a time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
     """
 
     @takes_rng
@@ -167,7 +168,9 @@ class InteractiveValueIteration(Learner):
             self._end = Status.SWEEP_LIMIT
         else:
             self._states.next_sweep()
-            if self._partial_sweeps and used <= self._max_sweeps // 2:  # plain sweeps are certain to contract
+            # the first sweep looks one step ahead: its actions are not worth questions about what they come to;
+            # and in the end plain sweeps are certain to contract
+            if self._partial_sweeps and self._sweeps > 1 and used <= self._max_sweeps // 2:
                 self._states.follow(_EVALUATED * self._small_span)
 
     def _settled(self) -> Status | None:
