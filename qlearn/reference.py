@@ -165,8 +165,9 @@ def interactive_value_iteration(
                     )
                     comparisons.append((s, a, incumbent, best[s]))
         before, v = v, q[np.arange(mdp.n_states), best]
-        change = np.abs(tail_sums(v - before)).max()  # the greatest that any ordered scale can see
-        if mdp.discount * change < tolerance * (1 - mdp.discount) / 4:
+        change = tail_sums(v - before)
+        span = np.ptp(change, axis=0).max()  # the most by which changes can differ under an ordered scale
+        if mdp.discount * span < tolerance * (1 - mdp.discount) / 2:
             return Learned(q, best, comparisons), model, told
 
 

@@ -19,6 +19,7 @@ from qlearn.learners.learner import place
 from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.warm_planning import nearly_valued
 
 BLOCK = 2048  # states one thread takes at a time
 BLOCKS = 8  # at once: each has its own copy of the proofs, so that results do not depend on the number of threads
@@ -68,6 +69,15 @@ class StateSweep:
         q = q_of(states, self.v, self.model)
         return q[rows, challengers], q[rows, incumbents], challengers, incumbents
 
+    @property
+    def span(self) -> float:
+        """At the end of a sweep: how far states' changes of V can lie apart under an ordered scale."""
+        return float((self._change[1] - self._change[0]).max())
+
+    def follow(self, within: float) -> None:
+        """Go on from what the present actions are worth, to about ``within``: swept without comparing any."""
+        self.v = nearly_valued(self._mdp, self.best, self.v, within)
+
     def next_sweep(self) -> None:
         """Go on from the new V."""
         self.v, self._following = self._following, self.v
@@ -78,7 +88,7 @@ class StateSweep:
         self.cursor[:] = 0
         self.judged.clear()
         self._reached = 0  # states from here on have not been looked at in this sweep
-        self.change = 0.0  # the greatest of a tail sum of V: the most that any ordered scale can see
+        self._change = no_outcome(0, self._mdp.k).change  # the least and the greatest so far of each tail sum of V
         self._waiting = np.empty(0, dtype=np.int64)
         self._verified = 0  # how many of the first of them are so with all that is known
 
@@ -131,7 +141,7 @@ class StateSweep:
 
     def _sweep(self, states: States, rule: Rule) -> tuple[States, Outcome]:
         """The first states, as many as were reached, and what became of them."""
-        work, out = Work(self.v, self._following, self.best, self.cursor), no_outcome(len(states))
+        work, out = Work(self.v, self._following, self.best, self.cursor), no_outcome(len(states), self._mdp.k)
         with np.errstate(all="ignore"):  # hashes wrap around
             reached = sweep(states, work, self.model, self._pairs.judging(rule), out)
         return states[:reached], out
@@ -140,7 +150,8 @@ class StateSweep:
         """Act on what became of states."""
         n = len(states)
         self.best[states], self.cursor[states] = out.best[:n], out.cursor[:n]
-        self.change = max(self.change, float(out.change[0]))
+        self._change[0] = np.minimum(self._change[0], out.change[0])
+        self._change[1] = np.maximum(self._change[1], out.change[1])
         self._pairs.enter(out.tiers)
 
     def _judge(self, states: States) -> States:

@@ -41,17 +41,17 @@ class Outcome(NamedTuple):
     cursor: NDArray[np.int32]  # (n,)
     code: NDArray[np.int8]  # (n,) DONE; of the pair at the cursor UNKNOWN to all but the tutor, or UNSETTLED; ANSWERED
     tiers: NDArray[np.int64]  # (len(Tier),) comparisons by who settled them
-    change: Floats  # (1,) the greatest change of a tail sum of V at a state that is done
+    change: Floats  # (2, k - 1) the least and the greatest change of each tail sum of V at the states that are done
 
 
-def no_outcome(n: int) -> Outcome:
-    """Room for what becomes of n states."""
+def no_outcome(n: int, k: int) -> Outcome:
+    """Room for what becomes of n states, of k levels."""
     return Outcome(
         np.empty(n, dtype=np.int64),
         np.empty(n, dtype=np.int32),
         np.empty(n, dtype=np.int8),
         np.zeros(len(Tier), dtype=np.int64),
-        np.zeros(1),
+        np.stack([np.full(k - 1, np.inf), np.full(k - 1, -np.inf)]),
     )
 
 
@@ -75,16 +75,17 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
     d, t, scratch, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
     vectors = np.empty((1, m, k))
     q = vectors[0]
-    change = 0.0
+    low, high = out.change[0], out.change[1]
     for i in range(len(states)):
         if keeps and kept.used[0] + m > len(kept.tiers):
-            out.change[0] = change
             return i
         s = states[i]
         best, code, at = incumbents[s], DONE, m
         if terminal[s]:
             for j in range(k):
                 following[s, j] = v[s, j]
+                if j > 0:
+                    low[j - 1], high[j - 1] = min(low[j - 1], 0.0), max(high[j - 1], 0.0)
         else:
             back_up_from(s, v, arrays, discount, q)
             for a in range(cursor[s], m):
@@ -117,11 +118,9 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                 for j in range(k - 1, -1, -1):
                     if j > 0:
                         total += q[best, j] - v[s, j]
-                        change = max(change, abs(total))
+                        low[j - 1], high[j - 1] = min(low[j - 1], total), max(high[j - 1], total)
                     following[s, j] = q[best, j]
         best_now[i], cursor_now[i], code_now[i] = best, at, code
         if turns and code == UNSETTLED:
-            out.change[0] = change
             return i + 1
-    out.change[0] = change
     return len(states)

@@ -21,8 +21,11 @@ from qlearn.learners.learner import Learner, Result, Status, check_max_loss, che
 from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
 from qlearn.learners.state_sweep import StateSweep
-from qlearn.mdp.backup import q_of
+from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.warm_planning import nearly_valued
+
+_EVALUATED = 0.1  # of the span that sweeps stop at: how nearly the present actions are valued
 
 
 class InteractiveValueIteration(Learner):
@@ -33,9 +36,14 @@ class InteractiveValueIteration(Learner):
     ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose bounds lie within it
     counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
     UNSURE in place of CONVERGED; so does what she calls equal, which may be farther apart (the comparator's ``tie``):
-    then it is CALLED_EQUAL, unless the loss is bounded within the tolerance all the same. Stops when V changes by less
-    than tolerance (1 - discount) / (4 discount) under every ordered scale, or after ``max_sweeps`` (default: twice what
-    value iteration with known values can need; a tutor who errs anew each time can keep V moving for ever).
+    then it is CALLED_EQUAL, unless the loss is bounded within the tolerance all the same. Stops when a sweep's changes
+    of V differ from state to state by less than tolerance (1 - discount) / (2 discount) under every ordered scale (what
+    all states change alike moves no comparison), or after ``max_sweeps`` (default: twice what value iteration with
+    known values can need; a tutor who errs anew each time can keep V moving for ever).
+    ``partial_sweeps``: from the second sweep on, and in the first half of ``max_sweeps``, V goes on between two sweeps
+    to what the present actions are worth, without comparing any, as in modified policy iteration (Puterman and Shin
+    1978): the same promise after fewer sweeps and mostly fewer questions. False: each sweep starts from the last one's
+    V, as in the paper.
     ``max_loss`` stops after a sweep whose policy no plausible scale lets lose more (``Result.loss_bound``, computed
     whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``seed`` only picks the
     audits. Questions come in order of states, each asked as soon as what is known cannot settle it; with ``batch`` > 1
@@ -44,8 +52,9 @@ class InteractiveValueIteration(Learner):
     ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so that
     several runs side by side do not crowd each other; there is one, too, where somebody watches or answers by
     ``consult``. Beside the MDP only V is kept, twice (S, k), and what settled each (s, a) last, k - 1 numbers of half
-    size; ``Result.q`` is computed when first read. Where only the comparator itself can tell, it is asked about many
-    pairs at a time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
+    size; partial sweeps take V twice more while they last, and one row of transitions a state. ``Result.q`` is computed
+    when first read, once finished of the policy's value. Where only the comparator itself can tell, it is asked about
+    many pairs at a time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
     """
 
     @takes_rng
@@ -56,6 +65,7 @@ class InteractiveValueIteration(Learner):
         *,
         tolerance: float = 0.001,
         max_sweeps: int | None = None,
+        partial_sweeps: bool = True,
         seed: Seed | None = 0,
         max_queries: int | None = None,
         indifference: float | None = None,
@@ -71,11 +81,13 @@ class InteractiveValueIteration(Learner):
         require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
         holds = max_sweeps is None or is_whole(max_sweeps, 1)
         require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
+        require(isinstance(partial_sweeps, bool), "partial_sweeps", "True or False", partial_sweeps)
         require(is_whole(jobs, 1), "jobs, the number of threads,", "a whole number of at least 1", jobs)
         gamma = mdp.discount
         self._mdp, self._tolerance = mdp, float(tolerance)
         self._max_sweeps = max_sweeps or 2 * sweeps_needed(gamma, tolerance)
-        self._small_change = tolerance * (1 - gamma) / (4 * gamma) if gamma > 0 else np.inf
+        self._partial_sweeps = partial_sweeps
+        self._small_span = tolerance * (1 - gamma) / (2 * gamma) if gamma > 0 else np.inf
         self._max_loss = check_max_loss(max_loss)
         self._elicitation = Elicitation(
             comparator,
@@ -100,9 +112,12 @@ class InteractiveValueIteration(Learner):
 
     def result(self) -> Result:
         """The policy and the counts so far."""
-        states = self._states
-        shares = partial(q_of, np.arange(self._mdp.n_states), states.v.copy(), states.model)  # computed when first read
-        return self._result(self._mdp, states.best.copy(), shares, self._end, self._sweeps)
+        mdp, policy, v = self._mdp, self._states.best.copy(), self._states.v.copy()
+        if self._end is None:
+            shares = partial(q_of, np.arange(mdp.n_states), v, self._states.model)  # computed when first read
+        else:  # where sweeps end, values may still have far to go, all alike
+            shares = partial(_followed_from, v, policy, mdp, _EVALUATED * self._small_span)
+        return self._result(mdp, policy, shares, self._end, self._sweeps)
 
     def _go_on(self) -> tuple[Query, ...]:
         self._act_on_answers()
@@ -147,12 +162,16 @@ class InteractiveValueIteration(Learner):
         self._sweeps += 1
         if self._certified(self._mdp, self._states.best, self._max_loss):
             self._end = Status.CERTIFIED
-        elif self._states.change < self._small_change or self._mdp.discount == 0:
+        elif self._mdp.discount == 0 or self._states.span < self._small_span:
             self._end = self._settled()
-        elif self._sweeps - self._patience_from >= self._max_sweeps:
+        elif (used := self._sweeps - self._patience_from) >= self._max_sweeps:
             self._end = Status.SWEEP_LIMIT
         else:
             self._states.next_sweep()
+            # the first sweep looks one step ahead: its actions are not worth questions about what they come to;
+            # and in the end plain sweeps are certain to contract
+            if self._partial_sweeps and self._sweeps > 1 and used <= self._max_sweeps // 2:
+                self._states.follow(_EVALUATED * self._small_span)
 
     def _settled(self) -> Status | None:
         """How it ends where V has settled; None: it does not."""
@@ -211,6 +230,11 @@ class LateValueIteration(InteractiveValueIteration):
         """Begin the sweep anew, with questions put off or asked."""
         self._elicitation.puts_off = questions
         self._states.begin()
+
+
+def _followed_from(v: Floats, policy: NDArray[np.int64], mdp: OrdinalMDP, within: float) -> Floats:
+    """Q (S, A, k) where a policy (S,) is followed from the next state on, to about ``within``; v (S, k): near it."""
+    return q_of(np.arange(mdp.n_states), nearly_valued(mdp, policy, v, within), model_of(mdp))
 
 
 def sweeps_needed(discount: float, tolerance: float) -> int:

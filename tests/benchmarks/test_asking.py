@@ -10,6 +10,7 @@ from benchmarks.asking import certify_at_scale as scale
 from benchmarks.asking import hindsight
 from benchmarks.asking import person_sessions as sessions
 from benchmarks.asking import question_counts as questions
+from benchmarks.learning import scalar_solvers
 from elicit import PolytopeComparator, TruthfulTutor
 from qlearn import InteractivePolicyIteration, drive, random_mdp
 from tests.report_cases import table_rows
@@ -110,8 +111,12 @@ def test_a_grid_has_five_ways_on_from_each_cell():
 
 
 def test_a_run_at_scale_is_proven_and_the_page_says_so(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(scalar_solvers, "find_spec", lambda name: None)
     found = scale.run("grid", 36, 0.9, seed=1)
     assert found["loss"] <= found["bound"] <= scale.TOLERANCE
+    ours, other, missing = scale.KNOWING
+    assert list(found["known"]) == [ours], "the others are not installed"
+    found |= {"seconds": 8.0, "known": {ours: 0.4, other: 0.5}}
     monkeypatch.setattr(scale, "apart", lambda task, *problem, limit: found | {"asked": 10 + problem[-1]})
     scale.main(["--states", "36", "--grids", "0.9", "--seeds", "3", "--out", str(tmp_path / "scale.md")])
     text = (tmp_path / "scale.md").read_text()
@@ -119,6 +124,9 @@ def test_a_run_at_scale_is_proven_and_the_page_says_so(monkeypatch, tmp_path, ca
     head, random, grid = table_rows(text)
     assert random[head.index("questions")] == "12.0 ± 2.5, at most 13"
     assert random[head.index("valid")] == "3 of 3"
+    assert random[head.index("ratio")] == "20", "to the faster of those that know the values"
+    assert random[head.index(f"values known: {other}")] == "0.500 ± 0.000"
+    assert random[head.index(f"values known: {missing}")] == "not installed"
     assert (random[0], grid[0]) == ("36", "10,000 (100 x 100 grid)")
     monkeypatch.setattr(scale, "apart", lambda task, *problem, limit: found | {"loss": 2 * found["bound"] + 1e-6})
     assert scale.row("random", 36, 0.9, 2, 1.0)[head.index("valid")] == "0 of 2"

