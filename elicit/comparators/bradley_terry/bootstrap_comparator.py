@@ -169,9 +169,11 @@ class BradleyTerryComparator:
         logistic function), and with ``dominance`` never beyond what the order of the levels allows."""
         rows, power = _in_range(as_vectors(d, self.k))
         t = tail_sums(rows)
-        lo, hi = least, greatest = order_bounds(t, 0.0)
-        if not self.dominance:  # two that are the same stay so
-            lo, hi = least, greatest = (np.where(t.any(axis=1), end, 0.0) for end in (-np.inf, np.inf))
+        least, greatest = order_bounds(t, 0.0)
+        if not self.dominance:
+            greatest = np.where(t.any(axis=1), np.inf, 0.0)  # vectors that are the same are the same for all scales
+            least = -greatest
+        lo, hi = least, greatest
         if self._model.region is not None:
             lo, hi = (np.clip(end, least, greatest) for end in self._model.region.extremes(rows))
         return np.ldexp(lo, power), np.ldexp(hi, power)
