@@ -76,13 +76,14 @@ SIZES: tuple[Size, ...] = tuple((states, levels, 1000) for states in (50, 100) f
 BRIEF = SIZES[1:3]  # without what is put back, for a fit at every answer takes its time
 LONGER_SIZES: tuple[Size, ...] = ((100, 10, 5000),)
 EXACT = """\
-## {states} states, {levels} levels, {steps:,} steps
+## A fit at every answer
+
+That costs the square of the number of answers: so few steps, and at two of the sizes nothing put back.
 """
 LONGER = """\
-## Longer: {states} states, {levels} levels, {steps:,} steps, fits at every 20% more answers
+## Fits at every 20% more answers
 
-A fit at every answer costs the square of their number. Here all lines have fits at 20% more answers, as the default
-has, so that the literal reading can be run for longer.
+As the default has them, in all lines, so that the literal reading can be run for longer.
 """
 
 
@@ -111,14 +112,15 @@ def arms(literal: Choice = LITERAL) -> dict[str, Choice]:
     return {"default": DEFAULT, "literal, less the default": literal} | others
 
 
-def table(found: Mapping[str, Mapping[str, Floats]]) -> list[str]:
-    """The lines of a table of ``arms``."""
-    head = ["reading", *(heading for heading, _ in COLUMNS.values())]
+def table(found: Mapping[str, Mapping[str, Floats]], size: Size) -> list[str]:
+    """The lines of a table of ``arms`` at this size."""
+    states, levels, steps = size
+    head = ["states", "levels", "steps", "reading", *(heading for heading, _ in COLUMNS.values())]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     (_, default), (_, literal), *_ = found.items()
     for i, (name, measured) in enumerate(found.items()):
         cells = cells_of(measured, (None, default, literal)[min(i, 2)], COLUMNS)
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+        lines.append(f"| {' | '.join([str(states), str(levels), f'{steps:,}', name, *cells])} |")
     return lines
 
 
@@ -137,13 +139,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     lines = HEAD.format(seeds=seeds).splitlines()
     print("\n".join(lines))
     for title, literal, sizes in ((EXACT, LITERAL, exact), (LONGER, scheduled, longer)):
+        part = ["", *title.splitlines()]
         for size in sizes:
             wanted = dict(list(arms(literal).items())[: 2 if size in BRIEF else None])
             runs = measure_all(list(wanted.values()), [range(seeds)] * len(wanted), size, chosen.journal, chosen.jobs)
-            head = title.format(**dict(zip(("states", "levels", "steps"), size, strict=True)))
-            part = ["", *head.splitlines(), "", *table(dict(zip(wanted, runs, strict=True)))]
+            part += ["", *table(dict(zip(wanted, runs, strict=True)), size)]
             print("\n".join(part), flush=True)
-            lines += part
+            lines, part = lines + part, []
     save("\n".join([*lines, ""]), chosen.out)
     if chosen.out is not None:
         quotes.renew_beside(chosen.out)
