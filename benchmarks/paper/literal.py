@@ -41,7 +41,8 @@ HEAD = """\
 Interactive Q-learning as the paper's text has it, beside the default of `qlearn figures`; then with each thing that the
 text does not have put back, one at a time. Random MDPs with 5 actions, a tutor who errs as in (6) in 10% of an optimal
 policy's open comparisons, m = 50, level .95, uniform exploration; {seeds} seeds, each with the same MDP, hidden values,
-transitions and actions in all lines. Written by `python -m benchmarks.paper.literal --seeds {seeds}`.
+transitions and actions in all lines. Written by
+`python -m benchmarks.paper.literal --seeds {seeds} --steps {steps} --longer {longer}`.
 
 **Literally** means: no comparison is settled by dominance; (7) is maximised in e_1, ..., e_k, all of them free, with no
 prior and no order of the levels; the fit and its m bootstrap fits are made anew at every answer; from the first answer
@@ -72,13 +73,13 @@ t-interval.
   the value range; **formula**: figure 4's percentage, signed as printed, against the same.
 - **errors realised**: wrong answers in percent of the answers given. **CPU seconds**: of the run, in one thread.
 """
-SIZES: tuple[Size, ...] = tuple((states, levels, 1000) for states in (50, 100) for levels in (5, 10))
-BRIEF = SIZES[1:3]  # without what is put back, for a fit at every answer takes its time
-LONGER_SIZES: tuple[Size, ...] = ((100, 10, 5000),)
+PLACES = ((50, 5), (50, 10), (100, 5), (100, 10))  # states and levels
+BRIEF = PLACES[1:]  # where nothing is put back, for a fit at every answer takes its time
+LONGER_PLACES = PLACES[3:]
 EXACT = """\
 ## A fit at every answer
 
-That costs the square of the number of answers: so few steps, and at two of the sizes nothing put back.
+That costs the square of the number of answers: so few steps, and nothing put back but at the smallest size.
 """
 LONGER = """\
 ## Fits at every 20% more answers
@@ -131,17 +132,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, help="also write the report to this file, and what other pages quote of it")
     parser.add_argument("--journal", type=Path, help="keep finished runs in this file, and go on from there")
     parser.add_argument("--seeds", type=int, default=10, help="number of seeds (default: 10)")
+    parser.add_argument("--steps", type=int, default=1000, help="with a fit at every answer (default: 1000)")
+    parser.add_argument("--longer", type=int, default=10_000, help="steps with fits at 20%% more (default: 10,000)")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
     chosen = parser.parse_args(arguments)
-    exact, longer = (((8, 3, 100),), ((8, 3, 200),)) if chosen.quick else (SIZES, LONGER_SIZES)
-    seeds = 2 if chosen.quick else chosen.seeds
+    seeds, steps, longer = (2, 100, 200) if chosen.quick else (chosen.seeds, chosen.steps, chosen.longer)
+    places, longer_places = (((8, 3),), ((8, 3),)) if chosen.quick else (PLACES, LONGER_PLACES)
     scheduled = replace(LITERAL, settings={**LITERAL.settings, "refit_growth": 0.2})
-    lines = HEAD.format(seeds=seeds).splitlines()
+    lines = HEAD.format(seeds=seeds, steps=steps, longer=longer).splitlines()
     print("\n".join(lines))
-    for title, literal, sizes in ((EXACT, LITERAL, exact), (LONGER, scheduled, longer)):
+    for title, literal, its, n in ((EXACT, LITERAL, places, steps), (LONGER, scheduled, longer_places, longer)):
         part = ["", *title.splitlines()]
-        for size in sizes:
-            wanted = dict(list(arms(literal).items())[: 2 if size in BRIEF else None])
+        for place in its:
+            size = (*place, n)
+            brief = literal == LITERAL and place in BRIEF
+            wanted = dict(list(arms(literal).items())[: 2 if brief else None])
             runs = measure_all(list(wanted.values()), [range(seeds)] * len(wanted), size, chosen.journal, chosen.jobs)
             part += ["", *table(dict(zip(wanted, runs, strict=True)), size)]
             print("\n".join(part), flush=True)
