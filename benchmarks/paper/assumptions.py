@@ -32,7 +32,8 @@ HEAD = """\
 The paper's comparator (Bradley-Terry, box) in interactive Q-learning on random MDPs with {states} states, 5 actions and
 {levels} levels, {steps:,} steps. The first line is the default of `qlearn figures`; every other line
 changes one choice and gives the **difference** from it, paired by seed, with its 95% t-interval. Each line has
-{seeds} seeds; what these cannot tell has {most}, and is then held to those.
+{seeds} seeds; where these do not tell whether more is asked it has {most}, and is held to all of them (a second look,
+so that such intervals miss a little more often than one in twenty).
 Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seeds} --most {most}`.
 
 - **% of all**, **% of open**: questions in percent of all comparisons of two different actions, and of those that
