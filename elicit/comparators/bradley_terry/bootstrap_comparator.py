@@ -230,19 +230,18 @@ class BradleyTerryComparator:
         strength = self.prior_strength * p**2
         fitted = partial(fit, t, y, precision=self.precision, strength=strength, monotone=self.monotone, tie=self.tie)
         point = fitted(centre=equal)
+        taken = self.no_maximum == "take"
+        if not (point.converged[0] or taken or self.prior_strength):  # then no resample has a maximum either
+            self._warn(n, m, False)
+            return replace(nothing, converged=False)
         centres, weights = prior_centres(key, m, p, self.prior_shape), bootstrap_weights(key, m, n)
         boot = fitted(centre=centres, weights=weights, start=point.gamma[0])
         converged = bool(point.converged.all() and boot.converged.all())
         if not converged:
-            lost = m - int(boot.converged.sum())
-            text = f"no maximum found for {lost} of {m} resamples of {n} answers"
-            text += "" if point.converged[0] else ", nor for the answers themselves"
-            text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
-            warnings.warn(text, NotConverged, stacklevel=3)
+            self._warn(n, m - int(boot.converged.sum()), bool(point.converged[0]))
 
         theta, thetas = np.cumsum(point.gamma[0]), np.cumsum(boot.gamma, axis=1)
         top = float(theta[-1])
-        taken = self.no_maximum == "take"
         found = boot.converged | taken
         usable = found & (thetas[:, -1] > 0) if self.rescale else found
         # A fit that is missing could lie anywhere: it takes the place of one left out at either end.
@@ -256,6 +255,13 @@ class BradleyTerryComparator:
         else:
             region = _Box.around(thetas[usable] / scale, theta / top, cut)
         return _Model(np.concatenate([[0.0], theta / top]), top, region, converged)
+
+    def _warn(self, n: int, lost: int, point: bool) -> None:
+        """That so many resamples of n answers have no maximum, and perhaps the answers themselves."""
+        text = f"no maximum found for {lost} of {self.n_boot} resamples of {n} answers"
+        text += "" if point else ", nor for the answers themselves"
+        text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
+        warnings.warn(text, NotConverged, stacklevel=4)
 
 
 @dataclass(frozen=True)
