@@ -32,8 +32,7 @@ HEAD = """\
 The paper's comparator (Bradley-Terry, box) in interactive Q-learning on random MDPs with {states} states, 5 actions and
 {levels} levels, {steps:,} steps. The first line is the default of `qlearn figures`; every other line
 changes one choice and gives the **difference** from it, paired by seed, with its 95% t-interval. Each line has
-{seeds} seeds; where these do not tell whether more is asked it has {most}, and is held to all of them (a second look,
-so that such intervals miss a little more often than one in twenty).
+{seeds} seeds{more}.
 Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seeds} --most {most}`.
 
 - **% of all**, **% of open**: questions in percent of all comparisons of two different actions, and of those that
@@ -45,6 +44,9 @@ Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seed
 - **errors realised**: wrong answers in percent of the answers given (empty where the tutor never errs, or where nothing
   was asked in some run).
 """
+MORE = """\
+; where these do not tell whether more is asked it has {most}, and is held to all of them (a second look,
+so that such intervals miss a little more often than one in twenty)"""
 ETA = """\
 ## Eta, the least difference of two neighbouring levels
 
@@ -148,7 +150,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return measure_all(wanted, of, size, chosen.journal, chosen.jobs)
 
     states, levels, steps = size
-    head = HEAD.format(states=states, levels=levels, steps=steps, seeds=seeds, most=most)
+    more = MORE.format(most=most) if most > seeds else ""
+    head = HEAD.format(states=states, levels=levels, steps=steps, seeds=seeds, most=most, more=more)
     wanted = etas()
     polytope = dict(zip(wanted, measured(list(wanted.values()), [range(most)] * len(wanted), size), strict=True))
     lines = [head, *box_table(size, seeds, most, measured), "", ETA.format(seeds=most), *table(polytope), ""]

@@ -113,15 +113,15 @@ def arms(literal: Choice = LITERAL) -> dict[str, Choice]:
     return {"default": DEFAULT, "literal, less the default": literal} | others
 
 
-def table(found: Mapping[str, Mapping[str, Floats]], size: Size) -> list[str]:
-    """The lines of a table of ``arms`` at this size."""
+def table(found: Mapping[str, Mapping[str, Floats]], size: Size, fits: str) -> list[str]:
+    """The lines of a table of ``arms`` at this size; ``fits`` says when the literal reading makes its own."""
     states, levels, steps = size
-    head = ["states", "levels", "steps", "reading", *(heading for heading, _ in COLUMNS.values())]
+    head = ["states", "levels", "fits", "reading", "steps", *(heading for heading, _ in COLUMNS.values())]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     (_, default), (_, literal), *_ = found.items()
     for i, (name, measured) in enumerate(found.items()):
         cells = cells_of(measured, (None, default, literal)[min(i, 2)], COLUMNS)
-        lines.append(f"| {' | '.join([str(states), str(levels), f'{steps:,}', name, *cells])} |")
+        lines.append(f"| {' | '.join([str(states), str(levels), fits, name, f'{steps:,}', *cells])} |")
     return lines
 
 
@@ -151,7 +151,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if literal == LITERAL and not chosen.all:
                 wanted = {name: wanted[name] for name in AT_EVERY_ANSWER}
             runs = measure_all(list(wanted.values()), [range(seeds)] * len(wanted), size, chosen.journal, chosen.jobs)
-            part += ["", *table(dict(zip(wanted, runs, strict=True)), size)]
+            fits = "each answer" if literal == LITERAL else "20% more"
+            part += ["", *table(dict(zip(wanted, runs, strict=True)), size, fits)]
             print("\n".join(part), flush=True)
             lines, part = lines + part, []
     save("\n".join([*lines, ""]), chosen.out)

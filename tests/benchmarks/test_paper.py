@@ -123,7 +123,7 @@ def test_the_literal_reading_is_held_to_the_default_and_the_others_to_it(capsys,
     assert [row[3] for row in short[1:]] == list(literal.arms())
     assert set(literal.arms()) - {row[3] for row in longer} == {"fits at 20% more answers"}
     assert runs == 2 * (len(short) + len(longer) - 2)
-    default, strict, *_ = (float(row[4].split()[0]) for row in short[1:])
+    default, strict, *_ = (float(row[5].split()[0]) for row in short[1:])
     assert 0 < default < default + strict <= 100  # it asks more
     literal.main(["--quick", "--out", str(out), "--journal", str(journal)])
     assert out.read_text() == text  # from the journal, CPU seconds included
