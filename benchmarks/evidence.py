@@ -76,7 +76,12 @@ FIGURES = "qlearn figures --both-tutors --out results/figures"
 PAGES = (  # a notebook after the tables that it reads
     Page("notebooks/data/figures.csv", FIGURES, 45, (), "results/figures/runs.csv", "0-19", TOLD),
     Page("docs/claims.md", FIGURES, 45, (), "results/figures/claims.md", "0-19", TOLD),
-    Page("docs/assumptions.md", "benchmarks.paper.assumptions --out docs/assumptions.md", 20),
+    Page(
+        "docs/assumptions.md",
+        "benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md",
+        20,
+    ),
+    Page("docs/literal.md", "benchmarks.paper.literal --journal results/literal.jsonl --out docs/literal.md", 20),
     Page("docs/exploration.md", "benchmarks.paper.exploration --out docs/exploration.md", 5),
     Page(
         "notebooks/data/ablation.csv",
@@ -92,12 +97,10 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
     results("RESULTS-calibration", "fitting.calibration", 100, awaits=TOLD),
     results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
-    results("RESULTS-bradley-terry", "fitting.fit_cost", 15, awaits="its answers are not those that are drawn now"),
+    results("RESULTS-bradley-terry", "fitting.fit_cost", 15),
     results("RESULTS-posteriors", "posteriors.preference_posteriors --journal results/posteriors.jsonl", 30, "peers"),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
-    results(
-        "RESULTS-ivi", "learning.value_iteration_cost", 6, "peers", awaits="its tiers are those of an older screen"
-    ),
+    results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
     results("RESULTS-ivi-huge", "learning.value_iteration_cost --states 1000000 --repeats 1", 25, "peers"),
     results("RESULTS-lp", "comparing.comparison_cost", 6),
     results("RESULTS-training", "training.training_questions", 15),

@@ -1,74 +1,76 @@
 """What the paper does not state, one choice at a time: how much each moves the questions and losses of its comparator.
 
-python -m benchmarks.paper.assumptions --out docs/assumptions.md      twenty minutes on one quiet core
-python -m benchmarks.paper.assumptions --quick                        seconds; rough figures
+python -m benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md   an hour on a core
+python -m benchmarks.paper.assumptions --quick                                            seconds; rough figures
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-import numpy as np
-from threadpoolctl import threadpool_limits
-
-from benchmarks.reporting import save, with_interval
-from elicit import AlwaysAsk, BradleyTerryComparator, BradleyTerryTutor, TruthfulTutor
+from benchmarks import quotes
+from benchmarks.paper.paired_runs import DEFAULT, Choice, Size, answer, cells_of, measure_all
+from benchmarks.reporting import save
 from elicit.model.scale import Floats
-from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
-from qlearn.experiments.metrics import (
-    counts,
-    estimated_values,
-    greatest_reward,
-    paper_loss,
-    reference_differences,
-)
-from qlearn.learners.exploration import Exploration, Start
-from qlearn.learners.q_learning import LearningRate, polynomial_rate
 
-MEASURES = ("asked_percent_all", "asked_percent_open", "paper_loss", "excess_loss", "oracle_loss")
+COLUMNS = {  # measures: what heads them, and how many digits they are given with
+    "asked_of_all": ("% of all", 1),
+    "asked_of_open": ("% of open", 1),
+    "formula": ("formula", 2),
+    "excess_loss": ("excess loss", 2),
+    "oracle_loss": ("oracle's loss", 2),
+    "errors_realised": ("errors realised", 1),
+}
+MATTERS = 0.1  # of the default's % of all: what is certainly less than that counts as no change
 HEAD = """\
 # What the paper leaves open, and what it does
 
 The paper's comparator (Bradley-Terry, box) in interactive Q-learning on random MDPs with {states} states, 5 actions and
-{levels} levels, {steps:,} steps, {seeds} seeds. The first line is the default of `qlearn figures`; every other line
-changes one choice and gives the **difference** from it, paired by seed, with its 95% t-interval.
-Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seeds}`.
+{levels} levels, {steps:,} steps. The first line is the default of `qlearn figures`; every other line
+changes one choice and gives the **difference** from it, paired by seed, with its 95% t-interval. Each line has
+{seeds} seeds{more}.
+Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seeds} --most {most}`.
 
-- **% of all**, **% of open**: questions in percent of all comparisons, and of those that dominance leaves open.
+- **% of all**, **% of open**: questions in percent of all comparisons of two different actions, and of those that
+  dominance, where it is looked for, leaves open.
+- **asks**: what that interval tells of % of all: "more", "less", "as much" where the change is certainly no greater
+  than a tenth of the default's, else "not told".
 - **formula**: figure 4's percentage, signed as printed, against always asking a truthful tutor with the same settings.
 - **excess loss**: true policy loss beyond that oracle's; **oracle's loss**: its own; in percent of the value range.
+- **errors realised**: wrong answers in percent of the answers given (empty where the tutor never errs, or where nothing
+  was asked in some run).
+"""
+MORE = """\
+; where these do not tell whether more is asked it has {most}, and is held to all of them (a second look,
+so that such intervals miss a little more often than one in twenty)"""
+ETA = """\
+## Eta, the least difference of two neighbouring levels
+
+The comparator of section 3.1 (the polytope K_t) with a tutor who never errs, {seeds} seeds; the first line is the
+default, the others give the difference from it. Hidden values are distinct integers of 0 to 99, so that no gap
+is below 1/99 = .0101 of the range: a greater eta may exclude the truth, and answers that then fit no scale of K_t
+settle their own pair only. The Bradley-Terry comparator knows no eta: its fits allow levels that are worth the same.
 """
 
 
-@dataclass(frozen=True)
-class Choice:
-    """The settings of a run."""
-
-    learning_rate: LearningRate | None = None
-    epsilon: float = 1.0
-    start: Start = "worst"
-    error_rate: float = 0.1
-    weights: Literal["dirichlet", "gaussian"] = "dirichlet"
-    box: Mapping[str, Any] = field(default_factory=dict)
-
-
-def choices(base: Choice = Choice()) -> dict[str, Choice]:
+def choices(base: Choice = DEFAULT) -> dict[str, Choice]:
     """The default, and every other choice by name."""
 
     def boxed(**settings: Any) -> Choice:
-        return replace(base, box={**base.box, **settings})
+        return replace(base, settings={**base.settings, **settings})
 
     return {
         "default": base,
         "learning rate .1": replace(base, learning_rate=0.1),
-        "learning rate 1 / (1 + visits)^.7": replace(base, learning_rate=polynomial_rate),
+        "learning rate 1 / (1 + visits)^.7": replace(base, learning_rate="polynomial"),
         "epsilon .1": replace(base, epsilon=0.1),
         "epsilon .5": replace(base, epsilon=0.5),
         "start at zero (line 4)": replace(base, start="zero"),
+        "start at zero, e_1 free": replace(base, first_level="free"),
         "start at the best level": replace(base, start="best"),
         "tutor never errs": replace(base, error_rate=0.0),
         "tutor errs in 2%": replace(base, error_rate=0.02),
@@ -81,48 +83,51 @@ def choices(base: Choice = Choice()) -> dict[str, Choice]:
         "literal fit (not monotone)": boxed(monotone=False),
         "weaker prior (.03)": boxed(prior_strength=0.03),
         "fits at 5% more answers": boxed(refit_growth=0.05),
+        "nothing decided below 1 answer": boxed(min_answers=1),
+        "nothing decided below 50 answers": boxed(min_answers=50),
+        "dominance off": boxed(dominance=False),
         "transition weights gaussian": replace(base, weights="gaussian"),
     }
 
 
-def measure(choice: Choice, states: int, levels: int, steps: int, seed: int) -> Floats:
-    """One run and its oracle's: ``MEASURES``."""
-    mdp, values = random_mdp(states, 5, levels, rng=seed, weights=choice.weights)
-    truth = TruthfulTutor(values)
-    noisy = BradleyTerryTutor.from_error_rate
-    reference = reference_differences(mdp, values)
-    tutor = noisy(values, choice.error_rate, reference, seed) if choice.error_rate else truth
-    settings = {"n_boot": 50, "refit_growth": 0.2, "precision": 300.0} | dict(choice.box)
-    box = BradleyTerryComparator(levels, region="box", seed=seed, **settings)
-    exploration = Exploration(choice.epsilon, start=choice.start)
-    common: Any = {"steps": steps, "rng": seed, "learning_rate": choice.learning_rate, "epsilon": exploration}
-    oracle = drive(InteractiveQLearning(mdp, AlwaysAsk(levels), **common), truth)
-    found = drive(InteractiveQLearning(mdp, box, **common), tutor)
-    told = counts(found)
-    v, best = (estimated_values(mdp, result.q, values) for result in (found, oracle))
-    loss, least = (float(policy_loss(mdp, result.policy, values).mean()) for result in (found, oracle))
-    shares = [told["asked_percent_all"], told["asked_percent_open"]]
-    formula = paper_loss(v, best, greatest_reward(mdp, values))
-    return np.array([*shares, formula, 100 * (loss - least), 100 * least])
+def etas() -> dict[str, Choice]:
+    """The polytope with the default eta, and with others, by name; its tutor never errs."""
+
+    def with_eta(margin: float) -> Choice:
+        return Choice("polytope", {"margin": margin}, error_rate=0.0)
+
+    return {"eta 1e-6": with_eta(1e-6)} | {f"eta {eta:g}": with_eta(eta) for eta in (0.0, 0.001, 0.01, 0.02, 0.05)}
 
 
-def report(states: int, levels: int, steps: int, seeds: int, say: Callable[[str], None]) -> list[str]:
-    """The lines of the table, each also said as it is there."""
-    lines = [
-        "| choice | % of all | % of open | formula | excess loss | oracle's loss |",
-        "|---|---|---|---|---|---|",
-    ]
-    say("\n" + "\n".join(lines))
-    default: Floats | None = None
-    for name, choice in choices().items():
-        found = np.array([measure(choice, states, levels, steps, seed) for seed in range(seeds)])
-        shown = found if default is None else found - default
-        digits = (1, 1, 2, 2, 2)
-        cells = [with_interval(column, n, default is not None) for column, n in zip(shown.T, digits, strict=True)]
-        default = found if default is None else default
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-        say(lines[-1])
+def table(found: Mapping[str, Mapping[str, Floats]]) -> list[str]:
+    """The lines of a table of choices, by name, the first of which the others are held to."""
+    names = [heading for heading, _ in COLUMNS.values()]
+    head = ["choice", "seeds", names[0], "asks", *names[1:]]
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    (first, base), *others = found.items()
+    for name, columns in [(first, None), *others]:
+        measured = base if columns is None else columns
+        cells = cells_of(measured, None if columns is None else base, COLUMNS)
+        told = "" if columns is None else _asks(columns, base)
+        lines.append(f"| {' | '.join([name, str(len(measured['formula'])), cells[0], told, *cells[1:]])} |")
     return lines
+
+
+def _asks(found: Mapping[str, Floats], base: Mapping[str, Floats]) -> str:
+    before = base["asked_of_all"]
+    return answer(found["asked_of_all"] - before[: len(found["asked_of_all"])], MATTERS * float(before.mean()))
+
+
+def box_table(size: Size, seeds: int, most: int, measured: Callable[..., list[dict[str, Floats]]]) -> list[str]:
+    """The table of the box: ``seeds`` of each choice, and ``most`` of those that these do not tell."""
+    wanted = choices()
+    found = dict(zip(wanted, measured(list(wanted.values()), [range(seeds)] * len(wanted), size), strict=True))
+    untold = [name for name in wanted if name != "default" and _asks(found[name], found["default"]) == "not told"]
+    if untold and most > seeds:
+        again = ["default", *untold]
+        more = measured([wanted[name] for name in again], [range(most)] * len(again), size)
+        found |= dict(zip(again, more, strict=True))
+    return table(found)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -131,16 +136,29 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "python -m benchmarks.paper.assumptions", description=(__doc__ or "").split("\n")[0]
     )
     parser.add_argument("--quick", action="store_true", help="a tiny setting (seconds)")
-    parser.add_argument("--out", type=Path, help="also write the report to this file")
+    parser.add_argument("--out", type=Path, help="also write the report to this file, and what other pages quote of it")
+    parser.add_argument("--journal", type=Path, help="keep finished runs in this file, and go on from there")
     parser.add_argument("--steps", type=int, default=100_000, help="steps of Q-learning (default: the paper's 1e5)")
     parser.add_argument("--seeds", type=int, default=4, help="number of seeds (default: 4)")
+    parser.add_argument("--most", type=int, default=20, help="of choices that these do not tell (default: 20)")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
     chosen = parser.parse_args(arguments)
-    size = (12, 4, 300, 2) if chosen.quick else (100, 10, chosen.steps, chosen.seeds)
-    head = HEAD.format(**dict(zip(("states", "levels", "steps", "seeds"), size, strict=True))).splitlines()
-    with threadpool_limits(1):
-        print("\n".join(head))
-        lines = [*head, "", *report(*size, say=lambda line: print(line, flush=True)), ""]
-    save("\n".join(lines), chosen.out, f"0-{size[-1] - 1}")
+    size = (12, 4, 300) if chosen.quick else (100, 10, chosen.steps)
+    seeds, most = (2, 3) if chosen.quick else (chosen.seeds, chosen.most)
+
+    def measured(wanted: Sequence[Choice], of: Sequence[range], size: Size) -> list[dict[str, Floats]]:
+        return measure_all(wanted, of, size, chosen.journal, chosen.jobs)
+
+    states, levels, steps = size
+    more = MORE.format(most=most) if most > seeds else ""
+    head = HEAD.format(states=states, levels=levels, steps=steps, seeds=seeds, most=most, more=more)
+    wanted = etas()
+    polytope = dict(zip(wanted, measured(list(wanted.values()), [range(most)] * len(wanted), size), strict=True))
+    lines = [head, *box_table(size, seeds, most, measured), "", ETA.format(seeds=most), *table(polytope), ""]
+    print("\n".join(lines))
+    save("\n".join(lines), chosen.out, f"0-{most - 1}")
+    if chosen.out is not None:
+        quotes.renew_beside(chosen.out)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
 from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, SAID, AskingRule, Facts, Judgement, settle_rows
-from elicit.decision.comparator_rule import ASKING, compares_by_rule, rule_of
+from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
     ALLOWANCE,
@@ -140,8 +140,7 @@ class Elicitation:
         self._indifference = float(indifference)
         self._max_queries = max_queries
         self._audit, self._max_audits = float(audit), int(max_audits)
-        asks_all = compares_by_rule(type(comparator)) and rule_of(comparator).kind == ASKING
-        self._tie = 0.0 if asks_all else tie_of(comparator)
+        self._tie = 0.0 if isinstance(comparator, AlwaysAsk) else tie_of(comparator)
         self._near = ALLOWANCE * self._tie
         self._equal_in_a_row = 0  # answers "equal" to pairs that are no farther apart than that
         self._key = np.uint64(key_of(seed))

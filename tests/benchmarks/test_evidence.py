@@ -16,7 +16,14 @@ import pandas as pd
 import pytest
 
 from benchmarks import stamps
-from benchmarks.asking import about_equal, certificates, certify_at_scale, person_sessions, question_counts
+from benchmarks.asking import (
+    about_equal,
+    certificates,
+    certify_at_scale,
+    person_sessions,
+    question_counts,
+    question_rules,
+)
 from benchmarks.comparing import comparison_cost
 from benchmarks.evidence import PAGES, ROOT
 from benchmarks.fitting import calibration, calibration_questions, fit_cost
@@ -24,7 +31,10 @@ from benchmarks.fitting.calibration_tables import shown, summary
 from benchmarks.learning import learning_cost, value_iteration_cost
 from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
-from benchmarks.paper import ablation_table, assumptions, exploration
+from benchmarks.paper import ablation_table, assumptions, exploration, literal
+from benchmarks.paper.paired_runs import Choice, measure_all
+from benchmarks.posteriors import preference_posteriors
+from benchmarks.reporting import with_interval
 from benchmarks.training import dqn_on_terrain, training_questions
 from elicit.model.scale import Floats
 from qlearn import OrdinalMDP, draw_values
@@ -162,18 +172,10 @@ def learned(text: str) -> Iterator[str | Cells]:
 
 
 def swept(text: str) -> Iterator[str | Cells]:
-    found = value_iteration_cost.run("interactive", 10_000, 1, 1, True)
-    yield [
-        "interactive",
-        None,
-        None,
-        None,
-        f"{found['sweeps']}",
-        None,
-        f"{found['asked']}",
-        f"{found['loss']:.1e}",
-        None,
-    ]
+    method = "interactive value iteration"
+    found = value_iteration_cost.run(method, 10_000, 1, 1, True)
+    counts = [f"{found['sweeps']}", f"{found['asked']}", f"{found['loss']:.1e}"]
+    yield [method, *[None] * 4, *counts, None]
     yield f"Decided by: {found['decided']}."
 
 
@@ -196,11 +198,41 @@ def explored(text: str) -> Iterator[str | Cells]:
         yield exploration.section(title, problem, 100_000, 20, asks)[-2]
 
 
+def paired(choice: Choice, size: tuple[int, int, int], seeds: int) -> dict[str, Floats]:
+    """What the runs of the paper read otherwise are measured by."""
+    return measure_all([choice], [range(seeds)], size, None, 1)[0]
+
+
 def assumed(text: str) -> Iterator[str | Cells]:
-    seeds = int(re.search(r"(\d+) seeds", text)[1])
+    steps = int(re.search(r"([\d,]+) steps", text)[1].replace(",", ""))
+    seeds = number(text, "default", place=1)
+    yield cells(assumptions.table({"default": paired(Choice(), (100, 10, steps), seeds)})[-1])
+
+
+def read_literally(text: str) -> Iterator[str | Cells]:
+    seeds, steps = (int(re.search(rf"--{name} (\d+)", text)[1]) for name in ("seeds", "steps"))
+    size = (50, 5, steps)
+    found = {name: paired(choice, size, seeds) for name, choice in list(literal.arms().items())[:2]}
+    for line in literal.table(found, size, "each answer")[2:]:
+        yield cells(line, -1)
+
+
+def ruled(text: str) -> Iterator[str | Cells]:
+    asked = int(re.search(r"--seeds (\d+)", text)[1])
+    method = question_rules.RULES[question_rules.OURS]
+    todo = [cell for cell in question_rules.cells(["k = 5"], asked) if cell["comparator"] == "polytope"]
+    todo = [cell for cell in todo if cell["method"] == method]
+    counts = [question_counts.run(cell)["asked"] for cell in todo]
+    yield [question_rules.OURS, with_interval(counts, 1), *[None] * 7]
+
+
+def believed(text: str) -> Iterator[str | Cells]:
+    seeds = int(re.search(r"--seeds (\d+)", text)[1])
+    name = "PosteriorComparator"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(assumptions, "choices", lambda: {"default": assumptions.Choice()})
-        yield assumptions.report(100, 10, 100_000, seeds, lambda line: None)[-1]
+        patch.setattr(preference_posteriors, "methods", lambda: {name: preference_posteriors.particles})
+        rows = [preference_posteriors.run({"tutor": "logistic", "k": 5, "n": 20, "seed": n}) for n in range(seeds)]
+    yield cells(preference_posteriors._line(name, rows), -1, -2)
 
 
 def claimed(text: str) -> Iterator[str | Cells]:
@@ -243,6 +275,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("figures", drawn("posterior"), SLOW),
     ("claims", claimed),
     ("assumptions", assumed, SLOW),
+    ("literal", read_literally, SLOW),
     ("exploration", explored),
     ("ablation", ablated("polytope")),
     ("ablation", ablated("posterior")),
@@ -251,12 +284,14 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-certified", erring, SLOW),
     ("RESULTS-questions", questions("certify, max regret", "polytope", 0.0)),
     ("RESULTS-questions", questions("certify, max regret", "posterior", 0.1), SLOW),
+    ("RESULTS-question-rules", ruled),
     ("about-equal", equal, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
     ("RESULTS-calibration", calibrated(6, "posterior"), SLOW),
     ("RESULTS-lapse", lapse, SLOW),
     ("RESULTS-bradley-terry", fits),
+    ("RESULTS-posteriors", believed, SLOW),
     ("RESULTS", learned),
     ("RESULTS-ivi", swept),
     ("RESULTS-lp", streams),

@@ -5,7 +5,8 @@ A comparison is decided only where all plausible fits agree on its sign, "plausi
 the paper's box (an interval for each level) or the ensemble of the fits themselves.
 
 What is not the paper's: the prior (without one, early fits lie at infinity), gaps >= 0
-(``monotone``), ties (``tie``), dominance first, ``region="ensemble"``, ``min_answers``, and refits on a schedule.
+(``monotone``), ties (``tie``), dominance first, ``region="ensemble"``, ``min_answers``, and refits on a schedule. Each
+can be left out; ``benchmarks.paper.literal`` measures what that does.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
-from elicit.decision.comparator_rule import Rule, box, ensemble, silent
+from elicit.decision.comparator_rule import Rule, asking, box, ensemble, silent
 from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
@@ -34,6 +35,7 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
 
 Region = Literal["box", "ensemble"]
+NoMaximum = Literal["ask", "take"]
 _LARGE = 2.0**900  # differences beyond this or below its inverse are scaled, lest sums overflow or vanish
 
 
@@ -67,6 +69,12 @@ class BradleyTerryComparator:
                     answers; in between, the last one stays in use. 0: a fit at every answer
     min_answers     a fit on fewer decides nothing: a bootstrap of one answer has no width, and one of
                     very few shows the prior more than the tutor
+    dominance       whether eq. (4) decides before the fits do. False: they decide alone, as in Algorithm 2, and
+                    bounds go beyond what the order of the levels allows
+    no_maximum      what becomes of a fit that found no maximum (see ``NotConverged``). "ask": it could lie
+                    anywhere, and takes the place of one left out at either end; where there are too many of
+                    them nothing is decided. "take": it counts where Newton's method stopped, as with an
+                    optimiser that nobody asks whether it has converged
     tie             the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call
                     EQUAL, in 0 <= tie < 1, where d is a difference of share vectors and enters as it is
                     given: the width of Rao and Kupper's (1967) model of ties (see ``likelihood.fit``).
@@ -93,6 +101,8 @@ class BradleyTerryComparator:
     rescale: bool = False
     refit_growth: float = 0.05
     min_answers: int = 5
+    dominance: bool = True
+    no_maximum: NoMaximum = "ask"
     tie: float = TIE
     answers: Answers = field(init=False, repr=False)
 
@@ -108,6 +118,7 @@ class BradleyTerryComparator:
         require(is_number(self.level) and 0 < self.level < 1, "level", "strictly between 0 and 1", self.level)
         check_tie(self.tie)
         require(self.region in get_args(Region), "region", '"box" or "ensemble"', self.region)
+        require(self.no_maximum in get_args(NoMaximum), "no_maximum", '"ask" or "take"', self.no_maximum)
         positive = is_range(self.prior_shape) and self.prior_shape[0] > 0
         require(positive, "prior_shape", "two numbers, 0 < low <= high", self.prior_shape)
         object.__setattr__(self, "prior_shape", tuple(self.prior_shape))
@@ -141,7 +152,7 @@ class BradleyTerryComparator:
         return self._model.converged
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) on d (n, k): dominance first, then BETTER or WORSE where the whole region agrees."""
+        """Verdicts (n,) on d (n, k): dominance first, if at all, then BETTER or WORSE where the whole region agrees."""
         return decide_by(self.rule, as_vectors(d, self.k)).verdicts
 
     @property
@@ -149,14 +160,20 @@ class BradleyTerryComparator:
         """The region as plain arrays."""
         region = self._model.region
         if region is None:
-            return silent()
-        return box(region.lo, region.hi) if isinstance(region, _Box) else ensemble(region.gaps, region.cut)
+            return silent() if self.dominance else asking()
+        rule = box(region.lo, region.hi) if isinstance(region, _Box) else ensemble(region.gaps, region.cut)
+        return rule if self.dominance else rule._replace(dominance=False)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """lo, hi (n,) of d.e over the region, in units of the point estimate's theta_k (eq. 6 without the
-        logistic function), and never beyond what the order of the levels allows."""
+        logistic function), and with ``dominance`` never beyond what the order of the levels allows."""
         rows, power = _in_range(as_vectors(d, self.k))
-        lo, hi = least, greatest = order_bounds(tail_sums(rows), 0.0)
+        t = tail_sums(rows)
+        least, greatest = order_bounds(t, 0.0)
+        if not self.dominance:
+            greatest = np.where(t.any(axis=1), np.inf, 0.0)  # vectors that are the same are the same for all scales
+            least = -greatest
+        lo, hi = least, greatest
         if self._model.region is not None:
             lo, hi = (np.clip(end, least, greatest) for end in self._model.region.extremes(rows))
         return np.ldexp(lo, power), np.ldexp(hi, power)
@@ -213,22 +230,23 @@ class BradleyTerryComparator:
         strength = self.prior_strength * p**2
         fitted = partial(fit, t, y, precision=self.precision, strength=strength, monotone=self.monotone, tie=self.tie)
         point = fitted(centre=equal)
+        taken = self.no_maximum == "take"
+        if not (point.converged[0] or taken or self.prior_strength):  # then no resample has a maximum either
+            self._warn(n, m, False)
+            return replace(nothing, converged=False)
         centres, weights = prior_centres(key, m, p, self.prior_shape), bootstrap_weights(key, m, n)
         boot = fitted(centre=centres, weights=weights, start=point.gamma[0])
         converged = bool(point.converged.all() and boot.converged.all())
         if not converged:
-            lost = m - int(boot.converged.sum())
-            text = f"no maximum found for {lost} of {m} resamples of {n} answers"
-            text += "" if point.converged[0] else ", nor for the answers themselves"
-            text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
-            warnings.warn(text, NotConverged, stacklevel=3)
+            self._warn(n, m - int(boot.converged.sum()), bool(point.converged[0]))
 
         theta, thetas = np.cumsum(point.gamma[0]), np.cumsum(boot.gamma, axis=1)
         top = float(theta[-1])
-        usable = boot.converged & (thetas[:, -1] > 0) if self.rescale else boot.converged
+        found = boot.converged | taken
+        usable = found & (thetas[:, -1] > 0) if self.rescale else found
         # A fit that is missing could lie anywhere: it takes the place of one left out at either end.
         cut = min(math.floor((1.0 - self.level) / 2.0 * m + 1e-9), (m - 1) // 2) - int(m - usable.sum())
-        if cut < 0 or top <= 0 or not point.converged[0]:
+        if cut < 0 or top <= 0 or not (point.converged[0] or taken):
             return replace(nothing, converged=converged)
         scale = thetas[usable, -1:] if self.rescale else top
         region: _Ensemble | _Box
@@ -237,6 +255,13 @@ class BradleyTerryComparator:
         else:
             region = _Box.around(thetas[usable] / scale, theta / top, cut)
         return _Model(np.concatenate([[0.0], theta / top]), top, region, converged)
+
+    def _warn(self, n: int, lost: int, point: bool) -> None:
+        """That so many resamples of n answers have no maximum, and perhaps the answers themselves."""
+        text = f"no maximum found for {lost} of {self.n_boot} resamples of {n} answers"
+        text += "" if point else ", nor for the answers themselves"
+        text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
+        warnings.warn(text, NotConverged, stacklevel=4)
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,39 @@ def test_without_a_prior_many_noisy_answers_still_decide() -> None:
 
 
 @pytest.mark.parametrize("region", REGIONS)
+def test_without_dominance_the_fits_decide_alone(region: str) -> None:
+    answers, fresh, precision, _ = told(0, 5, 200)
+    made = partial(BradleyTerryComparator, 5, precision=precision, region=region, n_boot=30)
+    dominated = np.array([[-0.5, 0.5, 0, 0, 0], [0, 0, 0, -0.1, 0.1], [0, 0, 0, 0, 0]])
+    blank = made(dominance=False)
+    assert blank.compare(dominated).tolist() == [Verdict.UNKNOWN, Verdict.UNKNOWN, Verdict.EQUAL]
+    assert np.array(blank.bounds(dominated)).tolist() == [[-np.inf, -np.inf, 0], [np.inf, np.inf, 0]]
+    assert np.array(blank.probability(dominated)[:2]).tolist() == [[0, 0, 0.5], [1, 1, 0.5]]
+    first, alone = made().update(answers), blank.update(answers)
+    opened = order_bounds(tail_sums(fresh), 0.0)[0] < 0
+    opened &= order_bounds(tail_sums(fresh), 0.0)[1] > 0
+    assert (alone.compare(fresh[opened]) == first.compare(fresh[opened])).all()
+    # a tutor who answers against the order is believed
+    against = Answers(np.tile(dominated[0], (60, 1)), -np.ones(60, int))
+    turned = made(dominance=False, monotone=False, prior_strength=0.01).update(answers + against)
+    verdicts, (low, high) = turned.compare(fresh), turned.bounds(fresh)
+    assert ((verdicts == Verdict.BETTER) == (low > 0)).all()
+    assert ((verdicts == Verdict.WORSE) == (high < 0)).all()
+    assert turned.compare(dominated[0]).tolist() == [Verdict.WORSE]
+
+
+def test_a_fit_without_a_maximum_can_be_taken_where_it_stopped() -> None:
+    answers, fresh, precision, _ = told(4, 5, 1)
+    literal: dict[str, Any] = {"precision": precision, "prior_strength": 0, "min_answers": 1, "region": "box"}
+    with pytest.warns(NotConverged):
+        asks = BradleyTerryComparator(5, **literal).update(answers).compare(fresh)
+    with pytest.warns(NotConverged):
+        takes = BradleyTerryComparator(5, no_maximum="take", **literal).update(answers).compare(fresh)
+    assert (asks == Verdict.UNKNOWN).all()
+    assert (takes != Verdict.UNKNOWN).mean() > 0.9  # all resamples of one answer are the same: the box has no width
+
+
+@pytest.mark.parametrize("region", REGIONS)
 def test_a_pair_answered_both_ways_a_thousand_times_stays_open(region: str) -> None:
     d = np.array([0.0, 0.5, -1.0, 0.5])
     answers = Answers(np.tile(d, (2000, 1)), np.tile([1, -1], 1000))
@@ -380,6 +413,7 @@ def test_the_same_seed_gives_the_same_result() -> None:
         ("min_answers", [0, None]),
         ("level", [1.0, 0.0, None]),
         ("region", ["ball"]),
+        ("no_maximum", ["guess"]),
         ("prior_strength", [-0.1]),
         ("prior_shape", [(0.0, 1.0), (2.0, 1.0), "ab", 1.0]),
         ("refit_growth", [-1]),

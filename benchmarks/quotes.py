@@ -1,0 +1,78 @@
+"""Figures that a page of prose quotes from a page of results: copied by this program, never by hand.
+
+    python -m benchmarks.quotes            writes them anew in all pages
+
+In prose, `<!-- assumptions.md: m = 100: % of all -->+0.9 ± 1.1<!-- -->` is the cell of the line "m = 100" in the column
+"% of all" of the tables in docs/assumptions.md; the comments are not seen where the page is read. A line is named by
+its first cell, or by as many of its first cells as it takes, with commas: "2, box, 10%, % asked of open".
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = (ROOT / "docs" / "paper.md",)
+QUOTE = re.compile(r"<!-- (\S+\.md): (.+?): ([^:]+?) -->(.*?)<!-- -->", re.DOTALL)
+
+
+def renewed(text: str, folder: Path) -> str:
+    """The text with every quote as its page, found from the folder, has it now. Raises ValueError where a page has no
+    such cell, or several that differ."""
+    pages: dict[str, list[list[list[str]]]] = {}
+
+    def written(match: re.Match[str]) -> str:
+        page, line, column, _ = match.groups()
+        if page not in pages:
+            pages[page] = tables((folder / page).read_text(encoding="utf-8"))
+        return f"<!-- {page}: {line}: {column} -->{cell(pages[page], page, line, column)}<!-- -->"
+
+    return QUOTE.sub(written, text)
+
+
+def cell(found: list[list[list[str]]], page: str, line: str, column: str) -> str:
+    """The cell of a page's tables in this line and column."""
+    cells = {
+        row[head.index(column)]
+        for head, *rows in found
+        if column in head
+        for row in rows
+        if line in {", ".join(row[:n]) for n in range(1, len(row))}
+    }
+    if len(cells) != 1:
+        raise ValueError(
+            f"{page} has {len(cells) or 'no'} cells in the line {line!r} and the column {column!r}: 1 is quoted"
+        )
+    return cells.pop()
+
+
+def tables(text: str) -> list[list[list[str]]]:
+    """The tables of a page of Markdown: for each the cells of its lines, the head first, without the rule."""
+    found: list[list[list[str]]] = []
+    before = ""
+    for line in text.splitlines():
+        if line.startswith("|"):
+            cells = [each.strip() for each in line.strip().strip("|").split("|")]
+            if not before.startswith("|"):
+                found.append([])
+            if not set("".join(cells)) <= set("-:"):
+                found[-1].append(cells)
+        before = line
+    return found
+
+
+def renew() -> None:
+    """Write the quotes of all ``PAGES`` anew."""
+    for page in PAGES:
+        page.write_text(renewed(page.read_text(encoding="utf-8"), page.parent), encoding="utf-8")
+
+
+def renew_beside(written: Path) -> None:
+    """``renew`` if this page, which was just written, is one that they quote from."""
+    if written.resolve().parent in {page.parent for page in PAGES}:
+        renew()
+
+
+if __name__ == "__main__":
+    renew()

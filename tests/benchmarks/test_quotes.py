@@ -1,0 +1,70 @@
+"""What prose quotes of a page of results is what stands there."""
+
+import pytest
+
+from benchmarks import quotes
+
+RESULTS = """\
+# Results
+
+| figure | who | slope | answer |
+| --- | --- | ---: | --- |
+| 2 | box | +1.87 | rises |
+| 3 | box | -0.00 | not told |
+
+Text.
+
+| choice | slope |
+|---|---|
+| default | 13.7 ± 6.2 |
+| 1 / n: slow | -1.7 |
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "results.md").write_text(RESULTS)
+    return tmp_path
+
+
+def test_quotes_are_copied_and_all_else_stays(folder):
+    text = (
+        "It asks <!-- results.md: default: slope -->1<!-- --> and\n| <!-- results.md: 2, box: slope -->old <!-- --> |"
+    )
+    assert quotes.renewed(text, folder) == (
+        "It asks <!-- results.md: default: slope -->13.7 ± 6.2<!-- --> and\n"
+        "| <!-- results.md: 2, box: slope -->+1.87<!-- --> |"
+    )
+    again = "<!-- results.md: 3, box: answer --><!-- --> <!-- results.md: 1 / n: slow: slope --><!-- -->"
+    assert quotes.renewed(again, folder) == (
+        "<!-- results.md: 3, box: answer -->not told<!-- --> <!-- results.md: 1 / n: slow: slope -->-1.7<!-- -->"
+    )
+
+
+@pytest.mark.parametrize(("line", "column"), [("default", "answer"), ("nobody", "slope"), ("box", "slope")])
+def test_what_is_not_there_cannot_be_quoted(folder, line, column):
+    with pytest.raises(ValueError, match=f"results.md has no cells in the line '{line}' and the column '{column}'"):
+        quotes.renewed(f"<!-- results.md: {line}: {column} -->1<!-- -->", folder)
+
+
+def test_a_line_that_can_be_two_cannot_be_quoted(folder):
+    (folder / "results.md").write_text(RESULTS + "| default | 14 |\n")
+    with pytest.raises(ValueError, match="has 2 cells in the line 'default'"):
+        quotes.renewed("<!-- results.md: default: slope --><!-- -->", folder)
+
+
+def test_the_pages_quote_what_is_there_now():
+    for page in quotes.PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert quotes.QUOTE.search(text), page
+        assert quotes.renewed(text, page.parent) == text
+
+
+def test_a_page_written_elsewhere_changes_no_other(folder, monkeypatch):
+    prose = folder / "prose.md"
+    prose.write_text("<!-- results.md: default: slope --><!-- -->")
+    monkeypatch.setattr(quotes, "PAGES", (prose,))
+    quotes.renew_beside(folder / "elsewhere" / "results.md")
+    assert "13.7" not in prose.read_text()
+    quotes.renew_beside(folder / "results.md")
+    assert "13.7 ± 6.2" in prose.read_text()
