@@ -80,8 +80,9 @@ def report(done: Sequence[tuple[Cell, Row]]) -> Iterator[list[str]]:
         "value range; who has finished, keeps the policy.",
         "",
         "The rules differ, and nothing else: the candidates (advantages that some plausible scale puts above the "
-        "indifference), the draws of scales, the comparator and the stopping rule are ours for all of them; cuts, which our "
-        "default asks about besides, are off. Without errors volume removal and mutual information are one rule, the most even cut, but for rounding.",
+        "indifference), the draws of scales, the comparator and the stopping rule are ours for all of them; cuts, "
+        "which our default asks about besides, are off. Without errors volume removal and mutual information are one "
+        "rule, the most even cut, but for rounding.",
     ]
     for (environment, tutor), found in groups.items():
         head = ("rule", "asked", "beyond ours", *(f"after {n}" for n in questions.GRID[:-1]))
