@@ -32,6 +32,16 @@ class AnsweredPairs:
         if binding:
             self.binding = np.insert(self.binding, np.searchsorted(self.binding, code), code)
 
+    def add_many(self, d: Floats, verdicts: Verdicts) -> None:
+        """Keep what was said (n,) of differences d (n, k); what was called equal is binding."""
+        t = tail_sums(d)
+        for row, verdict in zip(t, verdicts.tolist(), strict=True):
+            name, sign = pair_name(row)
+            self._said[name] = sign * verdict
+        codes = pair_codes(self._key, t)
+        self.codes = np.sort(np.concatenate([self.codes, codes]))
+        self.binding = np.sort(np.concatenate([self.binding, codes[verdicts == Verdict.EQUAL]]))
+
     def said(self, t: Floats) -> Verdicts:
         """What was said (n,) of the very pairs with tail sums t (n, p), whichever way round; UNKNOWN: nothing."""
         out = np.full(len(t), Verdict.UNKNOWN, np.int8)

@@ -141,10 +141,15 @@ class Query:
         labels: Sequence[str] | None = None,
     ) -> Query:
         """A query whose id is a hash of the problem, its running number and the two vectors."""
-        digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
-        digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
-        digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
-        return Query(digest.hexdigest(), left, right, about, labels)
+        return Query(query_id(fingerprint, number, left, right), left, right, about, labels)
+
+
+def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -> str:
+    """The id of a query: see ``Query.make``."""
+    digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
+    digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
+    digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True)

@@ -89,8 +89,10 @@ class _Simulated:
     @property
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
-        whenever it has come back UNSETTLED. Nobody, for a class that has ``signs`` of its own."""
-        return self._respondent() if type(self).signs is _Simulated.signs else kernel.nobody()
+        whenever it has come back UNSETTLED. Nobody, for a class that answers in a way of its own."""
+        kind = type(self)
+        ours = kind.signs is _Simulated.signs and kind.__call__ is _Simulated.__call__
+        return self._respondent() if ours else kernel.nobody()
 
     def _respondent(self) -> Respondent:
         while 2 * int(self._tally[kernel.PAIRS]) >= len(self._pairs):  # the table must stay half empty
