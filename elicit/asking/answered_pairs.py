@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import pair_codes
 from elicit.model.comparator import Verdicts
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, pair_name, tail_sums
+from elicit.model.scale import Floats, pair_name, pair_names, tail_sums
 
 Codes = NDArray[np.uint64]
 
@@ -35,9 +35,8 @@ class AnsweredPairs:
     def add_many(self, d: Floats, verdicts: Verdicts) -> None:
         """Keep what was said (n,) of differences d (n, k); what was called equal is binding."""
         t = tail_sums(d)
-        for row, verdict in zip(t, verdicts.tolist(), strict=True):
-            name, sign = pair_name(row)
-            self._said[name] = sign * verdict
+        signs, names = pair_names(t)
+        self._said.update(zip(names, (signs * verdicts).tolist(), strict=True))
         codes = pair_codes(self._key, t)
         self.codes = np.sort(np.concatenate([self.codes, codes]))
         self.binding = np.sort(np.concatenate([self.binding, codes[verdicts == Verdict.EQUAL]]))

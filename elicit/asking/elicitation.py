@@ -8,7 +8,7 @@ question budget, audits, "cannot tell", "about equal", never asking a pair twice
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -271,9 +271,9 @@ class Elicitation:
         does now: 0 where each may change what is asked next."""
         comparator = self.comparator
         free = not (self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs)
-        if not free or not isinstance(comparator, LearnsInSteps):
+        if not free or not hasattr(type(comparator), "answers_to_next_step"):
             return 0
-        left = comparator.answers_to_next_step
+        left = cast(LearnsInSteps, comparator).answers_to_next_step
         return left if self._max_queries is None else min(left, self._max_queries - self.asked)
 
     def take(self, left: Floats, right: Floats, verdicts: Verdicts) -> None:

@@ -204,7 +204,7 @@ class Answers:
             as_verdict(next((code for code in signs.ravel().tolist() if type(code) is not int), signs.flat[0]))
         if signs.shape != (len(rows),):
             raise ValueError(f"y must have one entry a row of d: {len(rows)} rows, but y has shape {signs.shape}")
-        bad = ~np.isin(signs, (-1, 0, 1))
+        bad = (signs < -1) | (signs > 1)
         if bad.any():
             raise ValueError(f"y must be -1, 0 or +1, but row {int(np.argmax(bad))} is {signs[np.argmax(bad)]}")
         names = tuple(str(i) for i in (ids if ids is not None else range(len(rows))))

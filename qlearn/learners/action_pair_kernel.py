@@ -32,7 +32,7 @@ from elicit.tutors.simulated_kernel import NOBODY, TRUTHFUL, WRONG, Respondent, 
 BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
 _TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most: a power of two
-USED, ROOM = 0, 1  # what ``Told.count`` holds
+USED, ROOM = 0, 1  # what ``Told.fill`` holds
 
 
 class Certificates(NamedTuple):
@@ -62,7 +62,7 @@ class Told(NamedTuple):
     ways: NDArray[np.int8]  # (c,) 1, or -1 where that is the other way round
     codes: NDArray[np.uint64]  # (2 c,) hash table of the pairs, 0 where it is free
     rows: NDArray[np.int64]  # (2 c,) the row of each
-    count: NDArray[np.int64]  # (2,) how many there are, and how many there may be
+    fill: NDArray[np.int64]  # (2,) how many there are, and how many there may be
 
 
 class Judging(NamedTuple):
@@ -105,7 +105,7 @@ class PairJudge:
             ways=np.empty(c, np.int8),
             codes=np.zeros(words, np.uint64),
             rows=np.empty(words, np.int64),
-            count=np.zeros(2, np.int64),
+            fill=np.zeros(2, np.int64),
         )
         self.tutor: AnswersInLoops | None = None  # who is asked within the loop, where the elicitation has room for it
 
@@ -130,7 +130,7 @@ class PairJudge:
         """Who may be asked within the loop, and make room for her answers."""
         respondent = nobody() if self.tutor is None else self.tutor.respondent
         room = self._elicitation.room if respondent.kind != NOBODY else 0
-        self._told.count[:] = 0, min(room, _TOLD_AT_ONCE)
+        self._told.fill[:] = 0, min(room, _TOLD_AT_ONCE)
         return respondent
 
     def enter(self, tiers: NDArray[np.int64]) -> bool:
@@ -144,7 +144,7 @@ class PairJudge:
         if n and elicitation.watch is not None:
             elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
         told = self._told
-        n, told.count[USED] = int(told.count[USED]), 0
+        n, told.fill[USED] = int(told.fill[USED]), 0
         if n:
             told.codes[:] = 0
             elicitation.take(told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy())
@@ -189,8 +189,9 @@ def certify(judged: Judgement, least: Any, row: int, certificates: Certificates)
 def full(judging: Judging) -> bool:
     """Whether what was kept or told must be handed over before another pair is judged: there may be no more of it, or
     the comparator has learned something."""
-    kept, count = judging.kept, judging.told.count
-    return (len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers)) or (count[USED] > 0 and count[USED] == count[ROOM])
+    kept, fill = judging.kept, judging.told.fill
+    watched = len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers)
+    return bool(watched or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
 
 
 @compiled
@@ -199,8 +200,8 @@ def put(q: Any, s: int, a: int, b: int, t: Any, work: Any, judging: Judging) -> 
     ask. UNSETTLED where what was kept must be handed over first, for whoever watches may want to know what was decided
     before the tutor's first error. Overwrites work (p,)."""
     kept, tutor, told, key = judging.kept, judging.tutor, judging.told, judging.asking.key
-    count, way = told.count, orientation(t)
-    if count[ROOM] == 0:
+    fill, way = told.fill, orientation(t)
+    if fill[ROOM] == 0:
         return UNKNOWN, BY_TUTOR
     code = pair_code(key, t, work)
     at = place_of(code, told.codes)
@@ -212,7 +213,7 @@ def put(q: Any, s: int, a: int, b: int, t: Any, work: Any, judging: Judging) -> 
         return told.verdicts[row] * told.ways[row] * way, BY_KNOWN
     if tutor.kind != TRUTHFUL and tutor.tally[WRONG] == 0 and len(kept.tiers) > 0 and kept.used[0] > 0:
         return UNSETTLED, BY_TUTOR
-    row = count[USED]
+    row = fill[USED]
     for j in range(len(t)):
         told.sums[row, j] = work[j]
     verdict = respond(t, work, tutor)
@@ -223,9 +224,9 @@ def put(q: Any, s: int, a: int, b: int, t: Any, work: Any, judging: Judging) -> 
         told.vectors[row, 1, j] = q[s, b, j]
     told.verdicts[row], told.ways[row] = verdict, way
     told.codes[at], told.rows[at] = code, row
-    count[USED] = row + 1
+    fill[USED] = row + 1
     if verdict == EQUAL:  # binding, which the rule to ask by has to say from now on
-        count[ROOM] = row + 1
+        fill[ROOM] = row + 1
     return verdict, BY_TUTOR
 
 
