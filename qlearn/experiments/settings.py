@@ -97,7 +97,8 @@ PROBLEMS = ("random", "icu", "frozen-lake", "deep-sea-treasure")
 LEARNERS = ("q-learning", "ivi")
 ALWAYS = "always"
 COMPARATORS = (ALWAYS, "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box-rescaled", "box")
-TUTORS = ("truthful", "c=1", "2%", "5%", "10%", "20%", "30%")  # of the paper's figures
+TRUTHFUL = "truthful"
+TUTORS = (TRUTHFUL, "c=1", "2%", "5%", "10%", "20%", "30%")  # of the paper's figures
 ORDER = {"problem": PROBLEMS, "learner": LEARNERS, "comparator": COMPARATORS, "errs": TUTORS}
 """The order in which tables and pictures name things; the user's own come after them, as they were given."""
 OWN = {"problem": "problems", "learner": "learners", "comparator": "comparators", "error_rate": "tutors"}
@@ -275,8 +276,8 @@ class FiguresSettings(Settings):
     tutors: tuple[str, ...] = setting(
         TUTORS[:5],
         Choice(TUTORS),
-        "who answers all but the polytope, whose tutor never errs: c=1 as in eq. (6), counts times values of 0..99; "
-        "2%, ... as in eq. (6), with a precision that errs in this share of the comparisons of an optimal policy",
+        "who answers all but the polytope, whose tutor never errs: as in eq. (6) with this c, on counts times values "
+        "of 0..99, or with the precision that errs in this share of the comparisons of an optimal policy",
     )
     thinned: tuple[str, ...] = setting(
         ("posterior",),

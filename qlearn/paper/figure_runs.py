@@ -1,9 +1,9 @@
 """The paper's figures 2, 3 and 4: its two series of random MDPs, over seeds that all comparators share.
 
-The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to a tutor who errs as in
-eq. (6), the polytope to one who never does, for it takes every answer as a fact. Beside them runs the oracle, which
-always asks a truthful tutor. All of one seed meet the same transitions (uniform exploration), so that they differ by
-verdicts alone.
+The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to tutors of several
+precisions, who err as in eq. (6), for the paper does not say how precise its tutor was; the polytope to one who never
+errs, for it takes every answer as a fact. Beside them runs the oracle, which always asks a truthful tutor. All of one
+seed meet the same transitions (uniform exploration), so that they differ by verdicts alone.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ import pandas as pd
 from qlearn.experiments.metrics import reference_differences
 from qlearn.experiments.parallel import Cell
 from qlearn.experiments.run import Run, in_order, instance, of_precision, run_all, run_named
-from qlearn.experiments.settings import TUTORS, FiguresSettings
+from qlearn.experiments.settings import TRUTHFUL, FiguresSettings
 
-TRUTHFUL = TUTORS[0]
 KEYS = ("states", "levels", "comparator", "errs", "seed")
 _NOT_SHOWN = ["problem", "learner", "audit", "c", "excess_loss_initial"]  # of a run: the same in all, or of no use here
 
@@ -41,7 +40,10 @@ def figures(
     ``changes`` are fields of ``FiguresSettings`` by name, in place of those of ``settings`` (default: the defaults).
 
     A problem in both series is run once. The comparisons by which a tutor's precision is set are those of
-    ``metrics.reference_differences``; an ``error_rate`` of 0 is a truthful tutor. The oracle always runs.
+    ``metrics.reference_differences``: ``errs`` names the tutor (see ``settings.tutors``), and ``error_rate`` is the
+    share of them that he is expected to answer wrongly, also where his precision was given. ``realised_error_rate`` is
+    the share of the answers that he gave. The oracle always runs. For the time, precisions between the first and the
+    last are run at every other size only, whose slopes are nearly as sure (8 of 10 parts of the spread of five sizes).
 
     Beside the columns of a run (see ``run_all``): ``warnings`` (how often a comparator warned that it is not to be
     relied on: particles that are worth too few draws, a fit that found no maximum) and ``asked_percent_fresh``

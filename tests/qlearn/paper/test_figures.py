@@ -24,7 +24,7 @@ def of(names: tuple[str, ...], mean: list[float], half: list[float]) -> pd.DataF
     parts = []
     for name, (i, x) in product(("levels", "states"), enumerate((5, 10))):
         measures = dict.fromkeys(names, mean[i]) | {f"{measure}_half": half[i] for measure in names}
-        parts.append({"series": name, "comparator": "polytope", "error_rate": 0.0, "x": x, "runs": 2, **measures})
+        parts.append({"series": name, "comparator": "polytope", "errs": "truthful", "x": x, "runs": 2, **measures})
     return pd.DataFrame(parts)
 
 
