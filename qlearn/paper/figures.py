@@ -16,6 +16,7 @@ from matplotlib.markers import CARETDOWN
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from qlearn.experiments.palette import NAMES, STYLES
+from qlearn.experiments.settings import TRUTHFUL, TUTORS
 
 _X = {"levels": "number of levels k", "states": "number of states |S|"}
 _ASKED = {
@@ -30,11 +31,12 @@ _LOSSES = {
 }
 
 
-def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
+def plot_asked(summary: pd.DataFrame, series: str, tutors: Sequence[str] | None = None) -> Figure:
     """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators, on a log scale, with
     95% t-intervals over the runs; an arrow at the axis' lower end where one reaches further down. The unequal pairs,
-    the fourth denominator, are all but a few of all comparisons."""
-    rows, figure, panels = _panels(summary, series, list(_ASKED.values()), sharey=True)
+    the fourth denominator, are all but a few of all comparisons. ``tutors``: which, at most two for all to be seen; by
+    default the one who never errs, and the last, who errs most."""
+    rows, figure, panels = _panels(summary, series, list(_ASKED.values()), tutors, sharey=True)
     means = rows[list(_ASKED)].to_numpy(dtype=float)
     least = float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0  # a log axis has no 0: it ends here
     cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, _ASKED, strict=True)]
@@ -51,9 +53,10 @@ def plot_asked(summary: pd.DataFrame, series: str) -> Figure:
     return figure
 
 
-def plot_loss(summary: pd.DataFrame, series: str = "states") -> Figure:
-    """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the paper's bound."""
-    rows, figure, panels = _panels(summary, series, [title for title, _ in _LOSSES.values()], sharey=False)
+def plot_loss(summary: pd.DataFrame, series: str = "states", tutors: Sequence[str] | None = None) -> Figure:
+    """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the paper's bound.
+    ``tutors`` as for ``plot_asked``."""
+    rows, figure, panels = _panels(summary, series, [title for title, _ in _LOSSES.values()], tutors, sharey=False)
     for axes, (measure, (_, unit)) in zip(panels, _LOSSES.items(), strict=True):
         axes.axhline(0, color="0.5", linewidth=0.8, zorder=0)
         for bound in (1,) if measure == "paper_abs_percent" else (-1, 1):
@@ -79,10 +82,12 @@ def save(figure: Figure, folder: Path, name: str) -> None:
 
 
 def _panels(
-    summary: pd.DataFrame, series: str, titles: Sequence[str], sharey: bool
+    summary: pd.DataFrame, series: str, titles: Sequence[str], tutors: Sequence[str] | None, sharey: bool
 ) -> tuple[pd.DataFrame, Figure, Sequence[Axes]]:
-    """The rows of a series without the oracle's, and an empty panel for each title."""
+    """The rows of a series with these tutors, without the oracle's, and an empty panel for each title."""
     rows = summary[(summary.series == series) & (summary.comparator != "always")]
+    shown = tutors or (TRUTHFUL, max(rows.errs, key=TUTORS.index))
+    rows = rows[rows.errs.isin(shown)]
     figure = Figure(figsize=(4.1 * len(titles), 4.3), layout="constrained")
     panels = figure.subplots(1, len(titles), sharex=True, sharey=sharey)
     for axes, title in zip(panels, titles, strict=True):
@@ -100,9 +105,9 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
     """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below ``least``; ``arrows``
     show what was cut off there. Returns whether anything was."""
     cut = False
-    arms: list[Any] = list(rows.groupby(["comparator", "error_rate"], sort=False))
+    arms: list[Any] = list(rows.groupby(["comparator", "errs"], sort=False))
     span = (rows.x.max() - rows.x.min()) or 1
-    for i, ((comparator, rate), arm) in enumerate(arms):
+    for i, ((comparator, errs), arm) in enumerate(arms):
         style = STYLES[comparator]
         aside = 0.012 * span * (i - (len(arms) - 1) / 2)  # intervals beside each other, not on each other
         half, mean = arm[f"{measure}_half"].fillna(0), arm[measure].clip(lower=least)
@@ -122,12 +127,12 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
             mean,
             yerr=[half.clip(upper=mean - least), half],
             **style,
-            markerfacecolor=style["color"] if rate else "white",
+            markerfacecolor="white" if errs == TRUTHFUL else style["color"],
             markersize=7,
             linewidth=1.3,
             elinewidth=1,
             capsize=3,
-            label=f"{NAMES[comparator]}, " + (f"tutor errs ({100 * rate:g}%)" if rate else "truthful tutor"),
+            label=f"{NAMES[comparator]}, " + ("truthful tutor" if errs == TRUTHFUL else f"tutor errs ({errs})"),
         )
     return cut
 

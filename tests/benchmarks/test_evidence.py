@@ -251,7 +251,7 @@ def drawn(comparator: str) -> Again:
 
     def again(text: str) -> Iterator[str | Cells]:
         size = {"levels": (5,), "at_levels": 5, "states": (100,), "at_states": 100, "seeds": 1, "jobs": 1}
-        yield from rows_of(figures(comparators=(comparator,), both_tutors=True, **size), text)
+        yield from rows_of(figures(comparators=(comparator,), **size), text)
 
     return again
 
