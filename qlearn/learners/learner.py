@@ -289,8 +289,22 @@ def drive(
     check_tutor_made(tutor, learner.comparator.k)
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
         learner.consult(tutor.signs)
-    if log is None and progress is None and isinstance(learner, AsksWithin) and isinstance(tutor, AnswersInLoops):
+    if isinstance(learner, AsksWithin) and log is None and progress is None and isinstance(tutor, AnswersInLoops):
         learner.ask_within(tutor)
+    try:
+        return _driven(learner, tutor, log, progress, on_conflict)
+    finally:  # whoever asks it next is not to get this tutor's answers
+        if isinstance(learner, AsksWithin):
+            learner.ask_within(None)
+
+
+def _driven(
+    learner: Drivable[R_co],
+    tutor: Tutor,
+    log: AnswerLog | None,
+    progress: Callable[[R_co], None] | None,
+    on_conflict: OnConflict,
+) -> R_co:
     while queries := learner.ask():
         answers = match([tutor(query) for query in queries], queries)
         _append(log, answers, learner.implied)
