@@ -289,7 +289,9 @@ def drive(
     check_tutor_made(tutor, learner.comparator.k)
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
         learner.consult(tutor.signs)
-    if isinstance(learner, AsksWithin) and log is None and progress is None and isinstance(tutor, AnswersInLoops):
+    quiet = log is None and progress is None
+    own = hasattr(type(tutor), "respondent")  # not handed on from a tutor that this one wraps, who wants to be called
+    if quiet and own and isinstance(tutor, AnswersInLoops) and isinstance(learner, AsksWithin):
         learner.ask_within(tutor)
     try:
         return _driven(learner, tutor, log, progress, on_conflict)

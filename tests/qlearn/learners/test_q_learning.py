@@ -261,6 +261,20 @@ def test_a_loop_asks_by_itself_only_where_that_comes_to_the_same() -> None:
     result = drive(learner_of(mdp, box), Called(values, 0.1))
     assert len(called) == result.asked > 0
 
+    class Wrapped:
+        def __init__(self, tutor: Any) -> None:
+            self.tutor, self.asked = tutor, 0
+
+        def __call__(self, query: Query) -> Answer:
+            self.asked += 1
+            return Answer(query, self.tutor(query).verdict)
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.tutor, name)
+
+    wrapped = Wrapped(FlippingTutor(values, 0.1))
+    assert drive(learner_of(mdp, box), wrapped).asked == wrapped.asked > 0
+
 
 def test_a_loop_asks_a_tutor_only_while_he_drives_it_and_keeps_what_he_said_when_interrupted() -> None:
     mdp, values = random_mdp(8, 3, 4, rng=3)
