@@ -62,10 +62,8 @@ def plan_of(settings: FiguresSettings) -> list[Cell]:
     """One dict a run, in the order of the table: what ``run`` calls a cell, with the numbers of states and levels."""
     same = {"problem": "random", "learner": "q-learning", "audit": 0.0}
     seeds = range(settings.seed, settings.seed + settings.seeds)
-    names, erring, levels, states = (
-        tuple(dict.fromkeys(named))
-        for named in (settings.comparators, settings.tutors, settings.levels, settings.states)
-    )  # what is named twice is run once
+    names, erring = (tuple(dict.fromkeys(named)) for named in (settings.comparators, settings.tutors))
+    levels, states = (tuple(dict.fromkeys(sizes)) for sizes in (settings.levels, settings.states))
     plan = []
     for name in ("always", *names):
         thin = name in settings.thinned
@@ -73,9 +71,9 @@ def plan_of(settings: FiguresSettings) -> list[Cell]:
         for tutor in tutors:
             ends = name == "always" or tutor in (TRUTHFUL, *erring[:: len(erring) - 1 or 1])
             step = 1 if ends and not thin else 2
-            sizes = {(settings.at_states, k) for k in levels[::step]}
-            sizes |= {(n, settings.at_levels) for n in states[::step]}
-            for (n, k), seed in product(sizes, seeds):
+            both = {(settings.at_states, k) for k in levels[::step]}
+            both |= {(n, settings.at_levels) for n in states[::step]}
+            for (n, k), seed in product(both, seeds):
                 one = {"states": n, "levels": k, "comparator": name, "errs": tutor, "seed": seed}
                 plan.append(same | one | _law(tutor))
     return in_order(plan, KEYS)
