@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlearn.experiments.palette import NAMES, STYLES
+from elicit.plot import STYLES
+from qlearn.experiments.ablation_plot import NAMES
 
 _X = {"levels": "number of levels k", "states": "number of states |S|"}
 _ASKED = {
