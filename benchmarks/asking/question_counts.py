@@ -129,7 +129,8 @@ def learner_of(method: str, mdp: OrdinalMDP, comparator: elicit.Comparator, seed
         if method == "certify, simple bags":
             return InteractivePolicyIteration(mdp, comparator, bags=elicit.Bags(), **common)
         chosen = CERTIFY[method] or _at_random(seed)
-        return InteractivePolicyIteration(mdp, comparator, strategy=chosen, **common)
+        # strategies choose among the same pairs, so none may ask about cuts besides
+        return InteractivePolicyIteration(mdp, comparator, strategy=chosen, cuts=False, **common)
     if method.startswith("value iteration"):
         common["tolerance"] = TOLERANCE
         sweeping = LateValueIteration if "late" in method else InteractiveValueIteration

@@ -13,10 +13,11 @@ from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
+from elicit.asking.cuts import closing_cut
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.verdicts import decide
 from elicit.decision.votes import LEVEL_ROUNDING
-from elicit.model.comparator import Comparator, Tier, Tiers, best_guess, simultaneous_bounds
+from elicit.model.comparator import BoundsAllAtOnce, Comparator, HasDraws, Tier, Tiers, best_guess, simultaneous_bounds
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
@@ -51,6 +52,9 @@ _SAMPLE = 1000  # states looked at for questions
 _POOL = 4000  # advantages, those of the greatest bounds, that questions may be about
 _QUESTIONS = 4  # a solution
 _SHARE = 0.02  # of the tolerance: what V's error and the bound's may come to
+_UNDECIDED = 0.5  # of the weight of scales, at most, that see a better action, where cuts are asked about
+_CLOSED = 200  # advantages, those of the greatest bounds, that a cut is to close
+_CLOSE = 0.3  # of the tolerance: what it is to bring them down to
 _MATTERS = 0.5
 """Of the tolerance: what an advantage must exceed to count for a strategy. In one state, taken once, it costs as much;
 with the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions were asked."""
@@ -64,7 +68,10 @@ class InteractivePolicyIteration(Learner):
 
     ``strategy`` picks the question (a function of ``qlearn.strategies``, or its name); the default weighs what an
     answer tells by how likely it is to matter. ``bags``: ask about simple bags instead, "of 10 days ...", as far as
-    they tell enough of the signs of the advantages in question (``elicit.Bags``), one at a time. ``indifference``
+    they tell enough of the signs of the advantages in question (``elicit.Bags``), one at a time. ``cuts``: once most of
+    what is plausible agrees on the policy, ask also about two mixtures of levels made to close several advantages at
+    once (``elicit.asking.cuts``; default: with the default strategy). That is where bounds are proven, without bags,
+    one question at a time, and as long as the tutor calls no pair equal and can tell all. ``indifference``
     (default tolerance (1 - discount)): an advantage that no plausible scale puts above it is not asked about; above the
     default, the tolerance may be out of reach. ``max_loss``: stop there even if the tolerance is smaller.
     ``max_queries``: beyond it the policy for the central scale stands, with what can be said of its loss. ``audit``:
@@ -88,6 +95,7 @@ class InteractivePolicyIteration(Learner):
         max_loss: float | None = None,
         strategy: Strategy | str = telling_violation,
         bags: Bags | None = None,
+        cuts: bool | None = None,
         seed: Seed | None = 0,
         max_queries: int | None = None,
         indifference: float | None = None,
@@ -118,8 +126,11 @@ class InteractivePolicyIteration(Learner):
             labels=mdp.labels,
         )
         require(exact is None or isinstance(exact, bool), "exact", "None, True or False", exact)
+        require(cuts is None or isinstance(cuts, bool), "cuts", "None, True or False", cuts)
         small = mdp.n_states <= LARGE if exact is None else exact
         self._solver = _Exactly(mdp, self._enough) if small else _Nearly(mdp, self._enough, self.seed)
+        wanted = self._strategy is telling_violation if cuts is None else cuts
+        self._cuts = wanted and bags is None and batch == 1
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
 
@@ -141,6 +152,8 @@ class InteractivePolicyIteration(Learner):
         candidates = Candidates(
             over.d[rows], over.states[rows], over.actions[rows], _MATTERS * self._enough, self._elicitation.comparator
         )
+        if self._cuts and (pair := self._cut(over, rows, candidates)) is not None:
+            return self._elicitation.open([pair])
         order = rows[best(self._strategy, candidates, len(rows))]
         if self._bags is not None:
             about = over.d[order[:_ABOUT]]
@@ -193,6 +206,23 @@ class InteractivePolicyIteration(Learner):
             rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
         return rows
 
+    def _cut(self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates) -> Pair | None:
+        """What closes most of the advantages in these rows, in a proof; None where that is not what is wanted."""
+        elicitation, scores = self._elicitation, candidates.scores
+        plain = not (elicitation.cannot_tell or (elicitation.answers.y == 0).any())
+        known = elicitation.comparator
+        proven = isinstance(known, BoundsAllAtOnce) and isinstance(known, HasDraws) and drawn_set(known) is None
+        if not (plain and proven) or (scores > candidates.limit).any(axis=0) @ candidates.weights > _UNDECIDED:
+            return None
+        high = simultaneous_bounds(known, candidates.d)[0]
+        most = np.argsort(-high, kind="stable")[:_CLOSED]
+        found = closing_cut(known, candidates.draws, candidates.d[most], high[most], _CLOSE * self._enough)
+        if found.row >= 0:
+            return self._pair(over, int(rows[most[found.row]]))
+        left, right = np.maximum(found.d, 0.0), np.maximum(-found.d, 0.0)
+        pair = Pair(left, right, "two mixtures of levels: left or right?", ("cut", elicitation.asked))
+        return pair if elicitation.may_ask(found.d[None], lambda _: pair.place).all() else None
+
     def _settled_by(self, over: Advantages) -> NDArray[np.int8]:
         """The tiers (n,) by which the policy's alternatives are no better; those still open are left out, but for a
         budget that is spent."""
@@ -218,13 +248,15 @@ class InteractivePolicyIteration(Learner):
 
     def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None) -> tuple[Query, ...]:
         """Ask about these rows; of an audit with the tiers (n,) that settled all rows."""
-        pairs = []
-        for row in rows:
-            s, a = int(over.states[row]), int(over.actions[row])
-            tier = int(Tier.TUTOR if tiers is None else tiers[row])
-            left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
-            pairs.append(pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), tier))
-        return self._elicitation.open(pairs)
+        return self._elicitation.open(
+            [self._pair(over, row, Tier.TUTOR if tiers is None else tiers[row]) for row in rows]
+        )
+
+    def _pair(self, over: Advantages, row: int, tier: int = Tier.TUTOR) -> Pair:
+        """An action's vector and the policy's, at the state of this row."""
+        s, a = int(over.states[row]), int(over.actions[row])
+        left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
+        return pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), int(tier))
 
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]

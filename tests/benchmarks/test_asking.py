@@ -7,8 +7,11 @@ import pytest
 
 from benchmarks.asking import certificates as certified
 from benchmarks.asking import certify_at_scale as scale
+from benchmarks.asking import hindsight
 from benchmarks.asking import person_sessions as sessions
 from benchmarks.asking import question_counts as questions
+from elicit import PolytopeComparator, TruthfulTutor
+from qlearn import InteractivePolicyIteration, drive, random_mdp
 from tests.report_cases import table_rows
 
 
@@ -63,6 +66,37 @@ def test_a_line_on_certificates_counts_questions_and_kept_bounds():
     fewer, more = (float(line(who, True).split(" | ")[5].split()[0]) for who in ("policy iteration", "value iteration"))
     assert fewer < more
     assert "| 10% | 1% |" in line("policy iteration", truthful=False)
+
+
+def test_hindsight_needs_no_more_than_greed_and_no_less_than_what_is_necessary():
+    for seed in range(3):
+        mdp, values = random_mdp(40, 3, 5, rng=seed)
+        few = hindsight.hindsight(mdp, values, 1e-4)
+        assert 0 < few["necessary"] <= few["pruned"] <= few["greedy"]
+        result = drive(InteractivePolicyIteration(mdp, PolytopeComparator(5), tolerance=1e-4), TruthfulTutor(values))
+        assert few["greedy"] <= result.asked
+        gap, current = (
+            hindsight.bound_queries(mdp, values, 1e-4, choose)
+            for choose in (hindsight.largest_gap, hindsight.current_solution)
+        )
+        assert few["greedy"] < min(gap, current) <= max(gap, current) < hindsight.MOST
+        assert 0 < hindsight.hindsight_of_posterior(mdp, values, 0.02, 0.2, seed) < 100
+
+
+def test_bits_are_the_share_of_scales_that_agree():
+    d = np.array([[0.0, 1.0, 0.0, -1.0], [0.25, -1.0, 0.75, 0.0]])  # the first always, the second where e2 is >= .75 e3
+    rng = np.random.default_rng(0)
+    e = np.sort(rng.random((200_000, 2)), axis=1)
+    assert hindsight.bits(d) == pytest.approx(-np.log2((e[:, 0] >= 0.75 * e[:, 1]).mean()), abs=0.3)
+
+
+def test_the_table_of_limits_names_all_rules():
+    rows = [row.strip("| ").split(" | ") for row in certified.limit("k = 4", certified.paper(4), 2)]
+    assert {len(row) for row in rows} == {6}
+    assert rows[0][1:3] == ["never", "hindsight, greedy"]
+    assert sum(row[2].endswith("(Regan and Boutilier)") for row in rows) == 2
+    assert sum(row[1] == "10%" for row in rows) == 2
+    assert [row[5] for row in rows if row[2] == "hindsight, greedy"] == ["1.00", "1.00"]
 
 
 def test_a_grid_has_five_ways_on_from_each_cell():

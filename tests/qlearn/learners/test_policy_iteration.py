@@ -267,6 +267,61 @@ def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked(ex
     assert seen.count(seen[0]) == 1
 
 
+def of_cuts(result):
+    """Which of the answers were to mixtures, of which none is a policy's: they have no level in common."""
+    return (np.abs(np.abs(result.answers.d).sum(axis=1) - 2.0) < 1e-9).sum()
+
+
+@both_ways
+def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
+    monkeypatch.setattr(policy_iteration, "_SAMPLE", 100)
+    monkeypatch.setattr(loss_bounds, "STATES", 1000)
+    asked, cut = {True: 0, False: 0}, 0
+    for seed in range(3):
+        mdp, values = random_mdp(60, 5, 8, rng=seed)
+        for cuts in asked:
+            result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, cuts=cuts, exact=exact)
+            assert result.status is Status.CONVERGED
+            assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 1e-4
+            worst = losses_under(mdp, result.policy, result.comparator.draws.gaps[:, ::8]).max()
+            assert worst <= result.loss_bound + 1e-12
+            asked[cuts] += result.asked
+            cut += of_cuts(result) if cuts else 0
+            assert cuts or of_cuts(result) == 0
+    assert asked[True] < asked[False]
+    assert cut > 0
+    with pytest.raises(ValueError, match="cuts must be None, True or False"):
+        InteractivePolicyIteration(mdp, PolytopeComparator(8), cuts=1)
+
+
+@pytest.mark.parametrize("settings", [{"batch": 2}, {"bags": Bags(10)}, {"strategy": "max_regret"}, {"cuts": False}])
+def test_cuts_are_asked_one_at_a_time_with_the_default_strategy(settings):
+    mdp, values = random_mdp(60, 5, 8, rng=0)
+    result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, **settings)
+    assert result.status is Status.CONVERGED
+    if "bags" not in settings:  # which look the same
+        assert of_cuts(result) == 0
+
+
+@pytest.mark.parametrize("says", [None, Verdict.EQUAL], ids=["cannot tell", "equal"])
+def test_a_tutor_who_is_unsure_of_a_cut_is_asked_about_actions(says):
+    mdp, values = random_mdp(60, 5, 8, rng=0)
+    truth, learner = TruthfulTutor(values), InteractivePolicyIteration(mdp, PolytopeComparator(8), tolerance=1e-4)
+    unsure, others = 0, []
+    for _ in range(60):
+        if not (queries := learner.ask()):
+            break
+        (query,) = queries
+        mixtures = "two mixtures" in query.about
+        if unsure:
+            others.append(mixtures)
+        unsure += mixtures
+        learner.tell([Answer(query, says) if mixtures else truth(query)])
+    assert unsure == 1
+    assert len(others) > 2
+    assert not any(others)
+
+
 def test_a_bound_can_be_had_for_any_policy():
     mdp, values = random_mdp(15, 3, 4, rng=8)
     worst = value_iteration(mdp, values)[1][::-1].copy()

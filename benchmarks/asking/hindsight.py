@@ -1,0 +1,136 @@
+"""How few answers could prove a policy, had one known the scale; what no rule can go below; and the rules of others.
+
+- **Hindsight, greedy**: the hidden scale is known, and so is its optimal policy. Of that policy's advantages, over all
+  states and actions, the truthful answer is told about the one that leaves least open (the total of the bounds above
+  what matters), again and again until the policy is proven by the very bound that our learner stops by. This is an
+  *upper* bound on the fewest answers about such advantages.
+- **Pruned**: the same without answers that later ones made needless; still an upper bound.
+- **Necessary**: those of them without which the answers to *all* other advantages of the policy prove nothing: a
+  *lower* bound on the fewest. Where the two meet, the fewest is known. Answers to other questions, such as cuts made
+  of several advantages, could be fewer still.
+- **Bits**: the logarithm of the share of scales for which the policy is optimal. Scales are drawn uniformly, so no rule
+  that asks questions of two answers can need fewer of them on average, without hindsight and a tolerance.
+- With the posterior, hindsight gives truthful answers to a comparator that takes a tenth for wrong, each about the
+  advantage that leaves least of the weight of the scales under which some advantage matters. No pair is asked twice.
+
+Regan and Boutilier (2009) ask *bound queries*: is a level worth more than so much? Here: the level for certain, or a
+gamble between the best and the worst. ``largest_gap`` halves what is open of the level of which most is. Their
+``current_solution`` weighs that by how long the two policies of the greatest regret stay at the level; here these are
+our incumbent, and the alternative of the greatest bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from elicit import Answers, PolytopeComparator, PosteriorComparator
+from elicit.asking.bags import says_left
+from elicit.model.comparator import best_guess, simultaneous_bounds
+from elicit.model.query import Verdict
+from elicit.model.scale import Floats, tail_sums
+from qlearn.learners.loss_bound import Advantages, advantages, collected, guarantee
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import optimal_policy
+
+MOST = 400  # bound queries, where a policy is not proven before
+Level = Callable[[Floats, Advantages, Floats], int]
+
+
+def hindsight(mdp: OrdinalMDP, values: Floats, tolerance: float) -> dict[str, float]:
+    """Of a truthful tutor and the polytope: how many answers by greed, pruned, and necessary, and the bits."""
+    over = _best(mdp, values)
+    matters = tolerance * (1 - mdp.discount)
+    known, chosen = PolytopeComparator(mdp.k), list[int]()
+    high = simultaneous_bounds(known, over.d)[0]
+    while collected(mdp, over, high).max() > tolerance:
+        rows = np.flatnonzero(high > matters)
+        found = []
+        for row in rows[~np.isin(rows, chosen)]:
+            then = _told(known, over.d[[row]])
+            bounds = np.minimum(high[rows], simultaneous_bounds(then, over.d[rows])[0])
+            found.append((float(np.maximum(bounds - matters, 0.0).sum()), int(row), then, bounds))
+        _, row, known, high[rows] = min(found, key=lambda one: one[:2])
+        chosen.append(row)
+    pruned = list(chosen)
+    for row in chosen:
+        rest = [other for other in pruned if other != row]
+        if _proven(mdp, over, over.d[rest], tolerance):
+            pruned = rest
+    necessary = [row for row in pruned if not _proven(mdp, over, np.delete(over.d, row, axis=0), tolerance)]
+    return {"greedy": len(chosen), "pruned": len(pruned), "necessary": len(necessary), "bits": bits(over.d)}
+
+
+def bits(d: Floats) -> float:
+    """How many halvings of all ordered scales those are for which no row of d (n, k) is above 0, by draws from smaller
+    and smaller sets."""
+    known, t, total = PolytopeComparator(d.shape[1]), tail_sums(d), 0.0
+    while True:
+        right = t @ known.draws.gaps <= 0
+        if (all_right := right.all(axis=0).mean()) > 0.3:
+            return total - float(np.log2(all_right))
+        share = right.mean(axis=1)
+        row = int(np.argmin(np.abs(share - 0.5)))
+        total -= float(np.log2(share[row]))
+        known = _told(known, d[[row]])
+
+
+def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, lapse: float, seed: int) -> int:
+    """Of the posterior with this lapse: how many truthful answers until it gives the optimal policy its bound."""
+    over, known = _best(mdp, values), PosteriorComparator(mdp.k, lapse=lapse, seed=seed)
+    t, asked = tail_sums(over.d), list[int]()
+    while guarantee(mdp, over, known, tolerance).loss_bound > tolerance:
+        draws = known.draws
+        scores = t @ draws.gaps
+        weight = draws.weights * (1.0 - says_left(scores, draws.precision, lapse))  # (n, m) after each answer
+        wrong = (scores > 0.5 * tolerance).any(axis=0)
+        left = np.where(np.isin(np.arange(len(t)), asked), np.inf, weight[:, wrong].sum(axis=1) / weight.sum(axis=1))
+        asked.append(int(np.argmin(left)))
+        known = known.update(Answers(over.d[asked[-1:]], [int(Verdict.WORSE)]))
+    return len(asked)
+
+
+def largest_gap(gaps: Floats, over: Advantages, high: Floats) -> int:
+    """The level of which most is open, of gaps (k,)."""
+    return int(np.argmax(gaps))
+
+
+def current_solution(gaps: Floats, over: Advantages, high: Floats) -> int:
+    """The same, weighed by the shares of the policy, or of the alternative of the greatest bound, high (n,)."""
+    row = int(np.argmax(high))
+    v = over.v[over.states[row]]
+    return int(np.argmax(gaps * np.maximum(v, v + over.d[row])))
+
+
+def bound_queries(mdp: OrdinalMDP, values: Floats, tolerance: float, choose: Level) -> int:
+    """How many bound queries, at ``MOST``, until the optimum of the central scale is proven."""
+    e, known, levels = mdp.normalise(values), PolytopeComparator(mdp.k), np.eye(mdp.k)
+    policy = np.argmax(mdp.admissible, axis=1)
+    for asked in range(MOST):
+        policy = optimal_policy(mdp, best_guess(known), policy)
+        over = advantages(mdp, policy)
+        high = simultaneous_bounds(known, over.d)[0]
+        if collected(mdp, over, high).max() <= tolerance:
+            return asked
+        low, up = known.bounds(levels - levels[0])
+        level = choose(up - low, over, high)
+        half = (low[level] + up[level]) / 2
+        d = levels[level] - half * levels[-1] - (1.0 - half) * levels[0]
+        known = known.update(Answers(d[None], [1 if e[level] > half else -1]))
+    return MOST
+
+
+def _best(mdp: OrdinalMDP, values: Floats) -> Advantages:
+    start = np.argmax(mdp.admissible, axis=1)
+    return advantages(mdp, optimal_policy(mdp, mdp.normalise(values), start))
+
+
+def _told(known: PolytopeComparator, d: Floats) -> PolytopeComparator:
+    """What is known once each d.e of d (n, k) is said to be at most 0."""
+    return known.update(Answers(d, np.full(len(d), int(Verdict.WORSE))))
+
+
+def _proven(mdp: OrdinalMDP, over: Advantages, d: Floats, tolerance: float) -> bool:
+    known = _told(PolytopeComparator(mdp.k), d)
+    return bool(collected(mdp, over, simultaneous_bounds(known, over.d)[0]).max() <= tolerance)

@@ -1,0 +1,97 @@
+"""Questions of one's own making that close several open questions at once.
+
+To show that d.e is at most a limit for each of many differences d, one can ask about each d. But once nearly all that
+is plausible agrees, such an answer is known beforehand and teaches next to nothing: it cuts off the thin part of the
+plausible set in which that one difference is open. A *cut* is a difference made for the purpose, between two mixtures
+of levels, and goes deeper: it takes away the parts in which several are open, and some of the rest.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from elicit._support.threads import one_thread
+from elicit.lp.hit_and_run import Draws
+from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.scale import Floats, tail_sums
+
+_OWN = 4  # of the differences themselves, those of the greatest bounds, that are weighed against cuts
+_WAYS = 12  # directions, from the middle towards where differences are open
+_APART = 0.97  # cosine: directions closer than that count as one
+_NEAR = 0.3  # cosine: differences in this direction are cut off together
+_SHARES = (0.5, 0.7, 0.85)  # of what is plausible that a cut leaves where the answer is the likely one
+
+
+class Cut(NamedTuple):
+    """A difference (k,) to ask about, and which of those given it is, -1 for one of its own."""
+
+    d: Floats
+    row: int
+
+
+@one_thread
+def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, limit: float) -> Cut:
+    """The question whose answer, by what the two answers are worth and how likely they are, closes most of differences
+    d (n, k), n > 0: of these, upper bounds ``high`` (n,) on d.e are to come down to ``limit``, and each counts by how
+    many halvings it is away from that. ``draws`` say how likely an answer is; what it leaves is found by telling it to
+    the comparator, which has to have bounds that answers lower, such as a polytope's. Deterministic."""
+
+    def halvings(bounds: Floats) -> float:
+        return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
+
+    def left(asked: Floats, verdict: Verdict) -> float:
+        try:
+            known = comparator.update(Answers(asked[None], [int(verdict)]))
+        except InconsistentAnswers:
+            return 0.0
+        return halvings(np.minimum(high, simultaneous_bounds(known, d)[0]))
+
+    def worth(asked: Floats) -> float:
+        below = float((tail_sums(asked) @ draws.gaps < 0) @ draws.weights)
+        sides = ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER))
+        return now - sum(share * left(asked, verdict) for share, verdict in sides if share > 0)
+
+    now = halvings(high)
+    own = np.argsort(-high, kind="stable")[:_OWN]
+    found = [Cut(d[i], int(i)) for i in own] + [Cut(row, -1) for row in _cuts(draws, d, high, limit)]
+    return max(found, key=lambda cut: worth(cut.d))
+
+
+def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
+    """Differences (k,), below 0 for each of ``_SHARES`` of the draws, in directions towards where d (n, k) are open."""
+    middle = draws.gaps @ draws.weights
+    moments = (draws.gaps - middle[:, None]) * draws.weights @ (draws.gaps - middle[:, None]).T
+    size, axes = np.linalg.eigh(moments)
+    some = size > 1e-10 * size[-1]
+    if not size[-1] > 0:
+        return []
+    # coordinates in which the draws scatter alike to all sides
+    to, back = axes[:, some] * np.sqrt(size[some]), axes[:, some] / np.sqrt(size[some])
+    ways = tail_sums(d) @ to
+    length = np.linalg.norm(ways, axis=1)
+    order = np.argsort(-high, kind="stable")
+    order, weight = order[length[order] > 0], np.log2(1.0 + high / limit)
+    ways[order] /= length[order, None]
+    chosen: list[Floats] = []
+    for i in order:
+        if len(chosen) < _WAYS and all(ways[i] @ other < _APART for other in chosen):
+            chosen.append(ways[i])
+    for way in [*chosen[: _WAYS // 2], None]:
+        near = order if way is None else order[ways[order] @ way > _NEAR]
+        mean = weight[near] @ ways[near]
+        if np.linalg.norm(mean) > 1e-9:
+            chosen.append(mean / np.linalg.norm(mean))
+    found = []
+    for way in chosen:
+        t = back @ way
+        for height in np.quantile(t @ draws.gaps, _SHARES):  # gaps total 1: a constant in t shifts the cut
+            found.append(_difference(t - height))
+    return found
+
+
+def _difference(t: Floats) -> Floats:
+    """The difference (k,) of two mixtures without a level in common, of total 1 each, with tail sums t (p,) up to a
+    positive factor."""
+    d = -np.diff(np.concatenate([[0.0], t, [0.0]]))
+    return np.asarray(d / np.maximum(d, 0.0).sum())
