@@ -240,7 +240,7 @@ def test_what_each_comparator_holds_possible_is_drawn_in_its_own_colour():
         (PosteriorComparator(4, particles=50).update(told), "posterior"),
     ):
         (dots,) = plot.plausible(known).collections
-        assert dots.get_offsets() == pytest.approx(known.draws.gaps.cumsum(axis=0)[:2].T)
+        assert np.array(dots.get_offsets()) == pytest.approx(known.draws.gaps.cumsum(axis=0)[:2].T)
         assert dots.get_sizes() / dots.get_sizes().sum() == pytest.approx(known.draws.weights)
         assert dots.get_facecolor()[0, :3] == pytest.approx(to_rgb(plot.STYLES[kind]["color"]))
 
