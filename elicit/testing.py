@@ -31,6 +31,8 @@ It may have more, of which use is then made (the Protocols in ``elicit.model.com
     tie                     the largest |d.e|, a share of the value range, that the tutor may call equal. Learners stop
                             asking about pairs so near that were called equal; without it EQUAL means equal
     answers                 ``elicit.Answers``, all it was told, in order: what it knows already is not told it again
+    answers_to_next_step    how many more answers, at least 1, it takes until verdicts may change, of a comparator whose
+                            ``update`` takes any answers: until then Q-learning's loop asks a simulated tutor by itself
     rule                    an ``elicit.decision.comparator_rule.Rule``, what it knows as arrays, from which compiled
                             loops judge by themselves; without it they call ``compare``
     settle(d)               beside ``rule``: verdicts and tiers (n,) of what the rule leaves open
@@ -42,7 +44,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, is_whole
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
@@ -53,6 +55,7 @@ from elicit.model.comparator import (
     Comparator,
     Foretells,
     KeepsAnswers,
+    LearnsInSteps,
     Tier,
     TrustsDraws,
     draws_in,
@@ -267,6 +270,9 @@ def _check_settings(comparator: Comparator) -> None:
     if isinstance(comparator, TrustsDraws):
         right = is_number(comparator.level) and 0 < comparator.level < 1
         _say(right, f"level, a share of the draws' weight, must lie between 0 and 1, not {comparator.level!r}")
+    if isinstance(comparator, LearnsInSteps):
+        more = comparator.answers_to_next_step
+        _say(is_whole(more, 1), f"answers_to_next_step must be a whole number of at least 1, not {more!r}")
     if isinstance(comparator, KeepsAnswers):
         right = isinstance(comparator.answers, Answers) and comparator.answers.k == comparator.k
         _say(right, f"answers must be elicit.Answers over k = {comparator.k} levels, not {comparator.answers!r}")

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import pair_codes
 from elicit.model.comparator import Verdicts
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, pair_name, tail_sums
+from elicit.model.scale import Floats, pair_name, pair_names, tail_sums
 
 Codes = NDArray[np.uint64]
 
@@ -31,6 +31,15 @@ class AnsweredPairs:
         self.codes = np.insert(self.codes, np.searchsorted(self.codes, code), code)
         if binding:
             self.binding = np.insert(self.binding, np.searchsorted(self.binding, code), code)
+
+    def add_many(self, d: Floats, verdicts: Verdicts) -> None:
+        """Keep what was said (n,) of differences d (n, k); what was called equal is binding."""
+        t = tail_sums(d)
+        signs, names = pair_names(t)
+        self._said.update(zip(names, (signs * verdicts).tolist(), strict=True))
+        codes = pair_codes(self._key, t)
+        self.codes = np.sort(np.concatenate([self.codes, codes]))
+        self.binding = np.sort(np.concatenate([self.binding, codes[verdicts == Verdict.EQUAL]]))
 
     def said(self, t: Floats) -> Verdicts:
         """What was said (n,) of the very pairs with tail sums t (n, p), whichever way round; UNKNOWN: nothing."""

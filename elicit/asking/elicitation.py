@@ -8,7 +8,7 @@ question budget, audits, "cannot tell", "about equal", never asking a pair twice
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +25,16 @@ from elicit.model.comparator import (
     Comparator,
     Decisions,
     KeepsAnswers,
+    LearnsInSteps,
     Tier,
+    Verdicts,
     best_guess,
     bounds_of,
     check_answers,
     learn,
     tie_of,
 )
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.answer_log import EXPECTED, Entry
@@ -262,6 +264,29 @@ class Elicitation:
             for d, decisions in seen:
                 self.watch(d[None, :], decisions)
         return {answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)}, dropped
+
+    @property
+    def room(self) -> int:
+        """How many answers in a row may be given without a word with this elicitation, while everything stands as it
+        does now: 0 where each may change what is asked next."""
+        comparator = self.comparator
+        free = not (self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs)
+        if not free or not hasattr(type(comparator), "answers_to_next_step"):
+            return 0
+        left = cast(LearnsInSteps, comparator).answers_to_next_step
+        return left if self._max_queries is None else min(left, self._max_queries - self.asked)
+
+    def take(self, left: Floats, right: Floats, verdicts: Verdicts) -> None:
+        """Learn answers (n,), within the ``room`` there was, about vectors left and right (n, k) that a loop has put to
+        a tutor by itself: as if they had been asked and told one by one. The loop counts the comparisons."""
+        first = self._number
+        ids = [query_id(self._fingerprint, first + i, *pair) for i, pair in enumerate(zip(left, right, strict=True))]
+        told = Answers(left - right, verdicts, ids)
+        self.comparator = self.comparator.update(told)
+        self.answers = self.answers + told
+        self._answered.add_many(told.d, verdicts)
+        self._number += len(told)
+        self.asked += len(told)
 
     @property
     def audits_left(self) -> int:

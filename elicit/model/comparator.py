@@ -48,7 +48,8 @@ class Comparator(Protocol):
 
     What is used beyond it, where a comparator has it, is declared below and in ``decision.comparator_rule``:
     ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``AllowsTies``,
-    ``KeepsAnswers``, ``Ruled``, ``Settling``. ``elicit.testing`` says what each is for, and checks them.
+    ``KeepsAnswers``, ``LearnsInSteps``, ``Ruled``, ``Settling``. ``elicit.testing`` says what each is for, and checks
+    them.
     """
 
     @property
@@ -220,6 +221,16 @@ class KeepsAnswers(Protocol):
     @property
     def answers(self) -> Answers:
         """All answers, in told order."""
+
+
+@runtime_checkable
+class LearnsInSteps(Protocol):
+    """A comparator whose ``update`` takes whatever answers, also contradictory ones, and that may need several before
+    its verdicts change: until then, compiled loops go on with its rule."""
+
+    @property
+    def answers_to_next_step(self) -> int:
+        """How many more answers, at least 1, it takes until verdicts may change."""
 
 
 @runtime_checkable

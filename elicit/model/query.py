@@ -141,10 +141,15 @@ class Query:
         labels: Sequence[str] | None = None,
     ) -> Query:
         """A query whose id is a hash of the problem, its running number and the two vectors."""
-        digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
-        digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
-        digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
-        return Query(digest.hexdigest(), left, right, about, labels)
+        return Query(query_id(fingerprint, number, left, right), left, right, about, labels)
+
+
+def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -> str:
+    """The id of a query: see ``Query.make``."""
+    digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
+    digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
+    digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
+    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -199,7 +204,7 @@ class Answers:
             as_verdict(next((code for code in signs.ravel().tolist() if type(code) is not int), signs.flat[0]))
         if signs.shape != (len(rows),):
             raise ValueError(f"y must have one entry a row of d: {len(rows)} rows, but y has shape {signs.shape}")
-        bad = ~np.isin(signs, (-1, 0, 1))
+        bad = (signs < -1) | (signs > 1)
         if bad.any():
             raise ValueError(f"y must be -1, 0 or +1, but row {int(np.argmax(bad))} is {signs[np.argmax(bad)]}")
         names = tuple(str(i) for i in (ids if ids is not None else range(len(rows))))

@@ -89,8 +89,10 @@ class _Simulated:
     @property
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
-        whenever it has come back UNSETTLED. Nobody, for a class that has ``signs`` of its own."""
-        return self._respondent() if type(self).signs is _Simulated.signs else kernel.nobody()
+        whenever it has come back UNSETTLED. Nobody, for a class that answers in a way of its own."""
+        kind = type(self)
+        ours = kind.signs is _Simulated.signs and kind.__call__ is _Simulated.__call__
+        return self._respondent() if ours else kernel.nobody()
 
     def _respondent(self) -> Respondent:
         while 2 * int(self._tally[kernel.PAIRS]) >= len(self._pairs):  # the table must stay half empty
@@ -158,6 +160,12 @@ class BradleyTerryTutor(_Simulated):
         self.precision = float(precision)
         super().__init__(values, seed, self.precision, tie)
 
+    def expected_error_rate(self, reference: ArrayLike) -> float:
+        """The share of the differences ``reference`` (n, k) that this tutor is expected to answer wrongly, if he calls
+        none equal; exact ties count as answered rightly."""
+        size = _sizes(self._g, reference)
+        return float(np.where(size > 0, expit(-self.precision * size), 0.0).mean())
+
     @classmethod
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
@@ -195,9 +203,7 @@ def _reference_sizes(values: ArrayLike, rate: float, reference: ArrayLike) -> Fl
     """|d.e| (n,) of the reference, once it is clear that a tutor can err at this rate over it."""
     if not (is_number(rate) and 0 < rate < 0.5):
         raise ValueError(f"an error rate must lie strictly between 0 and 1/2, not {rate!r}")
-    g = gaps(values)
-    t = np.ascontiguousarray(tail_sums(as_vectors(reference, len(g) + 1, name="reference")))
-    size = np.array([_truth(row, g)[1] for row in t])
+    size = _sizes(gaps(values), reference)
     share = float(np.mean(size > 0)) if len(size) else 0.0
     if rate >= share / 2:
         raise ValueError(
@@ -205,3 +211,9 @@ def _reference_sizes(values: ArrayLike, rate: float, reference: ArrayLike) -> Fl
             f"answered wrongly at most: give an error rate below {share / 2:g}, not {rate}, or another reference"
         )
     return size
+
+
+def _sizes(g: Floats, reference: ArrayLike) -> Floats:
+    """|d.e| (n,) of differences (n, k), by the gaps g (p,)."""
+    t = np.ascontiguousarray(tail_sums(as_vectors(reference, len(g) + 1, name="reference")))
+    return np.array([_truth(row, g)[1] for row in t])

@@ -21,8 +21,9 @@ def add_to(commands: Any) -> None:
         "figures",
         help="the paper's figures 2, 3 and 4, and its claims, with intervals over runs",
         description="Run the paper's two series of random MDPs for the polytope, the posterior and the paper's "
-        "comparator, with common random numbers. Writes figure2, figure3 and figure4 (.png, .svg), runs.csv (one row "
-        "a run), summary.csv (means with 95% intervals), claims.csv and claims.md (trends and bounds with intervals) "
+        "comparator, with tutors of several precisions and common random numbers. Writes figure2, figure3 "
+        "and figure4 (.png, .svg), runs.csv (one row a run), "
+        "summary.csv (means with 95% intervals), claims.csv and claims.md (trends and bounds with intervals) "
         "and times.csv. All but times.csv are the same for the same options on any number of processes. There is no "
         "budget of questions. " + KEPT,
     )

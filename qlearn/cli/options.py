@@ -50,7 +50,7 @@ def add_command(command: Any, run: Callable[..., int], settings: type[Settings],
             one = by_name[name]
             default = one.default if isinstance(one.default, tuple) else (one.default,)
             stated = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in default)
-            text = f"{one.metadata['help']} [{stated}]"
+            text = f"{one.metadata['help']} [{stated}]".replace("%", "%%")
             group.add_argument(f"--{name.replace('_', '-')}", default=argparse.SUPPRESS, help=text, **_keywords(one))
     return presets
 

@@ -138,7 +138,8 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Ow
 
     cell    the names of its "learner" and "comparator", "error_rate" of the tutor (or the name of a tutor in ``own``),
             "audit" (share of the decided pairs) and "seed". Audited runs are shorter, for contradictions show early.
-            "always" has no budget. With an error rate of 0 the tutor is truthful
+            "always" has no budget. With an error rate of 0 the tutor is truthful. In place of an error rate, "c" is
+            the precision of eq. (6) in the paper's units, discounted counts times the hidden values as they are
     values  (k,) the hidden scale
     own     factories in place of what ``COMPARATORS``, ``LEARNERS`` and ``TUTORS`` have, by "comparator", "learner" and
             "error_rate": see ``ablation.ablate``. A learner of the user's has settings of its own, the budget included
@@ -176,7 +177,14 @@ def _tutor(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own:
     seed, rate = cell["seed"], cell["error_rate"]
     if "error_rate" in own:
         return tutor_of(own["error_rate"], values, seed, partial(_reference, mdp, tuple(values)))
+    if cell.get("c"):
+        return of_precision(cell["c"], mdp, values, seed)
     return TUTORS[settings.noise](mdp, values, rate, seed) if rate else TruthfulTutor(values)
+
+
+def of_precision(c: float, mdp: OrdinalMDP, values: Floats, seed: int) -> BradleyTerryTutor:
+    """The tutor of eq. (6) with this c where vectors are discounted counts and the hidden values (k,) as they are."""
+    return BradleyTerryTutor(values, c * (values[-1] - values[0]) / (1.0 - mdp.discount), seed)
 
 
 def _learner(cell: Cell, mdp: OrdinalMDP, comparator: Comparator, settings: Settings, own: Owned) -> Learner:

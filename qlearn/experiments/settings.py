@@ -97,7 +97,9 @@ PROBLEMS = ("random", "icu", "frozen-lake", "deep-sea-treasure")
 LEARNERS = ("q-learning", "ivi")
 ALWAYS = "always"
 COMPARATORS = (ALWAYS, "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box-rescaled", "box")
-ORDER = {"problem": PROBLEMS, "learner": LEARNERS, "comparator": COMPARATORS}
+TRUTHFUL = "truthful"
+TUTORS = (TRUTHFUL, "c=1", "2%", "5%", "10%", "20%", "30%")  # of the paper's figures
+ORDER = {"problem": PROBLEMS, "learner": LEARNERS, "comparator": COMPARATORS, "errs": TUTORS}
 """The order in which tables and pictures name things; the user's own come after them, as they were given."""
 OWN = {"problem": "problems", "learner": "learners", "comparator": "comparators", "error_rate": "tutors"}
 """The columns of a table that may hold a name of the user's, and the setting that gives it."""
@@ -250,7 +252,7 @@ class FiguresSettings(Settings):
             "levels", "at_states", "states", "at_levels", "actions", "discount", "seeds", "seed", "steps", "epsilon",
         ),
         "comparators and tutors": (
-            "comparators", "error_rate", "both_tutors", "precision", "n_boot", "level", "refit_growth", "lapse",
+            "comparators", "tutors", "thinned", "precision", "n_boot", "level", "refit_growth", "lapse",
             "particles",
         ),
     }  # fmt: skip
@@ -271,13 +273,18 @@ class FiguresSettings(Settings):
         Choice(_IN_THE_PAPER),
         "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box with footnote 3 and without",
     )
-    error_rate: float = setting(
-        0.1,
-        ERROR_RATE,
-        "of the tutor of all but the polytope, who errs as in eq. (6): his precision is set to err in this share of "
-        "the comparisons of an optimal policy",
+    tutors: tuple[str, ...] = setting(
+        TUTORS[:5],
+        Choice(TUTORS),
+        "who answers all but the polytope, whose tutor never errs: as in eq. (6) with this c, on counts times values "
+        "of 0..99, or with the precision that errs in this share of the comparisons of an optimal policy",
     )
-    both_tutors: bool = setting(False, Choice((False, True)), "a truthful tutor for all of them as well")
+    thinned: tuple[str, ...] = setting(
+        ("posterior",),
+        Choice(_IN_THE_PAPER),
+        "comparators that run only at every other size and with every other tutor; all others run at every size with "
+        "the first and the last tutor, and at every other one with those between",
+    )
 
 
 def _checked(one: Field[Any], given: Any) -> Any:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from elicit._support.hashing import orientation, pair_code
 from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import AskingRule, Judgement
@@ -25,11 +26,13 @@ from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
 from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED, by_dominance
-from elicit.tutors.simulated_kernel import Respondent, nobody
+from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance
+from elicit.tutors.simulated_kernel import NOBODY, TRUTHFUL, WRONG, Respondent, nobody, place_of, respond
 
-BY_TUTOR = int(Tier.TUTOR)
+BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
+_TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most: a power of two
+USED, ROOM = 0, 1  # what ``Told.fill`` holds
 
 
 class Certificates(NamedTuple):
@@ -49,6 +52,19 @@ class Kept(NamedTuple):
     used: NDArray[np.int64]  # (1,) how many there are
 
 
+class Told(NamedTuple):
+    """Answers that a tutor has given within a loop, until the elicitation takes them; there is no room where Python has
+    to ask her."""
+
+    vectors: Floats  # (c, 2, k) left and right
+    verdicts: NDArray[np.int8]  # (c,)
+    sums: Floats  # (c, p) tail sums of left - right, the way round that a pair's hash has them
+    ways: NDArray[np.int8]  # (c,) 1, or -1 where that is the other way round
+    codes: NDArray[np.uint64]  # (2 c,) hash table of the pairs, 0 where it is free
+    rows: NDArray[np.int64]  # (2 c,) the row of each
+    fill: NDArray[np.int64]  # (2,) how many there are, and how many there may be
+
+
 class Judging(NamedTuple):
     """All that a loop goes by when it judges a pair."""
 
@@ -57,6 +73,8 @@ class Judging(NamedTuple):
     oracle: Respondent  # whom AlwaysAsk asks, where she is to be had as arrays
     certificates: Certificates
     kept: Kept
+    tutor: Respondent  # who answers what is left open, while there is room in
+    told: Told
 
 
 @runtime_checkable
@@ -79,6 +97,17 @@ class PairJudge:
         self._unwatched, self._watched = (
             Kept(np.empty((c, k)), np.empty(c, np.int8), np.empty(c, np.int8), np.zeros(1, np.int64)) for c in (0, room)
         )
+        c, words = _TOLD_AT_ONCE, 2 * _TOLD_AT_ONCE
+        self._told = Told(
+            vectors=np.empty((c, 2, k)),
+            verdicts=np.empty(c, np.int8),
+            sums=np.empty((c, k - 1)),
+            ways=np.empty(c, np.int8),
+            codes=np.zeros(words, np.uint64),
+            rows=np.empty(words, np.int64),
+            fill=np.zeros(2, np.int64),
+        )
+        self.tutor: AnswersInLoops | None = None  # who is asked within the loop, where the elicitation has room for it
 
     def judging(self, rule: Rule) -> Judging:
         """How pairs are judged now, the comparator going by this rule."""
@@ -93,10 +122,20 @@ class PairJudge:
             oracle=oracle,
             certificates=self.certificates,
             kept=self._unwatched if elicitation.watch is None else self._watched,
+            tutor=self._tutor(),
+            told=self._told,
         )
 
-    def enter(self, tiers: NDArray[np.int64]) -> None:
-        """Count a loop's comparisons (len(Tier),), and show the watcher what was kept."""
+    def _tutor(self) -> Respondent:
+        """Who may be asked within the loop, and make room for her answers."""
+        respondent = nobody() if self.tutor is None else self.tutor.respondent
+        room = self._elicitation.room if respondent.kind != NOBODY else 0
+        self._told.fill[:] = 0, min(room, _TOLD_AT_ONCE)
+        return respondent
+
+    def enter(self, tiers: NDArray[np.int64]) -> bool:
+        """Count a loop's comparisons (len(Tier),), show the watcher what was kept, and have the elicitation take what
+        was told; returns whether anything was."""
         elicitation, kept = self._elicitation, self._watched
         elicitation.counts += tiers
         if elicitation.signs is not None:
@@ -104,6 +143,13 @@ class PairJudge:
         n, kept.used[0] = int(kept.used[0]), 0
         if n and elicitation.watch is not None:
             elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
+        told = self._told
+        n, told.fill[USED] = int(told.fill[USED]), 0
+        if n:
+            told.codes[:] = 0
+            elicitation.take(told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy())
+            self.take_answers()
+        return n > 0
 
     def take_answers(self) -> None:
         """The comparator has learned something: forget the certificates, unless they were proven."""
@@ -137,6 +183,51 @@ def certify(judged: Judgement, least: Any, row: int, certificates: Certificates)
         certificates.verdicts[row] = verdict
         certificates.tiers[row] = BY_SCREEN if tier == BY_SIMPLEX else tier  # to look it up takes no program
     return verdict, tier
+
+
+@compiled
+def full(judging: Judging) -> bool:
+    """Whether what was kept or told must be handed over before another pair is judged: there may be no more of it, or
+    the comparator has learned something."""
+    kept, fill = judging.kept, judging.told.fill
+    watched = len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers)
+    return bool(watched or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
+
+
+@compiled
+def put(q: Any, s: int, a: int, b: int, t: Any, work: Any, judging: Judging) -> tuple[int, int]:
+    """Put a pair with tail sums t (p,) that is left open to the tutor: verdict and tier. UNKNOWN where Python has to
+    ask. UNSETTLED where what was kept must be handed over first, for whoever watches may want to know what was decided
+    before the tutor's first error. Overwrites work (p,)."""
+    kept, tutor, told, key = judging.kept, judging.tutor, judging.told, judging.asking.key
+    fill, way = told.fill, orientation(t)
+    if fill[ROOM] == 0:
+        return UNKNOWN, BY_TUTOR
+    code = pair_code(key, t, work)
+    at = place_of(code, told.codes)
+    if told.codes[at] == code:
+        row = told.rows[at]
+        for j in range(len(t)):
+            if told.sums[row, j] != work[j]:
+                return UNKNOWN, BY_TUTOR  # another pair that has the same hash
+        return told.verdicts[row] * told.ways[row] * way, BY_KNOWN
+    if tutor.kind != TRUTHFUL and tutor.tally[WRONG] == 0 and len(kept.tiers) > 0 and kept.used[0] > 0:
+        return UNSETTLED, BY_TUTOR
+    row = fill[USED]
+    for j in range(len(t)):
+        told.sums[row, j] = work[j]
+    verdict = respond(t, work, tutor)
+    if verdict == UNSETTLED:
+        return UNKNOWN, BY_TUTOR
+    for j in range(q.shape[2]):
+        told.vectors[row, 0, j] = q[s, a, j]
+        told.vectors[row, 1, j] = q[s, b, j]
+    told.verdicts[row], told.ways[row] = verdict, way
+    told.codes[at], told.rows[at] = code, row
+    fill[USED] = row + 1
+    if verdict == EQUAL:  # binding, which the rule to ask by has to say from now on
+        fill[ROOM] = row + 1
+    return verdict, BY_TUTOR
 
 
 @compiled

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
+from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -262,6 +263,14 @@ class Drivable(Protocol[R_co]):
         """What is known so far."""
 
 
+@runtime_checkable
+class AsksWithin(Protocol):
+    """A learner whose compiled loop can ask a simulated tutor by itself."""
+
+    def ask_within(self, tutor: AnswersInLoops | None) -> None:
+        """Let it do so from now on, where that comes to the same as to ask and tell."""
+
+
 def drive(
     learner: Drivable[R_co],
     tutor: Tutor,
@@ -280,6 +289,8 @@ def drive(
     check_tutor_made(tutor, learner.comparator.k)
     if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
         learner.consult(tutor.signs)
+    if log is None and progress is None and isinstance(learner, AsksWithin) and isinstance(tutor, AnswersInLoops):
+        learner.ask_within(tutor)
     while queries := learner.ask():
         answers = match([tutor(query) for query in queries], queries)
         _append(log, answers, learner.implied)

@@ -18,7 +18,7 @@ from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
-from qlearn.learners.action_pair_kernel import PairJudge
+from qlearn.learners.action_pair_kernel import AnswersInLoops, PairJudge
 from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of, schedule
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -133,7 +133,8 @@ class InteractiveQLearning(Learner):
             with np.errstate(all="ignore"):  # the hash wraps around
                 code = kernel.advance(state, self.model._replace(steps=end), verdict, judging)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
-            self._pairs.enter(state.decided)
+            if self._pairs.enter(state.decided):
+                rule = rule_of(elicitation.comparator)
             state.decided[:] = 0
             if code == kernel.DONE and end == steps:
                 return ()
@@ -149,6 +150,11 @@ class InteractiveQLearning(Learner):
                 return elicitation.open([pair._replace(tier=int(tiers[0]))])
             self._verdict = int(verdicts[0])
             elicitation.commit(d, Decisions(verdicts, tiers))
+
+    def ask_within(self, tutor: AnswersInLoops | None) -> None:
+        """Let the compiled loop ask this tutor by itself from now on, where that comes to the same: with a comparator
+        that is ``LearnsInSteps``, no audits and no ties. None: no more."""
+        self._pairs.tutor = tutor
 
     @property
     def done(self) -> bool:

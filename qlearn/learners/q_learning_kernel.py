@@ -18,7 +18,7 @@ from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, keep
+from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, full, keep, put
 
 DONE, ASK, DEFER, FULL = range(4)
 EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
@@ -69,7 +69,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair, ASK where only the
     tutor can settle it and DEFER where perhaps the elicitation can.
     """
-    rule, asking, oracle, certificates, kept = judging
+    rule, asking, oracle, certificates, kept, _, _ = judging
     limits, verdict_of, tier_of = certificates
     best, cursor, decided = state.best, state.cursor, state.decided
     m, k = state.q.shape[1:]
@@ -89,7 +89,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                     if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
                         tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                     else:
-                        if len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers):
+                        if full(judging):
                             return FULL
                         if oracle.kind != NOBODY:
                             verdict, tier = respond(t, work[0], oracle), BY_TUTOR
@@ -98,6 +98,11 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                         else:
                             judged = judge_pair(d, t, work, least, rule, asking)
                             verdict, tier = certify(judged, least, row, certificates)
+                            if verdict == UNKNOWN:
+                                difference(state.q, s, challenger, incumbent, d, t)
+                                verdict, tier = put(state.q, s, challenger, incumbent, t, work[0], judging)
+                                if verdict == UNSETTLED:
+                                    return FULL
                         if verdict in (UNSETTLED, UNKNOWN):
                             return DEFER if verdict == UNSETTLED else ASK
                         if len(kept.tiers) > 0:

@@ -63,7 +63,7 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
     An oracle is asked about one challenger of each state, so that all states take turns; then the state's code is
     ANSWERED. It stops behind a state where she comes back UNSETTLED.
     """
-    rule, asking, oracle, certificates, kept = judging
+    rule, asking, oracle, certificates, kept, _, _ = judging
     limits, verdict_of, tier_of = certificates
     keeps = len(kept.tiers) > 0
     v, following = work.v, work.following

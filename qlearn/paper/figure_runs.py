@@ -1,9 +1,9 @@
 """The paper's figures 2, 3 and 4: its two series of random MDPs, over seeds that all comparators share.
 
-The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to a tutor who errs as in
-eq. (6), the polytope to one who never does, for it takes every answer as a fact. Beside them runs the oracle, which
-always asks a truthful tutor. All of one seed meet the same transitions (uniform exploration), so that they differ by
-verdicts alone.
+The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to tutors of several
+precisions, who err as in eq. (6), for the paper does not say how precise its tutor was; the polytope to one who never
+errs, for it takes every answer as a fact. Beside them runs the oracle, which always asks a truthful tutor. All of one
+seed meet the same transitions (uniform exploration), so that they differ by verdicts alone.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from typing import Any
 
 import pandas as pd
 
+from qlearn.experiments.metrics import reference_differences
 from qlearn.experiments.parallel import Cell
-from qlearn.experiments.run import Run, in_order, run_all, run_named
-from qlearn.experiments.settings import FiguresSettings
+from qlearn.experiments.run import Run, in_order, instance, of_precision, run_all, run_named
+from qlearn.experiments.settings import TRUTHFUL, FiguresSettings
 
-KEYS = ("states", "levels", "comparator", "error_rate", "seed")
-_NOT_SHOWN = ["problem", "learner", "audit", "excess_loss_initial"]  # of a run: the same in all, or of no use here
+KEYS = ("states", "levels", "comparator", "errs", "seed")
+_NOT_SHOWN = ["problem", "learner", "audit", "c", "excess_loss_initial"]  # of a run: the same in all, or of no use here
 
 
 def figures(
@@ -39,7 +40,10 @@ def figures(
     ``changes`` are fields of ``FiguresSettings`` by name, in place of those of ``settings`` (default: the defaults).
 
     A problem in both series is run once. The comparisons by which a tutor's precision is set are those of
-    ``metrics.reference_differences``; an ``error_rate`` of 0 is a truthful tutor. The oracle always runs.
+    ``metrics.reference_differences``: ``errs`` names the tutor (see ``settings.tutors``), and ``error_rate`` is the
+    share of them that he is expected to answer wrongly, also where his precision was given. ``realised_error_rate`` is
+    the share of the answers that he gave. The oracle always runs. For the time, precisions between the first and the
+    last are run at every other size only, whose slopes are nearly as sure (8 of 10 parts of the spread of five sizes).
 
     Beside the columns of a run (see ``run_all``): ``warnings`` (how often a comparator warned that it is not to be
     relied on: particles that are worth too few draws, a fit that found no maximum) and ``asked_percent_fresh``
@@ -56,25 +60,45 @@ def figures(
 
 def plan_of(settings: FiguresSettings) -> list[Cell]:
     """One dict a run, in the order of the table: what ``run`` calls a cell, with the numbers of states and levels."""
-    sizes = {(settings.at_states, k) for k in settings.levels} | {(n, settings.at_levels) for n in settings.states}
-    arms = {("always", 0.0)}
-    for name in settings.comparators:
-        if name == "polytope" or settings.both_tutors:
-            arms.add((name, 0.0))
-        if name != "polytope":
-            arms.add((name, settings.error_rate))
-    seeds = range(settings.seed, settings.seed + settings.seeds)
     same = {"problem": "random", "learner": "q-learning", "audit": 0.0}
-    plan = [same | dict(zip(KEYS, (*size, *arm, seed), strict=True)) for size, arm, seed in product(sizes, arms, seeds)]
+    seeds = range(settings.seed, settings.seed + settings.seeds)
+    plan = []
+    for name in ("always", *settings.comparators):
+        thin = name in settings.thinned
+        tutors = (TRUTHFUL,) if name in ("always", "polytope") else settings.tutors[:: 2 if thin else 1]
+        for tutor in tutors:
+            ends = name == "always" or tutor in (TRUTHFUL, *settings.tutors[:: len(settings.tutors) - 1 or 1])
+            step = 1 if ends and not thin else 2
+            sizes = {(settings.at_states, k) for k in settings.levels[::step]}
+            sizes |= {(n, settings.at_levels) for n in settings.states[::step]}
+            for (n, k), seed in product(sizes, seeds):
+                one = {"states": n, "levels": k, "comparator": name, "errs": tutor, "seed": seed}
+                plan.append(same | one | _law(tutor))
     return in_order(plan, KEYS)
 
 
+def _law(tutor: str) -> dict[str, float | None]:
+    """How a tutor errs, as a cell of ``run`` has it."""
+    if tutor.startswith("c="):
+        return {"error_rate": None, "c": float(tutor[2:])}
+    return {"error_rate": 0.0 if tutor == TRUTHFUL else float(tutor.rstrip("%")) / 100.0, "c": None}
+
+
 def run_one(cell: Cell, **shared: Any) -> Run:
-    """``run_named``, with the number of its warnings in the row."""
+    """``run_named``, with the number of its warnings in the row, and of a tutor whose precision is given the error rate
+    that it comes to over the reference."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         done = run_named(cell, **shared)
-    return done._replace(row=done.row | {"warnings": len(caught)})
+    more: dict[str, Any] = {"warnings": len(caught)}
+    if cell.get("c"):
+        size = shared["size"]
+        mdp, values = instance(
+            cell["problem"], cell["seed"], (cell["states"], size["actions"], cell["levels"], size["discount"])
+        )
+        tutor = of_precision(cell["c"], mdp, values, cell["seed"])
+        more["error_rate"] = tutor.expected_error_rate(reference_differences(mdp, values))
+    return done._replace(row=done.row | more)
 
 
 def _shown(frame: pd.DataFrame) -> pd.DataFrame:

@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.paper import assumptions, exploration
 from benchmarks.paper.ablation_table import table
+from benchmarks.paper.figure_pages import with_rows
 from qlearn import random_mdp
 from qlearn.learners.exploration import EXPLORATIONS, Exploration
 from tests.report_cases import table_rows
@@ -67,3 +68,10 @@ def test_the_rows_behind_the_ablation_notebook_are_paired():
     for row in rows.itertuples():
         of = oracle[(oracle.k == row.k) & (oracle.learner == row.learner) & (oracle.seed == row.seed)]
         assert row.excess == pytest.approx(100 * (row.loss - of.loss.iloc[0]))
+
+
+def test_rows_take_the_place_of_those_with_the_same_claim():
+    page = "| claim | verdict |\n|---|---|\n| one | old |\n| one and more | old |\n"
+    assert with_rows(page, ["| one | new |"]) == page.replace("| one | old |", "| one | new |")
+    with pytest.raises(ValueError, match="must have one row that begins with"):
+        with_rows(page, ["| two | new |"])

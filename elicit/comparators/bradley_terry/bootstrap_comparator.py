@@ -131,6 +131,11 @@ class BradleyTerryComparator:
         return refit_point(len(self.answers), self.refit_growth)
 
     @property
+    def answers_to_next_step(self) -> int:
+        """How many more answers there will be at the next fit."""
+        return next_refit(len(self.answers), self.refit_growth) - len(self.answers)
+
+    @property
     def values(self) -> Floats:
         """(k,) the point estimate theta / theta_k; equal spacing where the model says nothing."""
         return self._model.values.copy()
@@ -301,6 +306,14 @@ def refit_point(n: int, growth: float) -> int:
         return n
     points = _refits(growth, 1 << n.bit_length())
     return points[bisect_right(points, n) - 1]
+
+
+def next_refit(n: int, growth: float) -> int:
+    """The smallest r_i > n of the same schedule."""
+    if (n + 1) * growth <= 1:
+        return n + 1
+    points = _refits(growth, 1 << n.bit_length())
+    return points[bisect_right(points, n)]
 
 
 @lru_cache(maxsize=64)

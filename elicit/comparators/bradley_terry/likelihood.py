@@ -25,7 +25,8 @@ _TOLERANCE = 1e-12  # promised gain in log-likelihood below which a step is the 
 _FLAT = 1e-8  # curvature, as a share of the most the answers could have, that means "no maximum here"
 _MOST_STEPS = 100
 _BACKTRACKS = 50
-_BLOCK = 2**16  # numbers in a working array: more problems at once would only fall out of the cache
+_BLOCK = 2**16  # numbers in a working array: more answers at once would only fall out of the cache
+_ROWS = 2**11  # answers at once, at most
 _SURE = 600.0  # logits: exp of more overflows, and of less is as good as infinite
 _NEAR = 1e-3  # gaps this close to 0 (in gaps that total 1) may be held there for a step
 
@@ -49,28 +50,42 @@ def sigmoid(z: ArrayLike) -> Floats:
 
 def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> Floats:
     """Eq. (7): (m,) for gamma (m, p), tail sums t (n, p), answers y (n,) and weights (m, n)."""
-    z = gamma @ t.T
-    terms = (1.0 + y) / 2.0 * z - np.maximum(z, 0.0) - np.log1p(np.exp(-np.abs(z)))
-    total: Floats = (weights * terms).sum(axis=1)
+    m, n = len(gamma), len(t)
+    counts, total = np.broadcast_to(weights, (m, n)), np.zeros(m)
+    for some in _blocks(m, n):
+        z = gamma @ t[some].T
+        terms = (1.0 + y[some]) / 2.0 * z - np.maximum(z, 0.0) - np.log1p(np.exp(-np.abs(z)))
+        total += (counts[:, some] * terms).sum(axis=1)
     return total
 
 
-def derivatives(
-    gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0, outer: Floats | None = None
-) -> tuple[Floats, Floats]:
-    """Gradient (m, p) and Hessian (m, p, p) of ``log_likelihood``; ``outer`` may hold ``outer_rows(t)``."""
-    p = t.shape[1]
-    s = sigmoid(gamma @ t.T)
-    gradient: Floats = (weights * ((1.0 + y) / 2.0 - s)) @ t
-    upper = (weights * s * (1.0 - s)) @ (outer_rows(t) if outer is None else outer)
+def derivatives(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> tuple[Floats, Floats]:
+    """Gradient (m, p) and Hessian (m, p, p) of ``log_likelihood``."""
+    (m, p), n = gamma.shape, len(t)
+    counts, gradient, upper = np.broadcast_to(weights, (m, n)), np.zeros((m, p)), np.zeros((m, p * (p + 1) // 2))
+    for some in _blocks(m, n):
+        s = sigmoid(gamma @ t[some].T)
+        gradient += (counts[:, some] * ((1.0 + y[some]) / 2.0 - s)) @ t[some]
+        s *= 1.0 - s
+        s *= counts[:, some]
+        upper += s @ outer_rows(t[some])
     return gradient, -_symmetric(upper, p)
+
+
+def _blocks(m: int, n: int) -> list[slice]:
+    """The n answers in blocks for which a working array of m problems stays in the cache."""
+    size = min(max(64, _BLOCK // max(1, m)), _ROWS)
+    return [slice(i, i + size) for i in range(0, n, size)]
 
 
 def outer_rows(t: Floats) -> Floats:
     """Upper triangles (n, p(p+1)/2) of the outer products of each row of t with itself: with them the
     Hessians of all resamples are one matrix product."""
-    rows, columns = np.triu_indices(t.shape[1])
-    products: Floats = t[:, rows] * t[:, columns]
+    n, p = t.shape
+    products, first = np.empty((n, p * (p + 1) // 2)), 0
+    for j in range(p):
+        np.multiply(t[:, j : j + 1], t[:, j:], out=products[:, first : first + p - j])
+        first += p - j
     return products
 
 
@@ -87,7 +102,6 @@ class _Problems:
 
     x: Floats  # (n, p)
     y: Signs  # (n,)
-    outer: Floats  # outer_rows(x)
     weights: Floats  # (m, n)
     centre: Floats  # (m, p)
     strength: float
@@ -105,7 +119,7 @@ class _Problems:
 
     def slopes(self, u: Floats) -> tuple[Floats, Floats]:
         """Gradient (m, p) and Hessian (m, p, p) of the loss."""
-        gradient, hessian = derivatives(u, self.x, self.y, self.weights, self.outer)
+        gradient, hessian = derivatives(u, self.x, self.y, self.weights)
         gradient, hessian = self.strength * (u - self.centre) - gradient, self.strength * np.eye(u.shape[1]) - hessian
         if self.width > 0:
             a = np.clip(2.0 * self.width * u.sum(axis=1), np.finfo(np.float64).tiny, _SURE)
@@ -161,12 +175,9 @@ def fit(
         counts = np.concatenate([counts[:, ~tied], counts[:, tied], counts[:, tied]], axis=1)
         y = np.ones(len(t), dtype=np.int8)
     x = precision * t
-    every = _Problems(x, y, outer_rows(x), counts, centre, strength, monotone, equal, width)
+    every = _Problems(x, y, counts, centre, strength, monotone, equal, width)
     first = np.array(np.broadcast_to(centre if start is None else start / precision, (m, p)))
-    block = max(1, _BLOCK // max(1, len(t)))
-    parts = [slice(i, i + block) for i in range(0, m, block)]
-    fits = [_fit_block(every.only(part), every.project(first[part])) for part in parts]
-    u, converged = (np.concatenate(column) for column in zip(*fits, strict=True))
+    u, converged = _fit(every, every.project(first))
     return Fit(precision * u, converged)
 
 
@@ -176,7 +187,7 @@ def _log_apart(a: Floats) -> Floats:
     return np.where(a > 0, np.log(-np.expm1(-np.maximum(a, least))), -np.inf)
 
 
-def _fit_block(problems: _Problems, u: Floats) -> Fit:
+def _fit(problems: _Problems, u: Floats) -> Fit:
     best, m = u.copy(), len(u)
     converged = np.zeros(m, dtype=np.bool_)
     rest, todo, loss = problems, np.arange(m), problems.loss(u)
@@ -226,7 +237,7 @@ def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats,
 
 def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
     """Whether (m,) some admissible direction has no curvature to speak of, so that u is no maximum."""
-    most = problems.weights @ problems.outer / 4.0  # no logistic curvature exceeds 1/4
+    most = problems.weights @ outer_rows(problems.x) / 4.0  # no logistic curvature exceeds 1/4
     scale = np.sqrt(np.einsum("mjj->mj", _symmetric(most, u.shape[1])))
     gradient, hessian = problems.slopes(u)
     held = (u <= 0) & (gradient > 0) if problems.monotone else np.zeros(u.shape, dtype=np.bool_)

@@ -185,6 +185,11 @@ class PosteriorComparator:
         fresh._forget()
         return fresh.update(others)
 
+    @property
+    def answers_to_next_step(self) -> int:
+        """1: each answer moves the weights."""
+        return 1
+
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k): dominance first, then the sign that has probability ``level``."""
         return decide_by(self.rule, as_vectors(d, self.k)).verdicts

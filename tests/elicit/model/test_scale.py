@@ -7,7 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elicit.model.scale import as_vectors, dominance, dot, gaps, normalise, order_bounds, tail_sums, values_of
+from elicit.model.scale import (
+    as_vectors,
+    dominance,
+    dot,
+    gaps,
+    normalise,
+    order_bounds,
+    pair_name,
+    pair_names,
+    tail_sums,
+    values_of,
+)
 
 floats = st.floats(-1e6, 1e6)
 vectors = st.integers(2, 8).flatmap(lambda k: st.lists(floats, min_size=k, max_size=k))
@@ -149,3 +160,12 @@ def test_normalise_extremes(values):
 def test_bad_values(values, complaint):
     with pytest.raises(ValueError, match=complaint):
         normalise(values)
+
+
+def test_a_pair_has_one_name_whichever_way_round_it_is():
+    rows = np.array([[0.0, -1.0, 2.0], [-0.0, 1.0, -2.0], [0.0, 0.0, 0.0], [-3.0, 0.0, -0.0], [3.0, -0.0, 0.0]])
+    signs, names = pair_names(rows)
+    assert [(name, sign) for name, sign in zip(names, signs.tolist(), strict=True)] == [pair_name(row) for row in rows]
+    assert names[0] == names[1]
+    assert names[3] == names[4]
+    assert signs.tolist() == [-1, 1, 1, -1, 1]

@@ -235,6 +235,11 @@ def test_a_class_with_signs_of_its_own_is_no_respondent():
         def signs(self, d):
             return -super().signs(d)
 
+    class Late(TruthfulTutor):
+        def __call__(self, query):
+            return super().__call__(query)
+
+    assert Late(HIDDEN).respondent.kind == NOBODY
     moody = Moody(HIDDEN)
     assert moody.respondent.kind == NOBODY
     assert moody(query([1, -1, 0, 0, 0])).verdict is Verdict.BETTER
@@ -249,6 +254,7 @@ def test_the_expected_error_rate_is_the_one_asked_for(k, rate):
     tutor = BradleyTerryTutor.from_error_rate(values, rate, reference)
     de = tail_sums(reference) @ gaps(values)
     assert expit(-tutor.precision * np.abs(de)).mean() == pytest.approx(rate, rel=1e-6)
+    assert tutor.expected_error_rate(reference) == pytest.approx(rate, rel=1e-6)
     flipping = FlippingTutor.from_error_rate(values, rate, reference, seed=4)
     assert flipping.error_rate == rate
     for one in (tutor, flipping):

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AlwaysAsk, Answers, Comparator, Dominance, PolytopeComparator, Tutor, Verdict
+from elicit import AlwaysAsk, Answer, Answers, Comparator, Dominance, PolytopeComparator, Query, Tutor, Verdict
 from elicit._support.hashing import key_of
 from elicit.model.scale import Floats
-from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn import OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
+from qlearn.experiments.metrics import Watch
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
 from qlearn.learners.q_learning import InteractiveQLearning, polynomial_rate, rescaled_linear_rate
@@ -194,6 +195,59 @@ def test_episodes_restart_from_the_initial_distribution() -> None:
     learner = learner_of(at_three, Dominance(4), steps=50, epsilon=1.0, episode_length=1)
     run_to(learner, TruthfulTutor([0, 1, 2, 3]), 50)
     assert learner.state.visits.sum() == learner.state.visits[3].sum() == 50
+
+
+@pytest.mark.parametrize("name", ["box", "ensemble", "posterior"])
+@pytest.mark.parametrize("erring", ["flipping", "eq. (6)", "calls near pairs equal"])
+@pytest.mark.parametrize("settings", [{}, {"max_queries": 15}, {"indifference": 0.02}], ids=str)
+def test_a_loop_that_asks_by_itself_comes_to_the_same_as_ask_and_tell(
+    name: str, erring: str, settings: dict[str, Any]
+) -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=3)
+    tutors: dict[str, Callable[[], Any]] = {
+        "flipping": lambda: FlippingTutor(values, 0.1, seed=4),
+        "eq. (6)": lambda: BradleyTerryTutor(values, 100.0, seed=5),
+        "calls near pairs equal": lambda: TruthfulTutor(values, tie=0.01),
+    }
+
+    def run(within: bool) -> tuple[Result, Any, Any]:
+        tutor = tutors[erring]()
+        several = {} if name == "posterior" else {"refit_growth": 0.5}  # answers at once
+        learner = learner_of(mdp, COMPARATORS[name](4, tie=0.0, **several), **settings)
+        watch = Watch(values, erred=lambda: tutor.realised_error_rate > 0)
+        learner.watch(watch)
+        return drive(learner, tutor if within else lambda query: tutor(query)), watch.counts, tutor
+
+    (one, seen, asked), (other, also_seen, also_asked) = run(True), run(False)
+    assert one.asked == other.asked == settings.get("max_queries", one.asked) > 5
+    assert one.decided == other.decided
+    assert (one.q == other.q).all()
+    assert (one.policy == other.policy).all()
+    assert (one.answers.d == other.answers.d).all()
+    assert (one.answers.y == other.answers.y).all()
+    assert one.answers.ids == other.answers.ids
+    assert (one.comparator.values == other.comparator.values).all()
+    assert seen == also_seen
+    assert asked.realised_error_rate == also_asked.realised_error_rate
+
+
+def test_a_loop_asks_by_itself_only_where_that_comes_to_the_same() -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=3)
+    called: list[Any] = []
+
+    class Called(FlippingTutor):
+        def __call__(self, query: Query) -> Answer:
+            called.append(query)
+            return super().__call__(query)
+
+    box = COMPARATORS["box"](4, tie=0.0)
+    assert learner_of(mdp, box)._elicitation.room == 1  # a fit at each of the first answers
+    assert learner_of(mdp, box, audit=0.5)._elicitation.room == 0
+    assert learner_of(mdp, box, max_queries=0)._elicitation.room == 0
+    assert learner_of(mdp, COMPARATORS["box"](4))._elicitation.room == 0  # near pairs that were called equal count
+    assert learner_of(mdp, PolytopeComparator(4, tie=0.0))._elicitation.room == 0  # answers may contradict each other
+    result = drive(learner_of(mdp, box), Called(values, 0.1))
+    assert len(called) == result.asked > 0
 
 
 def test_draws_never_hit_what_has_no_probability() -> None:

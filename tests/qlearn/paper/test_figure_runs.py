@@ -9,26 +9,41 @@ import pytest
 from scipy import stats
 
 from qlearn.experiments.ablation import ablate
+from qlearn.experiments.metrics import reference_differences
 from qlearn.experiments.settings import FiguresSettings
-from qlearn.paper.claims import MEASURES, claims, claims_page, series_of, summarise_series
-from qlearn.paper.figure_runs import KEYS, figures
+from qlearn.paper.claims import (
+    FAILS,
+    HOLDS,
+    MEASURES,
+    OPEN,
+    claims,
+    claims_page,
+    error_rates,
+    series_of,
+    summarise_series,
+)
+from qlearn.paper.figure_runs import KEYS, figures, plan_of
+from qlearn.problems.random_mdp import random_mdp
 
 TINY: dict[str, Any] = {
     "levels": (3, 5), "at_states": 8, "states": (8, 12), "at_levels": 5, "actions": 3, "seeds": 2, "steps": 250,
-    "n_boot": 10, "particles": 50,
+    "n_boot": 10, "particles": 50, "thinned": (),
 }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def frame() -> pd.DataFrame:
-    return figures(**TINY, jobs=1)
+    return figures(**TINY, tutors=["10%"], jobs=1)
 
 
 def test_one_row_a_run_and_a_problem_of_both_series_once(frame: pd.DataFrame) -> None:
     assert len(frame) == 3 * 5 * 2  # sizes, comparators with the oracle, seeds
     assert not frame.duplicated(list(KEYS)).any()
-    assert set(frame.error_rate[frame.comparator.isin(["always", "polytope"])]) == {0.0}
-    assert set(frame.error_rate[~frame.comparator.isin(["always", "polytope"])]) == {0.1}
+    certain = frame.comparator.isin(["always", "polytope"])
+    assert set(frame.errs[certain]) == {"truthful"}
+    assert set(frame.error_rate[certain]) == {0.0}
+    assert set(frame.errs[~certain]) == {"10%"}
+    assert set(frame.error_rate[~certain]) == {0.1}
     assert (frame.guess == 0).all()  # no budget
     assert (frame.rounds == 250).all()
 
@@ -42,7 +57,7 @@ def test_with_a_truthful_tutor_the_polytope_loses_exactly_nothing(frame: pd.Data
     assert len(told) == 4 * (2 * 4 + 3)  # comparators; denominators of figures 2 and 3; losses of figure 4
     polytope = told[(told.figure == 4) & (told.comparator == "polytope")]
     assert (polytope[["estimate", "low", "high", "worst"]] == 0).all(axis=None)
-    assert (polytope.answer == "below 1%").all()
+    assert (polytope.answer == HOLDS).all()
     others = frame[frame.comparator.isin(["posterior", "box"])]
     assert (others.paper_loss_percent != 0).any()  # else this says nothing
     assert (others.paper_loss_percent.abs() <= others.paper_abs_percent + 1e-12).all()
@@ -70,17 +85,55 @@ def test_runs_of_one_seed_are_those_of_the_ablation(frame: pd.DataFrame) -> None
         assert one[name] == two[name]
 
 
-def test_both_tutors_and_some_comparators() -> None:
-    part = TINY | {"levels": (3,), "states": (8,), "at_levels": 3, "seeds": 1, "comparators": ["posterior"]}
-    rows = figures(**part, both_tutors=True, jobs=1)
-    assert [(row.comparator, row.error_rate) for row in rows.itertuples()] == [
-        ("always", 0.0), ("posterior", 0.0), ("posterior", 0.1)
+def test_several_tutors_and_some_comparators() -> None:
+    part = TINY | {"levels": (3,), "states": (8,), "at_levels": 3, "seeds": 1, "comparators": ["box"]}
+    rows = figures(**part, tutors=["2%", "truthful", "c=1"], jobs=1)
+    assert [(row.comparator, row.errs) for row in rows.itertuples()] == [
+        ("always", "truthful"), ("box", "truthful"), ("box", "c=1"), ("box", "2%")
     ]  # fmt: skip
+    assert rows.error_rate.tolist()[:2] == [0.0, 0.0]
+    assert rows.error_rate.tolist()[3] == 0.02
+
+
+def test_c_is_the_papers_on_counts_and_values_as_they_are() -> None:
+    part = TINY | {"levels": (5,), "states": (8,), "at_levels": 5, "seeds": 1, "comparators": ["box"]}
+    row = figures(**part, tutors=["c=1"], jobs=1).query("comparator == 'box'").iloc[0]
+    mdp, values = random_mdp(8, 3, 5, 0.95, seed=0)
+    counts = reference_differences(mdp, values) / (1 - 0.95)
+    wrong = 1 / (1 + np.exp(np.abs(counts @ values)))  # eq. (6), of the answer that is less likely
+    assert row.error_rate == pytest.approx(wrong.mean())
+    assert row.error_rate > 0
+
+
+def test_between_the_first_and_the_last_precision_every_other_size_is_enough() -> None:
+    plan = plan_of(FiguresSettings(seeds=1))
+
+    def sizes(comparator: str, errs: str) -> list[tuple[int, int]]:
+        chosen = [cell for cell in plan if (cell["comparator"], cell["errs"]) == (comparator, errs)]
+        return [(cell["states"], cell["levels"]) for cell in chosen]
+
+    every = [(100, 5), (100, 10), (100, 15), (100, 20), (100, 25), (200, 20), (300, 20), (400, 20), (500, 20)]
+    some = [(100, 5), (100, 15), (100, 20), (100, 25), (300, 20), (500, 20)]
+    for arm in (("always", "truthful"), ("polytope", "truthful"), ("box", "truthful"), ("box-rescaled", "10%")):
+        assert sizes(*arm) == every, arm
+    for arm in (("box", "c=1"), ("box-rescaled", "2%"), ("box", "5%"), ("posterior", "truthful"), ("posterior", "10%")):
+        assert sizes(*arm) == some, arm
+    assert sizes("posterior", "5%") == sizes("polytope", "10%") == []
+
+
+def test_errors_are_told_of_the_reference_and_of_the_answers_given(frame: pd.DataFrame) -> None:
+    told = error_rates(frame).set_index("comparator")
+    assert told.index.tolist() == ["posterior", "box-rescaled", "box"]
+    assert told.reference.tolist() == pytest.approx([10.0] * 3)
+    box = frame[frame.comparator == "box"]
+    by_size = 100 * box.groupby(["states", "levels"]).realised_error_rate.mean()
+    assert told.realised["box"] == pytest.approx(by_size.mean())
+    assert (told.realised_low["box"], told.realised_high["box"]) == pytest.approx((by_size.min(), by_size.max()))
 
 
 def test_warnings_are_counted_not_shown() -> None:
     part = TINY | {"levels": (3,), "states": (8,), "at_levels": 3, "seeds": 1, "comparators": ["box"]}
-    quiet, loud = (figures(**part, jobs=1, precision=precision) for precision in (300.0, 1e300))
+    quiet, loud = (figures(**part, tutors=["10%"], jobs=1, precision=precision) for precision in (300.0, 1e300))
     assert (quiet.warnings == 0).all()
     assert loud.warnings[loud.comparator == "box"].item() > 0
 
@@ -92,7 +145,7 @@ def made_up(slope: float, loss: float, seeds: int = 6, noise: float = 0.2) -> pd
     for n, k in [(100, 5), (100, 10), (100, 20), (200, 20), (300, 20)]:
         for seed in range(seeds):
             percent = 30 + slope * (k + n / 100) + noise * rng.normal()
-            row = {"states": n, "levels": k, "comparator": "box", "error_rate": 0.1, "seed": seed}
+            row = {"states": n, "levels": k, "comparator": "box", "errs": "10%", "error_rate": 0.1, "seed": seed}
             row |= {f"asked_percent_{name}": percent for name in ("all", "unequal", "open", "fresh")}
             row |= {"paper_loss_percent": loss + 0.01 * rng.normal(), "paper_abs_percent": abs(loss)}
             rows.append(row | {"excess_loss": loss / 100, "loss": 0.01, "asked": 7, "realised_error_rate": 0.3})
@@ -116,23 +169,25 @@ def test_the_trend_is_the_mean_slope_of_the_seeds_with_its_interval(
     assert (told.statistic, told.runs) == (f"slope per {step} {name}", 6)
 
 
-@pytest.mark.parametrize(
-    ("slope", "noise", "answer"), [(0.5, 0.1, "rises"), (-0.5, 0.1, "falls"), (0.0, 0.5, "not told")]
-)
+@pytest.mark.parametrize(("slope", "noise", "answer"), [(0.5, 0.1, HOLDS), (-0.5, 0.1, FAILS), (0.0, 0.5, OPEN)])
 def test_its_sign_is_told_as_it_is(slope: float, noise: float, answer: str) -> None:
     told = claims(made_up(slope, 0.0, noise=noise))
     assert (told.answer[told.figure == 2] == answer).all()
     assert told.answer[told.figure == 3].nunique() == 1
     page = claims_page(made_up(slope, 0.0, noise=noise).assign(rounds=7000))
     assert page.count(f"| {answer} (") >= 4
+    by_tutor = page.split("| figure | comparator | 10%")[1].split("\n\n")[0]  # each claim's answer, a column a tutor
+    assert by_tutor.split("| 2      | box        | ")[1].split(" |")[0].strip() == answer
     assert "\n6 runs a point, 7,000 steps each; 95% t-intervals" in page
     assert max(map(len, page.splitlines())) <= 120
-    assert len({len(line) for line in page.splitlines() if line.startswith("|")}) == 1  # a table to read as text too
+    for table in page.split("\n\n"):  # to read as text too
+        assert len({len(line) for line in table.splitlines() if line.startswith("|")}) <= 1
+    assert "30.0% (30.0 to 30.0)" in page  # of the answers given
 
 
 @pytest.mark.parametrize(
     ("loss", "answer"),
-    [(0.5, "below 1%"), (-0.5, "below 1%"), (3.0, "above 1%"), (-3.0, "above 1%"), (1.0, "not told")],
+    [(0.5, HOLDS), (-0.5, HOLDS), (3.0, FAILS), (-3.0, FAILS), (1.0, OPEN)],
 )
 def test_the_bound_is_held_to_the_interval_of_every_size(loss: float, answer: str) -> None:
     told = claims(made_up(0.0, loss)).query("figure == 4 and measure == 'paper_loss_percent'").iloc[0]

@@ -24,7 +24,7 @@ def of(names: tuple[str, ...], mean: list[float], half: list[float]) -> pd.DataF
     parts = []
     for name, (i, x) in product(("levels", "states"), enumerate((5, 10))):
         measures = dict.fromkeys(names, mean[i]) | {f"{measure}_half": half[i] for measure in names}
-        parts.append({"series": name, "comparator": "polytope", "error_rate": 0.0, "x": x, "runs": 2, **measures})
+        parts.append({"series": name, "comparator": "polytope", "errs": "truthful", "x": x, "runs": 2, **measures})
     return pd.DataFrame(parts)
 
 
@@ -70,9 +70,18 @@ def test_a_distance_has_no_interval_below_zero_and_a_difference_has() -> None:
 
 def test_the_notebooks_figures_show_all_of_their_intervals() -> None:
     summary = summarise_series(pd.read_csv(DATA / "figures.csv"))
+    shown = summary[(summary.comparator != "always") & summary.errs.isin(["truthful", "10%"])]
     for name in ("levels", "states"):
         figure = plot_asked(summary, name)
         assert not any(carets(axes) for axes in figure.axes)
         for axes in figure.axes:
-            assert len(bars(axes)) == 20
+            assert len(bars(axes)) == (shown.series == name).sum() >= 20
             assert axes.get_ylim()[0] < min(low for low, _ in bars(axes))
+
+
+def test_pictures_show_the_tutor_who_never_errs_and_the_one_who_errs_most_or_those_named() -> None:
+    parts = [of(ASKED, [1.0, 4.0], [0.3, 0.3]).assign(errs=errs) for errs in ("truthful", "2%", "10%")]
+    summary = pd.concat(parts, ignore_index=True)
+    for tutors, shown in ((None, ["truthful tutor", "tutor errs (10%)"]), (["2%"], ["tutor errs (2%)"])):
+        labels = plot_asked(summary, "levels", tutors).axes[0].get_legend_handles_labels()[1]
+        assert [label.split(", ")[1] for label in labels] == shown

@@ -11,7 +11,12 @@ import pytest
 
 from elicit import Answers, Comparator, Verdict
 from elicit._support.hashing import key_of
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged, refit_point
+from elicit.comparators.bradley_terry.bootstrap_comparator import (
+    BradleyTerryComparator,
+    NotConverged,
+    next_refit,
+    refit_point,
+)
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
 from elicit.model.scale import Floats, order_bounds, tail_sums
 from tests.noisy_cases import pairs
@@ -345,9 +350,11 @@ def test_refits_follow_the_schedule() -> None:
             r = max(r + 1, r + int(np.ceil(r * growth)))
             points.append(r)
         assert [refit_point(n, growth) for n in range(400)] == [max(p for p in points if p <= n) for n in range(400)]
+        assert [next_refit(n, growth) for n in range(390)] == [min(p for p in points if p > n) for n in range(390)]
     answers, fresh, precision, _ = told(13, 5, 100)
     a = BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers)
     assert a.fitted_answers == 97
+    assert a.answers_to_next_step == 2  # 97 + ceil(4.85) = 102
     assert same(a, BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers[:97]), fresh)
 
 
