@@ -154,8 +154,8 @@ def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
     count = f"{runs[0]}" if len(runs) == 1 else f"{runs.min()} to {runs.max()}"
     wide = len(figure.axes) > 2
     about = (
-        f"mean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise he errs as in eq. (6), "
-        "most where it is close"
+        f"mean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise he errs as in eq. "
+        "(6), most where it is close"
     )
     figure.suptitle("\n".join(textwrap.fill(text, 140 if wide else 88) for text in (title, about)), fontsize=11)
     handles, labels = figure.axes[0].get_legend_handles_labels()
