@@ -1,4 +1,5 @@
-"""Pictures of what is known: the area of scales that still fit, each level's interval, the graph of answers.
+"""Pictures of what is known: the area of scales that still fit, each level's interval, the graph of answers; and one
+colour and marker for each comparator, in these and all other pictures.
 
 All functions take ``ax`` (None makes a figure of its own), return it, show nothing and change no settings.
 matplotlib is imported when one is called; without it they raise ImportError.
@@ -6,9 +7,11 @@ matplotlib is imported when one is called; without it they raise ImportError.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TypeAlias
+from itertools import cycle
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,25 +26,61 @@ if TYPE_CHECKING:
 
     from elicit.diagnostics.preference_graph import Cycle
 
-_BLUE, _VERMILLION = "#0072B2", "#D55E00"
 # Okabe and Ito's colours; the markers and line styles tell the same in grey
-_STYLES: tuple[dict[str, Any], ...] = (
-    {"color": _BLUE, "marker": "o", "linestyle": "-"},
-    {"color": _VERMILLION, "marker": "s", "linestyle": (0, (5, 1.5))},
-    {"color": "#009E73", "marker": "^", "linestyle": (0, (1, 1))},
-    {"color": "#000000", "marker": "D", "linestyle": (0, (4, 1.5, 1, 1.5))},
-    {"color": "#CC79A7", "marker": "v", "linestyle": (0, (2, 2))},
-    {"color": "#E69F00", "marker": "P", "linestyle": (0, (8, 2))},
-    {"color": "#56B4E9", "marker": "X", "linestyle": (0, (4, 1.5, 1, 1.5, 1, 1.5))},
+STYLES: dict[str, dict[str, Any]] = {
+    "always": {"color": "#000000", "marker": "D", "linestyle": (0, (1, 1.5))},
+    "polytope": {"color": "#D55E00", "marker": "s", "linestyle": "-"},
+    "relaxed": {"color": "#E69F00", "marker": "v", "linestyle": (0, (1, 1))},
+    "posterior": {"color": "#CC79A7", "marker": "P", "linestyle": (0, (8, 2))},
+    "posterior-close": {"color": "#7A5195", "marker": "X", "linestyle": (0, (2, 1))},
+    "ensemble": {"color": "#0072B2", "marker": "o", "linestyle": (0, (5, 1.5))},
+    "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
+    "box-rescaled": {"color": "#56B4E9", "marker": "p", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+}
+"""The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
+_OTHERS: tuple[dict[str, Any], ...] = (  # of whatever else is beside them, in its order
+    {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
+    {"color": "#332288", "marker": "<", "linestyle": (0, (3, 1.5))},
+    {"color": "#999933", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
+    {"color": "#882255", "marker": ">", "linestyle": (0, (2, 2, 6, 2))},
+    {"color": "#44AA99", "marker": "d", "linestyle": (0, (1, 1, 4, 1))},
+    {"color": "#666666", "marker": "8", "linestyle": (0, (9, 1.5))},
 )
+_FAINTER = tuple({name: style[name] for name in ("marker", "linestyle")} for style in _OTHERS)
+_KINDS = {
+    "AlwaysAsk": "always",
+    "PolytopeComparator": "polytope",
+    "RelaxedPolytopeComparator": "relaxed",
+    "PosteriorComparator": "posterior",
+}
+_TRUE: dict[str, Any] = {
+    "marker": "*", "markersize": 15, "color": "black", "markerfacecolor": "#F0E442", "linestyle": "none"
+}  # fmt: skip
 _HEAD = "-|>,head_width=0.25,head_length=0.5"
 _ARROWS: dict[str, dict[str, Any]] = {
     "answer: better": {"arrowstyle": _HEAD, "color": "0.15", "linestyle": "-", "linewidth": 1.2},
     "equal": {"arrowstyle": "-", "color": "0.15", "linestyle": (0, (5, 3)), "linewidth": 1.2},
     "by dominance": {"arrowstyle": _HEAD, "color": "0.55", "linestyle": (0, (1, 2)), "linewidth": 1.2},
-    "on a cycle": {"linewidth": 2.2, "color": _VERMILLION},
+    "on a cycle": {"linewidth": 2.2, "color": "#882255"},
 }
 _NAMES = {"better": "answer: better", "equal": "equal", "dominance": "by dominance"}
+
+
+def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """The colour, marker and line of each, as matplotlib's keywords: those of ``STYLES``, and for other names one after
+    the other, no two alike among the first six."""
+    others = cycle(_OTHERS)
+    return {name: STYLES[name] if name in STYLES else next(others) for name in dict.fromkeys(names)}
+
+
+def kind_of(comparator: Comparator) -> str:
+    """A comparator's name in ``STYLES``; of a class that is not elicit's own, the name of the class."""
+    name = type(comparator).__name__
+    if name == "BradleyTerryComparator":
+        settings: Any = comparator
+        boxed = "box-rescaled" if settings.rescale else "box"
+        return boxed if settings.region == "box" else "ensemble"
+    return _KINDS.get(name, name)
 
 
 def polytope(
@@ -68,20 +107,21 @@ def polytope(
     from matplotlib.collections import LineCollection
     from matplotlib.patches import Polygon
 
+    colour = STYLES["polytope"]["color"]
     ax.add_patch(Polygon([(0, 0), (0, 1), (1, 1)], facecolor="0.97", edgecolor="0.6", linewidth=1, zorder=0))
     for i, (one, points) in enumerate(zip(shown, areas, strict=True)):
         depth, last = (i + 1) / len(shown), i == len(shown) - 1
         inner, width, dashes = (0.3, 2.0, "-") if last else (0.05, 1.3, (0, (1 + 5 * depth, 1.5)))
         area = Polygon(points, label=f"scales that fit {_count(one)}", zorder=2 + depth, linewidth=width)
-        area.set(facecolor=(_BLUE, inner), edgecolor=(_BLUE, 0.35 + 0.65 * depth), linestyle=dashes)
+        area.set(facecolor=(colour, inner), edgecolor=(colour, 0.35 + 0.65 * depth), linestyle=dashes)
         ax.add_patch(area)
         if np.ptp(points, axis=0).max() < 0.01:  # too small to be seen
-            ax.plot(*points.mean(axis=0), "o", markersize=13, markerfacecolor="none", color=_BLUE, zorder=3)
+            ax.plot(*points.mean(axis=0), "o", markersize=13, markerfacecolor="none", color=colour, zorder=3)
     if cuts:
         region = shown[-1].region
         crossing = [_across(row, limit) for row, limit in zip(region.rows, region.rhs, strict=True)]
         for of_prior, color, dashes, label in (
-            (True, _VERMILLION, "-", "limits of the prior"),
+            (True, "0.15", "-", "limits of the prior"),
             (False, "0.45", (0, (4, 2)), "limits of the answers"),
         ):
             own = (region.owner < 0) == of_prior
@@ -90,8 +130,7 @@ def polytope(
                 ax.add_collection(drawn)
     ax.plot(*shown[-1].values[1:3], "o", color="black", markersize=6, label="best guess (analytic centre)", zorder=5)
     if true is not None:
-        (star,) = ax.plot(*true[1:3], "*", color="black", markersize=15, label="true scale", zorder=4)
-        star.set_markerfacecolor("#F0E442")
+        ax.plot(*true[1:3], label="true scale", zorder=4, **_TRUE)
     for at, shift, side, j in (((0, 1), (0, 6), "left", 1), ((1, 1), (0, 6), "right", 0), ((0, 0), (34, 1), "left", 2)):
         text = f"all of the difference lies\nbetween {names[j]} and {names[j + 1]}"
         ax.annotate(text, at, shift, textcoords="offset points", ha=side, va="bottom", fontsize=9, color="0.25")
@@ -99,6 +138,49 @@ def polytope(
     ax.set(xlabel=f"value of {names[1]}\n({_unit(4)})", ylabel=f"value of {names[2]}\n({_unit(4)})")
     ax.spines[["top", "right"]].set_visible(False)
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.1), frameon=False, fontsize=9)
+    return ax
+
+
+def plausible(
+    comparator: Comparator,
+    ax: Axes | None = None,
+    *,
+    labels: Sequence[str] | None = None,
+    values: ArrayLike | None = None,
+) -> Axes:
+    """What a comparator holds possible at k = 4, in the plane of the two middle levels' values, in its own colour: a
+    polytope is an area; a Bradley-Terry box the rectangle of the two levels' intervals, which may leave the triangle of
+    ordered scales; an ensemble's fits and a posterior's particles are dots, the larger the more they weigh.
+
+    labels (4,): the levels' names, worst first. values (4,): the true scale, in any unit, a star. Raises ValueError for
+    k other than 4, and for a comparator that is none of these.
+    """
+    kind, four = kind_of(comparator), comparator.k == 4
+    if not four or kind not in ("polytope", "box", "box-rescaled", "ensemble", "posterior"):
+        name = type(comparator).__name__
+        raise ValueError(f"no area in a plane shows a {name} of {comparator.k} levels: use scale_intervals")
+    names, true, known = _labels(labels, 4), _true(values, 4), cast(Any, comparator)
+    ax = _axes(ax, (4.6, 4.4))
+    from matplotlib.patches import Polygon, Rectangle
+
+    colour = STYLES[kind]["color"]
+    face: dict[str, Any] = {"facecolor": (colour, 0.3), "edgecolor": colour, "linewidth": 1.5}
+    ax.add_patch(Polygon([(0, 0), (0, 1), (1, 1)], facecolor="0.97", edgecolor="0.6", linewidth=1, zorder=0))
+    if kind == "polytope":
+        ax.add_patch(Polygon(_plane(corners(known)), **face))
+    elif kind in ("ensemble", "posterior") and (draws := known.draws) is not None:
+        (x, y), size = _plane(draws.gaps.T).T, 14 * len(draws.weights) * draws.weights
+        ax.scatter(x, y, s=size, color=colour, alpha=0.35, linewidths=0)
+    elif kind.startswith("box") and len(known.rule.scales):
+        low, high = known.bounds(np.eye(4)[1:3] - np.eye(4)[0])
+        ax.add_patch(Rectangle((low[0], low[1]), *(high - low), **face))
+    else:
+        ax.text(0.97, 0.1, "says nothing yet", ha="right", fontsize=9)
+    if true is not None:
+        ax.plot(*true[1:3], label="true scale", zorder=4, **_TRUE)
+    ax.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), aspect="equal", xticks=[0, 0.5, 1], yticks=[0, 0.5, 1])
+    ax.set(xlabel=f"value of {names[1]}\n({_unit(4)})", ylabel=f"value of {names[2]}\n({_unit(4)})")
+    ax.spines[["top", "right"]].set_visible(False)
     return ax
 
 
@@ -128,7 +210,7 @@ def scale_intervals(
     values: ArrayLike | None = None,
 ) -> Axes:
     """Each level's value: the interval that ``bounds`` gives for it and the single best guess, for any comparator
-    and any k.
+    and any k. Several of the same kind have its colour, the stronger the later.
 
     comparators: one, several, or several by name, drawn beside each other. labels (k,): the levels' names, worst first.
     values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the comparators differ in k.
@@ -148,8 +230,7 @@ def scale_intervals(
     if true is not None:
         ax.vlines(true, rows - 0.42, rows + 0.42, color="black", linewidth=1.2, zorder=3)
         handles.append(Line2D([], [], color="black", marker="|", markersize=12, linestyle="none", label="true value"))
-    for i, (name, one) in enumerate(named):
-        style = _STYLES[i % len(_STYLES)]
+    for i, ((name, one), style) in enumerate(zip(named, _looks([one for _, one in named]), strict=True)):
         at = rows + ((len(named) - 1) / 2 - i) * min(0.22, 0.75 / len(named))
         low, high = one.bounds(np.eye(k) - np.eye(k)[0])  # each level against the worst one
         ax.hlines(at, low, high, color=style["color"], linestyle=style["linestyle"], linewidth=2, zorder=1)
@@ -277,6 +358,20 @@ def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Compara
     several = [comparators] if isinstance(comparators, Comparator) else comparators
     kinds = [(type(one).__name__.removesuffix("Comparator"), one) for one in several]
     return [(f"{kind}, {_count(one)}" if isinstance(one, KeepsAnswers) else kind, one) for kind, one in kinds]
+
+
+def _looks(comparators: Sequence[Comparator]) -> list[dict[str, Any]]:
+    """A style each: that of its kind; of several of a kind the fainter ones first, each with a marker of its own."""
+    kinds = [kind_of(one) for one in comparators]
+    each, alike, seen, looks = styles(kinds), Counter(kinds), Counter[str](), []
+    for kind in kinds:
+        seen[kind] += 1
+        style, back = each[kind], alike[kind] - seen[kind]  # how many of its kind come after it
+        if back:
+            other = _FAINTER[(back - 1) % len(_FAINTER)]
+            style = other | {"color": (style["color"], 0.3 + 0.6 * seen[kind] / alike[kind])}
+        looks.append(style)
+    return looks
 
 
 def _count(comparator: Any) -> str:

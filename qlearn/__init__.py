@@ -42,8 +42,12 @@ _NAMES = {  # imported when first used, so that the command line starts fast
 _LATER = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {  # to be written as qlearn.strategies.max_regret, say
     "ablation": "qlearn.experiments.ablation",
+    "ablation_plot": "qlearn.experiments.ablation_plot",
+    "claims": "qlearn.paper.claims",
     "exploration": "qlearn.learners.exploration",
+    "figure_runs": "qlearn.paper.figure_runs",
     "gym_environments": "qlearn.problems.gymnasium",
+    "paper_figures": "qlearn.paper.figures",
     "strategies": "qlearn.learners.query_strategies",
 }
 

@@ -14,7 +14,6 @@ import numpy as np
 import elicit
 import elicit.plot
 import qlearn
-from qlearn.experiments.palette import STYLES
 
 LEVELS = ("critical", "poor", "stable", "well")
 VALUES = np.array([0.0, 0.3, 0.7, 1.0])
@@ -91,7 +90,7 @@ def what_it_may_lose() -> plt.Figure:
             break
         learner.tell([tutor(query) for query in queries])
     figure, ax = plt.subplots(figsize=(7.2, 4.2))
-    colour, asked = STYLES["polytope"]["color"], np.arange(len(bounds) + 1)
+    colour, asked = elicit.plot.STYLES["polytope"]["color"], np.arange(len(bounds) + 1)
     bounds, losses = [*bounds, bounds[-1]], [*losses, losses[-1]]  # the last step is as wide as the others
     ax.step(asked, bounds, where="post", color=colour, linewidth=2, label="what the policy may lose at most: proven")
     ax.step(asked, losses, where="post", color="black", linestyle=(0, (4, 2)), label="what it does lose: hidden")

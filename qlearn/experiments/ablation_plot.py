@@ -15,9 +15,26 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
-from qlearn.experiments.palette import NAMES, STYLES, styles
+from elicit.plot import STYLES, styles
 from qlearn.experiments.settings import ORDER
 
+NAMES = {
+    "random": "random MDP",
+    "icu": "ICU-Sepsis",
+    "frozen-lake": "FrozenLake 8x8",
+    "deep-sea-treasure": "deep-sea-treasure",
+    "q-learning": "Q-learning",
+    "ivi": "value iteration",
+    "always": "always ask",
+    "polytope": "polytope",
+    "relaxed": "relaxed polytope",
+    "posterior": "posterior",
+    "posterior-close": "posterior, indifferent",
+    "ensemble": "Bradley-Terry ensemble",
+    "box": "Bradley-Terry box",
+    "box-rescaled": "Bradley-Terry box, rescaled",
+}
+"""What tables and pictures call a problem, a learner and a comparator."""
 _BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
 _ASKED = "questions asked\n(log scale)"
 _LOST = "excess policy loss, %\n(log scale beyond ±0.1)"

@@ -62,7 +62,6 @@ _NO_RUNS = (
     "experiments/ablation_plot.py",
     "experiments/code_identity.py",
     "experiments/compile_ahead.py",
-    "experiments/palette.py",
     "warm_up.py",
 )  # sources of qlearn that no run depends on
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWN
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from qlearn.experiments.palette import NAMES, STYLES
+from elicit.plot import STYLES
+from qlearn.experiments.ablation_plot import NAMES
 from qlearn.experiments.settings import TRUTHFUL, TUTORS
 
 _X = {"levels": "number of levels k", "states": "number of states |S|"}
@@ -31,15 +33,20 @@ _LOSSES = {
 }
 
 
-def plot_asked(summary: pd.DataFrame, series: str, tutors: Sequence[str] | None = None) -> Figure:
+def plot_asked(
+    summary: pd.DataFrame,
+    series: str,
+    tutors: Sequence[str] | None = None,
+    measures: Sequence[str] = tuple(_ASKED),
+) -> Figure:
     """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators, on a log scale, with
     95% t-intervals over the runs; an arrow at the axis' lower end where one reaches further down. The unequal pairs,
     the fourth denominator, are all but a few of all comparisons. ``tutors``: which, at most two for all to be seen; by
-    default the one who never errs, and the last, who errs most."""
-    rows, figure, panels = _panels(summary, series, list(_ASKED.values()), tutors, sharey=True)
-    means = rows[list(_ASKED)].to_numpy(dtype=float)
+    default the one who never errs, and the last, who errs most. ``measures``: columns of the summary, a panel each."""
+    rows, figure, panels = _panels(summary, series, [_ASKED[one] for one in measures], tutors, sharey=True)
+    means = rows[list(measures)].to_numpy(dtype=float)
     least = float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0  # a log axis has no 0: it ends here
-    cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, _ASKED, strict=True)]
+    cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, measures, strict=True)]
     for axes in panels:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -53,11 +60,16 @@ def plot_asked(summary: pd.DataFrame, series: str, tutors: Sequence[str] | None 
     return figure
 
 
-def plot_loss(summary: pd.DataFrame, series: str = "states", tutors: Sequence[str] | None = None) -> Figure:
+def plot_loss(
+    summary: pd.DataFrame,
+    series: str = "states",
+    tutors: Sequence[str] | None = None,
+    measures: Sequence[str] = tuple(_LOSSES),
+) -> Figure:
     """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the paper's bound.
-    ``tutors`` as for ``plot_asked``."""
-    rows, figure, panels = _panels(summary, series, [title for title, _ in _LOSSES.values()], tutors, sharey=False)
-    for axes, (measure, (_, unit)) in zip(panels, _LOSSES.items(), strict=True):
+    ``tutors`` and ``measures`` as for ``plot_asked``."""
+    rows, figure, panels = _panels(summary, series, [_LOSSES[one][0] for one in measures], tutors, sharey=False)
+    for axes, measure in zip(panels, measures, strict=True):
         axes.axhline(0, color="0.5", linewidth=0.8, zorder=0)
         for bound in (1,) if measure == "paper_abs_percent" else (-1, 1):
             axes.axhline(bound, color="0.35", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0)
@@ -68,7 +80,7 @@ def plot_loss(summary: pd.DataFrame, series: str = "states", tutors: Sequence[st
         _lines(axes, rows, measure, 0.0 if measure == "paper_abs_percent" else -math.inf)
         axes.set_yscale("symlog", linthresh=1, linscale=0.8)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axes.set_ylabel(unit)
+        axes.set_ylabel(_LOSSES[measure][1])
     title = f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond ±1%)"
     _title(figure, title, rows)
     return figure
@@ -88,8 +100,8 @@ def _panels(
     rows = summary[(summary.series == series) & (summary.comparator != "always")]
     shown = tutors or (TRUTHFUL, max(rows.errs, key=TUTORS.index))
     rows = rows[rows.errs.isin(shown)]
-    figure = Figure(figsize=(4.1 * len(titles), 4.3), layout="constrained")
-    panels = figure.subplots(1, len(titles), sharex=True, sharey=sharey)
+    figure = Figure(figsize=(4.1 * max(2, len(titles)), 4.3 if len(titles) > 1 else 5.2), layout="constrained")
+    panels = figure.subplots(1, len(titles), sharex=True, sharey=sharey, squeeze=False)[0]
     for axes, title in zip(panels, titles, strict=True):
         axes.set_title(title, fontsize=10)
         axes.set_xlabel(_X[series])
@@ -140,11 +152,12 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
 def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
     runs = rows.runs.unique()
     count = f"{runs[0]}" if len(runs) == 1 else f"{runs.min()} to {runs.max()}"
-    figure.suptitle(
-        f"{title}\nmean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise he errs as "
-        "in eq. (6), most where it is close",
-        fontsize=11,
+    wide = len(figure.axes) > 2
+    about = (
+        f"mean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise he errs as in eq. "
+        "(6), most where it is close"
     )
+    figure.suptitle("\n".join(textwrap.fill(text, 140 if wide else 88) for text in (title, about)), fontsize=11)
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    columns = math.ceil(len(labels) / math.ceil(len(labels) / 3))  # at most three, in rows of about equal length
+    columns = math.ceil(len(labels) / math.ceil(len(labels) / (3 if wide else 2)))  # in rows of about equal length
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.4)

@@ -11,9 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection
-from matplotlib.patches import FancyArrowPatch, Polygon
+from matplotlib.colors import to_rgb
+from matplotlib.patches import FancyArrowPatch, Polygon, Rectangle
 
-from elicit import AlwaysAsk, BradleyTerryComparator, Dominance, PolytopeComparator, TruthfulTutor, plot
+from elicit import (
+    AlwaysAsk,
+    BradleyTerryComparator,
+    Dominance,
+    PolytopeComparator,
+    PosteriorComparator,
+    RelaxedPolytopeComparator,
+    TruthfulTutor,
+    plot,
+)
 from elicit.diagnostics.preference_graph import cycles, preference_graph
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import dominance, tail_sums
@@ -189,6 +199,8 @@ def test_each_line_is_where_its_answer_changes_side():
         (lambda: plot.polytope(PolytopeComparator(4), labels=["a", "b"]), "4 levels, worst first, but there are 2"),
         (lambda: plot.polytope(PolytopeComparator(4), values=[0, 1, 2]), "each of 4 levels"),
         (lambda: plot.polytope(PolytopeComparator(4), values=[0, 3, 2, 4]), "increase"),
+        (lambda: plot.plausible(PolytopeComparator(5)), "PolytopeComparator of 5 levels: use scale_intervals"),
+        (lambda: plot.plausible(Dominance(4)), "Dominance of 4 levels: use scale_intervals"),
         (lambda: plot.scale_intervals([]), "at least one"),
         (lambda: plot.scale_intervals({}), "at least one"),
         (lambda: plot.scale_intervals({"a": Dominance(3), "b": Dominance(4)}), "b is about 4 levels, but a is about 3"),
@@ -200,6 +212,59 @@ def test_what_cannot_be_drawn(call, complaint):
     with pytest.raises(ValueError, match=complaint):
         call()
     assert not plt.get_fignums(), "no empty figure is left behind"
+
+
+def test_what_each_comparator_holds_possible_is_drawn_in_its_own_colour():
+    d = differences(np.random.default_rng(2), 4, 30)
+    told = Answers(d, TruthfulTutor(VALUES).signs(d))
+    two = np.eye(4)[1:3] - np.eye(4)[0]
+
+    known = PolytopeComparator(4).update(told[:9])
+    ax = plot.plausible(known, labels=LEVELS, values=VALUES)
+    (drawn,) = areas(ax)
+    assert area(drawn.get_xy()) == pytest.approx(area(plot.corners(known).cumsum(axis=1)[:, :2]))
+    assert drawn.get_edgecolor()[:3] == pytest.approx(to_rgb(plot.STYLES["polytope"]["color"]))
+    assert ax.get_xlabel().startswith("value of stable")
+    assert [line.get_xydata().tolist() for line in ax.lines] == [[[0.2, 0.7]]]
+    nothing_is_clipped(ax)
+
+    for rescale, kind in ((False, "box"), (True, "box-rescaled")):
+        known = BradleyTerryComparator(4, region="box", rescale=rescale, n_boot=20).update(told)
+        (drawn,) = [patch for patch in plot.plausible(known).patches if isinstance(patch, Rectangle)]
+        low, high = known.bounds(two)
+        assert drawn.get_bbox().get_points() == pytest.approx(np.stack([low, high]))
+        assert drawn.get_edgecolor()[:3] == pytest.approx(to_rgb(plot.STYLES[kind]["color"]))
+
+    for known, kind in (
+        (BradleyTerryComparator(4, n_boot=20).update(told), "ensemble"),
+        (PosteriorComparator(4, particles=50).update(told), "posterior"),
+    ):
+        (dots,) = plot.plausible(known).collections
+        assert np.array(dots.get_offsets()) == pytest.approx(known.draws.gaps.cumsum(axis=0)[:2].T)
+        assert dots.get_sizes() / dots.get_sizes().sum() == pytest.approx(known.draws.weights)
+        assert dots.get_facecolor()[0, :3] == pytest.approx(to_rgb(plot.STYLES[kind]["color"]))
+
+    for region in ("box", "ensemble"):  # too few answers
+        ax = plot.plausible(BradleyTerryComparator(4, region=region).update(told[:1]))
+        assert [text.get_text() for text in ax.texts] == ["says nothing yet"]
+
+
+def test_every_comparator_has_a_kind_and_others_their_own_style():
+    kinds = [
+        (AlwaysAsk(3), "always"),
+        (PolytopeComparator(3), "polytope"),
+        (RelaxedPolytopeComparator(3), "relaxed"),
+        (PosteriorComparator(3, particles=50), "posterior"),
+        (BradleyTerryComparator(3), "ensemble"),
+        (BradleyTerryComparator(3, region="box"), "box"),
+        (BradleyTerryComparator(3, region="box", rescale=True), "box-rescaled"),
+        (Dominance(3), "Dominance"),
+    ]
+    assert [plot.kind_of(one) for one, _ in kinds] == [kind for _, kind in kinds]
+    ax = plot.scale_intervals({kind: one for one, kind in kinds if kind != "always"})
+    marks = [(line.get_color(), line.get_marker()) for *_, line in drawn_intervals(ax)]
+    looks = plot.styles(kind for _, kind in kinds[1:])
+    assert marks == [(look["color"], look["marker"]) for look in looks.values()]
 
 
 def drawn_intervals(ax):

@@ -10,12 +10,12 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from elicit import FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
+from elicit.plot import STYLES, styles
 from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
 from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import KEYS, ablate, summarise
-from qlearn.experiments.ablation_plot import LEGEND, table
+from qlearn.experiments.ablation_plot import LEGEND, NAMES, table
 from qlearn.experiments.metrics import MEASURES
-from qlearn.experiments.palette import NAMES, STYLES, styles
 from qlearn.experiments.run import Run, run
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.exploration import EXPLORATIONS

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 from matplotlib.axes import Axes
 
+from elicit.plot import STYLES
 from qlearn.experiments.ablation import summarise
-from qlearn.experiments.ablation_plot import plot_ablation
-from qlearn.experiments.palette import NAMES, STYLES
+from qlearn.experiments.ablation_plot import NAMES, plot_ablation
 from tests.report_cases import bars
 
 DATA = Path(__file__).parents[3] / "notebooks" / "data"

@@ -14,9 +14,8 @@ from elicit.testing import check_comparator
 from qlearn import InteractiveValueIteration, drive
 from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import ablate, summarise
-from qlearn.experiments.ablation_plot import plot_ablation, table
+from qlearn.experiments.ablation_plot import NAMES, plot_ablation, table
 from qlearn.experiments.own_parts import Counted
-from qlearn.experiments.palette import NAMES
 from tests.own_cases import Exact, careless, certified, exact, tiny
 from tests.sweep_cases import TINY
 

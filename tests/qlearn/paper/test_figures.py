@@ -54,6 +54,13 @@ def test_where_none_was_asked_the_point_is_at_the_end_of_the_axis() -> None:
         assert carets(axes) == [(5.0, 1.0), (10.0, 1.0)]
 
 
+def test_measures_have_a_panel_each() -> None:
+    (only,) = plot_asked(of(ASKED, [1.0, 4.0], [0.3, 0.5]), "levels", measures=ASKED[1:2]).axes
+    assert (only.get_title(), bars(only)) == ("of those that dominance leaves open", [(0.7, 1.3), (3.5, 4.5)])
+    (only,) = plot_loss(of(LOSSES, [1.0, 4.0], [0.5, 0.5]), measures=LOSSES[2:]).axes
+    assert (only.get_title(), bars(only)) == ("true policy loss", [(0.5, 1.5), (3.5, 4.5)])
+
+
 def test_no_arrows_where_nothing_is_cut_off() -> None:
     figure = plot_asked(of(ASKED, [1.0, 4.0], [0.3, np.nan]), "levels")
     assert not any(carets(axes) for axes in figure.axes)
