@@ -22,7 +22,7 @@ from elicit._support.hashing import key_of
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from elicit.tutors.simulated_kernel import GIVEN
-from qlearn import OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
+from qlearn import InteractiveValueIteration, OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
 from qlearn.experiments.metrics import Watch
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
@@ -305,6 +305,27 @@ def test_a_loop_asks_a_tutor_only_while_he_drives_it_and_keeps_what_he_said_when
     assert result.decided == whole.decided
     assert (result.q == whole.q).all()
     assert result.answers.ids == whole.answers.ids
+
+
+@pytest.mark.parametrize("make", [learner_of, InteractiveValueIteration])
+def test_who_drives_after_a_tutor_that_was_always_asked_is_asked_himself(make: Any) -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=3)
+    called: list[Query] = []
+
+    class Leaves(TruthfulTutor):
+        def signs(self, d: Any) -> Any:
+            raise KeyboardInterrupt
+
+    learner = make(mdp, AlwaysAsk(4))
+    with pytest.raises(KeyboardInterrupt):
+        drive(learner, Leaves(values))
+    tutor = TruthfulTutor(values)
+
+    def counted(query: Query) -> Answer:
+        called.append(query)
+        return tutor(query)
+
+    assert drive(learner, counted).asked == len(called) > 0
 
 
 def test_answers_to_a_loop_outlast_an_update_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
