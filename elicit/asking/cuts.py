@@ -21,6 +21,7 @@ _WAYS = 12  # directions, from the middle towards where differences are open
 _APART = 0.97  # cosine: directions closer than that count as one
 _NEAR = 0.3  # cosine: differences in this direction are cut off together
 _SHARES = (0.5, 0.7, 0.85)  # of what is plausible that a cut leaves where the answer is the likely one
+_GRAINS = 2.0**30  # of which a mixture of a cut is made
 
 
 class Cut(NamedTuple):
@@ -92,6 +93,11 @@ def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
 
 def _difference(t: Floats) -> Floats:
     """The difference (k,) of two mixtures without a level in common, of total 1 each, with tail sums t (p,) up to a
-    positive factor."""
+    positive factor, in whole ``_GRAINS``: the same bits where draws differ by rounding, as those of answers told at
+    once do from those of answers told one by one."""
     d = -np.diff(np.concatenate([[0.0], t, [0.0]]))
-    return np.asarray(d / np.maximum(d, 0.0).sum())
+    d = np.round(d / np.maximum(d, 0.0).sum() * _GRAINS)
+    more, less = d.argmax(), d.argmin()
+    d[more] += _GRAINS - np.maximum(d, 0.0).sum()
+    d[less] -= _GRAINS + np.minimum(d, 0.0).sum()
+    return np.asarray(d / _GRAINS)

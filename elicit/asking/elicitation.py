@@ -281,9 +281,9 @@ class Elicitation:
         first = self._number
         ids = [query_id(self._fingerprint, first + i, *pair) for i, pair in enumerate(zip(left, right, strict=True))]
         told = Answers(left - right, verdicts, ids)
-        self.comparator = self.comparator.update(told)
-        self.answers = self.answers + told
-        self._answered.add_many(told.d, verdicts)
+        comparator = self.comparator.update(told)
+        self._answered.add_many(told.d, verdicts)  # twice does no harm, should the rest be interrupted
+        self.comparator, self.answers = comparator, self.answers + told
         self._number += len(told)
         self.asked += len(told)
 

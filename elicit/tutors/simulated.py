@@ -89,9 +89,9 @@ class _Simulated:
     @property
     def respondent(self) -> Respondent:
         """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
-        whenever it has come back UNSETTLED. Nobody, for a class that answers in a way of its own."""
+        whenever it has come back UNSETTLED. Nobody, for one that answers in a way of its own."""
         kind = type(self)
-        ours = kind.signs is _Simulated.signs and kind.__call__ is _Simulated.__call__
+        ours = kind.signs is _Simulated.signs and kind.__call__ is _Simulated.__call__ and "signs" not in vars(self)
         return self._respondent() if ours else kernel.nobody()
 
     def _respondent(self) -> Respondent:

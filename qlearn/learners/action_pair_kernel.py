@@ -134,20 +134,26 @@ class PairJudge:
         return respondent
 
     def enter(self, tiers: NDArray[np.int64]) -> bool:
-        """Count a loop's comparisons (len(Tier),), show the watcher what was kept, and have the elicitation take what
-        was told; returns whether anything was."""
+        """Count a loop's comparisons (len(Tier),), have the elicitation take what was told, and show the watcher what
+        was kept; returns whether anything was told."""
         elicitation, kept = self._elicitation, self._watched
         elicitation.counts += tiers
         if elicitation.signs is not None:
             elicitation.asked = int(elicitation.counts[Tier.TUTOR])
+        taken = self.take_told()
         n, kept.used[0] = int(kept.used[0]), 0
         if n and elicitation.watch is not None:
             elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
+        return taken
+
+    def take_told(self) -> bool:
+        """Have the elicitation take what was told, which may have been left behind by an interruption; returns whether
+        anything was."""
         told = self._told
-        n, told.fill[USED] = int(told.fill[USED]), 0
+        n = int(told.fill[USED])
         if n:
-            told.codes[:] = 0
-            elicitation.take(told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy())
+            self._elicitation.take(told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy())
+            told.codes[:], told.fill[:] = 0, 0
             self.take_answers()
         return n > 0
 

@@ -171,8 +171,8 @@ class Learner:
         self._take(verdicts)
         return dropped
 
-    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
-        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged."""
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
+        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged. None: ask."""
         self._elicitation.signs = signs
 
     def watch(self, watcher: Watch) -> None:
@@ -256,8 +256,8 @@ class Drivable(Protocol[R_co]):
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take answers to pending queries; those dropped are returned."""
 
-    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
-        """Let ``signs`` answer from now on, where it can."""
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
+        """Let ``signs`` answer from now on, where it can; None: ask."""
 
     def result(self) -> R_co:
         """What is known so far."""
@@ -287,10 +287,29 @@ def drive(
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
     check_tutor_made(tutor, learner.comparator.k)
-    if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany):
-        learner.consult(tutor.signs)
-    if log is None and progress is None and isinstance(learner, AsksWithin) and isinstance(tutor, AnswersInLoops):
+    signs = tutor.signs if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany) else None
+    if signs is not None:
+        learner.consult(signs)
+    quiet = log is None and progress is None
+    own = hasattr(type(tutor), "respondent")  # not handed on from a tutor that this one wraps, who wants to be called
+    if quiet and own and isinstance(tutor, AnswersInLoops) and isinstance(learner, AsksWithin):
         learner.ask_within(tutor)
+    try:
+        return _driven(learner, tutor, log, progress, on_conflict)
+    finally:  # whoever asks it next is not to get this tutor's answers
+        if signs is not None:
+            learner.consult(None)
+        if isinstance(learner, AsksWithin):
+            learner.ask_within(None)
+
+
+def _driven(
+    learner: Drivable[R_co],
+    tutor: Tutor,
+    log: AnswerLog | None,
+    progress: Callable[[R_co], None] | None,
+    on_conflict: OnConflict,
+) -> R_co:
     while queries := learner.ask():
         answers = match([tutor(query) for query in queries], queries)
         _append(log, answers, learner.implied)

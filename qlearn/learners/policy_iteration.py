@@ -174,7 +174,7 @@ class InteractivePolicyIteration(Learner):
         policy = over.policy.copy()
         return self._result(self._mdp, policy, shares, self._end, self._solver.rounds, more=settled, guarantee=in_full)
 
-    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
         """Has no effect: each question is asked and logged, also by a comparator that never learns."""
 
     def _round(self) -> tuple[Advantages, Guarantee]:

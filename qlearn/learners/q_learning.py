@@ -125,6 +125,7 @@ class InteractiveQLearning(Learner):
         such pairs go by the best guess."""
         elicitation, state, piece = self._elicitation, self.state, _FIRST_PIECE
         elicitation.puts_off = puts_off
+        self._pairs.take_told()
         rule = rule_of(elicitation.comparator)
         while True:
             judging, verdict = self._pairs.judging(rule), self._verdict
@@ -133,9 +134,10 @@ class InteractiveQLearning(Learner):
             with np.errstate(all="ignore"):  # the hash wraps around
                 code = kernel.advance(state, self.model._replace(steps=end), verdict, judging)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted
-            if self._pairs.enter(state.decided):
-                rule = rule_of(elicitation.comparator)
+            decided = state.decided.copy()
             state.decided[:] = 0
+            if self._pairs.enter(decided):
+                rule = rule_of(elicitation.comparator)
             if code == kernel.DONE and end == steps:
                 return ()
             if code in (kernel.DONE, kernel.FULL):

@@ -62,16 +62,18 @@ def plan_of(settings: FiguresSettings) -> list[Cell]:
     """One dict a run, in the order of the table: what ``run`` calls a cell, with the numbers of states and levels."""
     same = {"problem": "random", "learner": "q-learning", "audit": 0.0}
     seeds = range(settings.seed, settings.seed + settings.seeds)
+    names, erring = (tuple(dict.fromkeys(named)) for named in (settings.comparators, settings.tutors))
+    levels, states = (tuple(dict.fromkeys(sizes)) for sizes in (settings.levels, settings.states))
     plan = []
-    for name in ("always", *settings.comparators):
+    for name in ("always", *names):
         thin = name in settings.thinned
-        tutors = (TRUTHFUL,) if name in ("always", "polytope") else settings.tutors[:: 2 if thin else 1]
+        tutors = (TRUTHFUL,) if name in ("always", "polytope") else erring[:: 2 if thin else 1]
         for tutor in tutors:
-            ends = name == "always" or tutor in (TRUTHFUL, *settings.tutors[:: len(settings.tutors) - 1 or 1])
+            ends = name == "always" or tutor in (TRUTHFUL, *erring[:: len(erring) - 1 or 1])
             step = 1 if ends and not thin else 2
-            sizes = {(settings.at_states, k) for k in settings.levels[::step]}
-            sizes |= {(n, settings.at_levels) for n in settings.states[::step]}
-            for (n, k), seed in product(sizes, seeds):
+            both = {(settings.at_states, k) for k in levels[::step]}
+            both |= {(n, settings.at_levels) for n in states[::step]}
+            for (n, k), seed in product(both, seeds):
                 one = {"states": n, "levels": k, "comparator": name, "errs": tutor, "seed": seed}
                 plan.append(same | one | _law(tutor))
     return in_order(plan, KEYS)

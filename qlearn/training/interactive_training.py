@@ -222,7 +222,7 @@ class InteractiveTraining:
         """Of pending queries that are audits, by query id: the verdict that the answers so far imply."""
         return {p.query.id: p.expected for p in self._elicitation.pending if p.expected is not None}
 
-    def consult(self, signs: Callable[[Floats], NDArray[np.int8]]) -> None:
+    def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
         """Has no effect: each question is asked and logged."""
 
     @one_thread

@@ -6,11 +6,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AlwaysAsk, Answer, Answers, Comparator, Dominance, PolytopeComparator, Query, Tutor, Verdict
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    Answers,
+    BradleyTerryComparator,
+    Comparator,
+    Dominance,
+    PolytopeComparator,
+    Query,
+    Tutor,
+    Verdict,
+)
 from elicit._support.hashing import key_of
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
-from qlearn import OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
+from elicit.tutors.simulated_kernel import GIVEN
+from qlearn import InteractiveValueIteration, OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
 from qlearn.experiments.metrics import Watch
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
@@ -248,6 +260,95 @@ def test_a_loop_asks_by_itself_only_where_that_comes_to_the_same() -> None:
     assert learner_of(mdp, PolytopeComparator(4, tie=0.0))._elicitation.room == 0  # answers may contradict each other
     result = drive(learner_of(mdp, box), Called(values, 0.1))
     assert len(called) == result.asked > 0
+
+    class Wrapped:
+        def __init__(self, tutor: Any) -> None:
+            self.tutor, self.asked = tutor, 0
+
+        def __call__(self, query: Query) -> Answer:
+            self.asked += 1
+            return Answer(query, self.tutor(query).verdict)
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.tutor, name)
+
+    wrapped = Wrapped(FlippingTutor(values, 0.1))
+    assert drive(learner_of(mdp, box), wrapped).asked == wrapped.asked > 0
+
+
+def test_a_loop_asks_a_tutor_only_while_he_drives_it_and_keeps_what_he_said_when_interrupted() -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=3)
+    box = COMPARATORS["box"](4, tie=0.0, refit_growth=0.5)
+
+    class Interrupted(Exception):
+        pass
+
+    def interrupt(d: Any, decisions: Any) -> None:
+        raise Interrupted
+
+    def counted(query: Query) -> Answer:
+        called.append(query)
+        return tutor(query)
+
+    tutor, called = FlippingTutor(values, 0.1, seed=4), []
+    whole = drive(learner_of(mdp, box), FlippingTutor(values, 0.1, seed=4))
+    learner = learner_of(mdp, box)
+    learner.watch(interrupt)
+    with pytest.raises(Interrupted):
+        drive(learner, tutor)
+    learner._elicitation.watch = None
+    before = learner.result().asked
+    assert 0 < before == tutor._tally[GIVEN]
+    result = drive(learner, counted)
+    assert len(called) == result.asked - before > 0
+    assert result.asked == whole.asked
+    assert result.decided == whole.decided
+    assert (result.q == whole.q).all()
+    assert result.answers.ids == whole.answers.ids
+
+
+@pytest.mark.parametrize("make", [learner_of, InteractiveValueIteration])
+def test_who_drives_after_a_tutor_that_was_always_asked_is_asked_himself(make: Any) -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=3)
+    called: list[Query] = []
+
+    class Leaves(TruthfulTutor):
+        def signs(self, d: Any) -> Any:
+            raise KeyboardInterrupt
+
+    learner = make(mdp, AlwaysAsk(4))
+    with pytest.raises(KeyboardInterrupt):
+        drive(learner, Leaves(values))
+    tutor = TruthfulTutor(values)
+
+    def counted(query: Query) -> Answer:
+        called.append(query)
+        return tutor(query)
+
+    assert drive(learner, counted).asked == len(called) > 0
+
+
+def test_answers_to_a_loop_outlast_an_update_that_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    mdp, values = random_mdp(8, 3, 4, rng=3)
+    box, update = COMPARATORS["box"](4, tie=0.0, refit_growth=0.5), BradleyTerryComparator.update
+    whole = drive(learner_of(mdp, box), FlippingTutor(values, 0.1, seed=4))
+    left = [3]
+
+    def failing(comparator: BradleyTerryComparator, answers: Answers) -> BradleyTerryComparator:
+        left[0] -= 1
+        if left[0] == 0:
+            raise KeyboardInterrupt
+        return update(comparator, answers)
+
+    monkeypatch.setattr(BradleyTerryComparator, "update", failing)
+    learner, tutor = learner_of(mdp, box), FlippingTutor(values, 0.1, seed=4)
+    with pytest.raises(KeyboardInterrupt):
+        drive(learner, tutor)
+    result = drive(learner, tutor)
+    assert result.asked == whole.asked == tutor._tally[GIVEN]
+    assert result.decided == whole.decided
+    assert result.answers.ids == whole.answers.ids
+    assert (result.q == whole.q).all()
 
 
 def test_draws_never_hit_what_has_no_probability() -> None:

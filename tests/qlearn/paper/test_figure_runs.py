@@ -95,6 +95,12 @@ def test_several_tutors_and_some_comparators() -> None:
     assert rows.error_rate.tolist()[3] == 0.02
 
 
+def test_what_is_named_twice_is_run_once() -> None:
+    twice = {"comparators": ["box", "box"], "tutors": ["2%", "2%", "10%"], "levels": (3, 3, 5), "states": (8, 8, 12)}
+    once = {"comparators": ["box"], "tutors": ["2%", "10%"], "levels": (3, 5), "states": (8, 12)}
+    assert plan_of(FiguresSettings(**TINY | twice)) == plan_of(FiguresSettings(**TINY | once))
+
+
 def test_c_is_the_papers_on_counts_and_values_as_they_are() -> None:
     part = TINY | {"levels": (5,), "states": (8,), "at_levels": 5, "seeds": 1, "comparators": ["box"]}
     row = figures(**part, tutors=["c=1"], jobs=1).query("comparator == 'box'").iloc[0]
