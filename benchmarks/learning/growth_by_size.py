@@ -222,6 +222,14 @@ def cell_of(values: Sequence[float] | None, name: str, unit: float) -> str:
     return with_interval(np.divide(values, unit), max(0, 2 - int(np.floor(np.log10(mean)))) if mean > 0 else 0)
 
 
+def row(axis: str, who: str, size: int, cell: Found) -> list[str]:
+    """A method at one size: the number of problems, and each measure."""
+    measures = MEASURES[axis]
+    problems = len(cell[next(iter(measures))])
+    shown = [cell_of(cell.get(name), name, unit) for name, (_, unit) in measures.items()]
+    return [who, f"{size:,}", str(problems), *shown]
+
+
 def tables(all_series: Sequence[Series], axis: str) -> list[str]:
     """The exponents of all methods along an axis, then each size."""
     measures, here = MEASURES[axis], [one for one in all_series if one.axis == axis]
@@ -232,12 +240,7 @@ def tables(all_series: Sequence[Series], axis: str) -> list[str]:
         for one in here
     ]
     lines = [f"## Against {axis}", "", "Exponents:", "", *markdown(("method", "over", *names), rows, 2), ""]
-    rows = [
-        [one.who, f"{size:,}", str(len(cell[next(iter(measures))]))]
-        + [cell_of(cell.get(name), name, unit) for name, (_, unit) in measures.items()]
-        for one in here
-        for size, cell in one.found.items()
-    ]
+    rows = [row(axis, one.who, size, cell) for one in here for size, cell in one.found.items()]
     lines += markdown(("method", axis, "problems", *(heading for heading, _ in measures.values())), rows, 1)
     left = [f"{one.who} from {one.left_out}" for one in here if one.left_out]
     return [*lines, *(["", f"Left out: {'; '.join(left)}."] if left else [])]
@@ -249,6 +252,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="benchmarks.learning.growth_by_size", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument("--quick", action="store_true", help="two tiny sizes each: a minute")
+    parser.add_argument("--only", nargs="+", choices=SIZES, default=list(SIZES), help="against what")
     parser.add_argument("--afford", type=float, default=60.0, help="CPU seconds that a problem may take")
     parser.add_argument("--journal", type=Path, help="file that keeps finished cells")
     parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there, and the picture beside it")
@@ -256,7 +260,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sizes, states = (QUICK, QUICK["states"][0]) if given.quick else (SIZES, STATES)
     done = [
         series(axis, who, sizes[axis], states, given.afford, given.journal)
-        for axis in sizes
+        for axis in given.only
         for who in (COMPARATORS if axis == "answers" else LEARNERS)
     ]
     intro = (
@@ -281,9 +285,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     head.append(reading)
     if given.out:
         picture = given.out.with_suffix(".svg")
-        draw({axis: {one.who: one.found for one in done if one.axis == axis} for axis in sizes}, picture)
+        draw({axis: {one.who: one.found for one in done if one.axis == axis} for axis in given.only}, picture)
         head += ["", f"![Seconds, questions and memory against states, levels and answers]({picture.name})"]
-    publish([head, *(tables(done, axis) for axis in sizes)], given.out, f"0-{PROBLEMS - 1}")
+    publish([head, *(tables(done, axis) for axis in given.only)], given.out, f"0-{PROBLEMS - 1}")
 
 
 if __name__ == "__main__":

@@ -32,8 +32,8 @@ LEAST = {"bytes": 1.0, "open": 1.0}  # below which nothing is drawn
 def draw(found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]]]], out: Path) -> None:
     """Three rows of three panels, all axes logarithmic, a line a method; ``found``: of each axis, method and size what
     was measured. Texts stay texts in the SVG."""
-    figure = Figure(figsize=(13, 11), layout="constrained")
-    panels = figure.subplots(3, 3)
+    figure = Figure(figsize=(4.4 * len(found), 11), layout="constrained")
+    panels = figure.subplots(3, len(found), squeeze=False)
     looks = looks_of([who for methods in found.values() for who in methods])
     for column, (axis, methods) in enumerate(found.items()):
         sizes = sorted({size for cells in methods.values() for size in cells})
@@ -57,8 +57,9 @@ def draw(found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]
             panel.set_ylabel(LABELS[measures[0]])
             panel.grid(True, which="major", color="0.92", linewidth=0.7)
             panel.set_axisbelow(True)
+    if "answers" in found:
+        panels[0, list(found).index("answers")].legend(fontsize=8, frameon=False)
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
-    panels[0, 2].legend(fontsize=8, frameon=False)
     with mpl.rc_context({"svg.hashsalt": "qlearn", "svg.fonttype": "none"}):
         figure.savefig(out, metadata={"Date": None})
 
