@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import gc
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 from typing import Any, NamedTuple
@@ -25,7 +26,7 @@ from benchmarks.learning.learning_runs import Setting, comparator, ours, tutor
 from benchmarks.learning.scalar_solvers import SOLVERS
 from benchmarks.own_process import Failed, apart, memory
 from benchmarks.reporting import machine, markdown, publish, with_interval
-from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
+from elicit import Answers, BradleyTerryComparator, PolytopeComparator, TruthfulTutor, Verdict
 from elicit.model.scale import Floats
 from qlearn import (
     InteractivePolicyIteration,
@@ -144,13 +145,17 @@ def learned(who: str, states: int, k: int) -> Found:
 
 def informed(who: str, answers: int) -> Found:
     """A comparator of ``LEVELS`` levels that has so many answers, in this process: seconds of one more, with the first
-    comparison after it, which may wait for a fit; seconds of judging many; how many of these it would still ask."""
+    comparison after it, which waits for the fit; seconds of judging many; how many of these it would still ask. Box and
+    ensemble fit at every answer."""
     at = Setting(k=LEVELS, comparator=who, error=0.0 if who == "polytope" else 0.1)
+    fresh = comparator(at)
+    if isinstance(fresh, BradleyTerryComparator):
+        fresh = replace(fresh, refit_growth=0.0)
 
     def once(n: int, seed: int) -> tuple[float, float, float]:
         d = open_pairs(at.k, n + UPDATES + JUDGED, np.random.default_rng([seed, n]))
         given = Answers(d[:-JUDGED], tutor(at, draw_values(at.k, seed), seed).signs(d[:-JUDGED]))
-        known = comparator(at).update(given[:n])
+        known = fresh.update(given[:n])
         known.compare(d[-1:])
         start = process_time()
         for i in range(n, n + UPDATES):
@@ -270,7 +275,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         f"and explore at random, the box with at most {MOST_ASKED:,} questions, after which it guesses; all others ask "
         "a truthful tutor, value iteration and certify first for a polytope. The solvers are told the values: a "
         f"problem k times smaller. Against answers: a comparator of {LEVELS} levels that was given so many at once, "
-        "about random differences that dominance does not settle; one more answer and the first comparison after it; "
+        "about random differences that dominance does not settle; one more answer and the first comparison after it, for which "
+        "box and ensemble fit again at every answer here, though by default only when the answers have grown by a share; "
         f"then {JUDGED:,} fresh differences."
     )
     reading = (

@@ -8,8 +8,9 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, StrMethodFormatter
 
 from qlearn.experiments.palette import styles
 
@@ -51,6 +52,8 @@ def draw(found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]
             panel.xaxis.set_major_locator(FixedLocator(sizes))
             panel.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
             panel.xaxis.set_minor_formatter(NullFormatter())
+            panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if decades(panel) < 2 else (1,)))
+            panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
             panel.yaxis.set_minor_formatter(NullFormatter())
             panel.set_xlim(sizes[0] / 1.2, sizes[-1] * 1.2)
             panel.set_xlabel(axis)
@@ -62,6 +65,12 @@ def draw(found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
     with mpl.rc_context({"svg.hashsalt": "qlearn", "svg.fonttype": "none"}):
         figure.savefig(out, metadata={"Date": None})
+
+
+def decades(panel: Axes) -> float:
+    """The height of a panel whose axis is logarithmic."""
+    low, high = panel.get_ylim()
+    return float(np.log10(high / low))
 
 
 def looks_of(methods: Iterable[str]) -> dict[str, dict[str, Any]]:
