@@ -275,8 +275,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         f"and explore at random, the box with at most {MOST_ASKED:,} questions, after which it guesses; all others ask "
         "a truthful tutor, value iteration and certify first for a polytope. The solvers are told the values: a "
         f"problem k times smaller. Against answers: a comparator of {LEVELS} levels that was given so many at once, "
-        "about random differences that dominance does not settle; one more answer and the first comparison after it, for which "
-        "box and ensemble fit again at every answer here, though by default only when the answers have grown by a share; "
+        "about random differences that dominance does not settle; one more answer and the first comparison after it, "
+        "for which box and ensemble fit again at every answer here, though by default only when the answers have grown "
+        "by a share; "
         f"then {JUDGED:,} fresh differences."
     )
     reading = (
