@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, StrMethodFormatter
 
-from qlearn.experiments.palette import styles
+from elicit.plot import styles
 
 PANELS = {  # of an axis: the measures of each row, and its label; the second of a pair has hollow markers
     "states": (("seconds",), ("asked",), ("bytes",)),
