@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_info
 TINY: dict[str, Any] = {
     "problems": ["random"], "states": 8, "actions": 3, "levels": 4, "seeds": 1, "steps": 200, "tolerance": 0.05,
     "max_sweeps": 80, "max_queries": 40, "n_boot": 10, "error_rates": (0.0, 0.15),
-    "audit_steps": 20, "audit_sweeps": 8,
+    "audit": 0.3, "audit_steps": 20, "audit_sweeps": 8,
 }  # fmt: skip
 """The settings of an ablation that takes seconds."""
 CELLS = [{"x": x, "name": name} for name in ("a", "b") for x in range(4)]

@@ -17,7 +17,7 @@ from qlearn.experiments.ablation import KEYS, ablate, summarise
 from qlearn.experiments.ablation_plot import LEGEND, NAMES, table
 from qlearn.experiments.metrics import MEASURES
 from qlearn.experiments.run import Run, run
-from qlearn.experiments.settings import ORDER, Settings
+from qlearn.experiments.settings import ORDER, TUTORS, Settings
 from qlearn.learners.exploration import EXPLORATIONS
 from tests.sweep_cases import TINY
 
@@ -155,10 +155,9 @@ def test_a_run_has_linear_algebra_on_one_thread(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_every_name_has_something_that_it_stands_for() -> None:
-    assert {name: {*ORDER[name]} for name in ORDER} == {
-        "problem": {*runs.PROBLEMS}, "learner": {*runs.LEARNERS}, "comparator": {*runs.COMPARATORS}
-    }  # fmt: skip
-    assert {*NAMES} == {name for names in ORDER.values() for name in names}
+    made = {"problem": {*runs.PROBLEMS}, "learner": {*runs.LEARNERS}, "comparator": {*runs.COMPARATORS}}
+    assert {name: {*ORDER[name]} for name in ORDER} == made | {"errs": {*TUTORS}}
+    assert {*NAMES} == set().union(*made.values())
     looks = [(style["color"], style["marker"]) for style in STYLES.values()]
     assert {*STYLES} == {*ORDER["comparator"]}
     assert all(len(set(look)) == len(STYLES) for look in zip(*looks, strict=True))  # no two have one in common

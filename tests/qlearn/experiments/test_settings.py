@@ -48,8 +48,8 @@ def test_a_value_that_cannot_be_is_refused_by_name(settings: str, value: Any, wa
     [
         ("comparators", ["always"], "comparators must each be one of polytope, posterior, box-rescaled, box, not 'alw"),
         ("levels", 10, "levels must be several values, not 10"),
-        ("both_tutors", 1, "both_tutors must be one of False, True, not 1"),
-        ("error_rate", 0.5, "error_rate must be a number of at least 0 and below 0.5, not 0.5"),
+        ("tutors", ["3%"], "tutors must each be one of truthful, c=1, 2%, 5%, 10%, 20%, 30%, not '3%'"),
+        ("thinned", ["ensemble"], "thinned must each be one of polytope, posterior, box-rescaled, box, not 'ensemble'"),
     ],
 )
 def test_the_figures_have_checks_and_defaults_of_their_own(setting: str, value: Any, wanted: str) -> None:
