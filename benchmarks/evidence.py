@@ -79,7 +79,6 @@ PAGES = (  # a notebook after the tables that it reads
         20,
         copy_of="results/figures/runs.csv",
         seeds="0-19",
-        awaits=f"{TOLD}; it is of fewer tutors",
     ),
     Page("docs/claims.md", "benchmarks.paper.figure_pages", 0.1),
     Page(
