@@ -222,7 +222,7 @@ def full_name(node, known):
 def not_public(source):
     """Names of elicit and qlearn that the reference does not have; members of what it has are public too."""
     pages = "\n".join(page.read_text(encoding="utf-8") for page in sorted(REFERENCE.glob("*.md")))
-    named = set(re.findall(r"^\.\. auto\w+:: ([\w.]+)", pages, re.MULTILINE))
+    named = set(re.findall(r"^\.\. (?:auto|py:)\w+:: ([\w.]+)", pages, re.MULTILINE))
     modules = {name.rsplit(".", 1)[0] for name in named}
     public = named | modules | {f"{name}.{member}" for name in named for member in dir(resolve_name(name))}
     return {name for name in full_names(source) if name not in public and name != "qlearn.__file__"}

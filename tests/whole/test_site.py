@@ -22,7 +22,7 @@ CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 
 def documented(package: str) -> list[str]:
     """What a page of the reference has a directive for, without the package's name."""
-    return re.findall(rf"^\.\. auto\w+:: {package}\.([\w.]+)", REFERENCE[package], re.MULTILINE)
+    return re.findall(rf"^\.\. (?:auto|py:)\w+:: {package}\.([\w.]+)", REFERENCE[package], re.MULTILINE)
 
 
 @pytest.mark.parametrize("package", REFERENCE)
