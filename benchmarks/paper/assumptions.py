@@ -6,15 +6,11 @@ python -m benchmarks.paper.assumptions --quick                                  
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from benchmarks import quotes
-from benchmarks.paper.paired_runs import DEFAULT, Choice, Size, answer, cells_of, measure_all
-from benchmarks.reporting import save
+from benchmarks.paper.paired_runs import DEFAULT, Choice, Size, answer, cells_of, measure_all, parser_of, save_quoted
 from elicit.model.scale import Floats
 
 COLUMNS = {  # measures: what heads them, and how many digits they are given with
@@ -132,16 +128,10 @@ def box_table(size: Size, seeds: int, most: int, measured: Callable[..., list[di
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
-    parser = argparse.ArgumentParser(
-        "python -m benchmarks.paper.assumptions", description=(__doc__ or "").split("\n")[0]
-    )
-    parser.add_argument("--quick", action="store_true", help="a tiny setting (seconds)")
-    parser.add_argument("--out", type=Path, help="also write the report to this file, and what other pages quote of it")
-    parser.add_argument("--journal", type=Path, help="keep finished runs in this file, and go on from there")
+    parser = parser_of("benchmarks.paper.assumptions", __doc__ or "")
     parser.add_argument("--steps", type=int, default=100_000, help="steps of Q-learning (default: the paper's 1e5)")
     parser.add_argument("--seeds", type=int, default=4, help="number of seeds (default: 4)")
     parser.add_argument("--most", type=int, default=20, help="of choices that these do not tell (default: 20)")
-    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
     chosen = parser.parse_args(arguments)
     size = (12, 4, 300) if chosen.quick else (100, 10, chosen.steps)
     seeds, most = (2, 3) if chosen.quick else (chosen.seeds, chosen.most)
@@ -156,9 +146,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     polytope = dict(zip(wanted, measured(list(wanted.values()), [range(most)] * len(wanted), size), strict=True))
     lines = [head, *box_table(size, seeds, most, measured), "", ETA.format(seeds=most), *table(polytope), ""]
     print("\n".join(lines))
-    save("\n".join(lines), chosen.out, f"0-{most - 1}")
-    if chosen.out is not None:
-        quotes.renew_beside(chosen.out)
+    save_quoted(lines, chosen.out, most)
 
 
 if __name__ == "__main__":

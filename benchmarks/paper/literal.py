@@ -13,15 +13,11 @@ Steps that the text leaves undefined, and what was done: see ``HEAD``, which the
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from benchmarks import quotes
-from benchmarks.paper.paired_runs import DEFAULT, Choice, Size, cells_of, measure_all
-from benchmarks.reporting import save
+from benchmarks.paper.paired_runs import DEFAULT, Choice, Size, cells_of, measure_all, parser_of, save_quoted
 from elicit.model.scale import Floats
 
 COLUMNS = {  # measures: what heads them, and how many digits they are given with
@@ -127,15 +123,11 @@ def table(found: Mapping[str, Mapping[str, Floats]], size: Size, fits: str) -> l
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
-    parser = argparse.ArgumentParser("python -m benchmarks.paper.literal", description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="a tiny setting (seconds)")
-    parser.add_argument("--out", type=Path, help="also write the report to this file, and what other pages quote of it")
-    parser.add_argument("--journal", type=Path, help="keep finished runs in this file, and go on from there")
+    parser = parser_of("benchmarks.paper.literal", __doc__ or "")
     parser.add_argument("--seeds", type=int, default=10, help="number of seeds (default: 10)")
     parser.add_argument("--steps", type=int, default=1000, help="with a fit at every answer (default: 1000)")
     parser.add_argument("--longer", type=int, default=10_000, help="steps with fits at 20%% more (default: 10,000)")
     parser.add_argument("--all", action="store_true", help="put back each thing also where fits are at every answer")
-    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
     chosen = parser.parse_args(arguments)
     chosen.all |= chosen.quick
     seeds, steps, longer = (2, 100, 200) if chosen.quick else (chosen.seeds, chosen.steps, chosen.longer)
@@ -155,9 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             part += ["", *table(dict(zip(wanted, runs, strict=True)), size, fits)]
             print("\n".join(part), flush=True)
             lines, part = lines + part, []
-    save("\n".join([*lines, ""]), chosen.out, f"0-{seeds - 1}")
-    if chosen.out is not None:
-        quotes.renew_beside(chosen.out)
+    save_quoted([*lines, ""], chosen.out, seeds)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 import warnings
+from argparse import ArgumentParser
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,7 +17,8 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from scipy import stats
 
-from benchmarks.reporting import with_interval
+from benchmarks import quotes
+from benchmarks.reporting import save, with_interval
 from elicit import AlwaysAsk, BradleyTerryComparator, BradleyTerryTutor, PolytopeComparator, TruthfulTutor
 from elicit.comparators.bradley_terry.bootstrap_comparator import NotConverged
 from elicit.model.scale import Floats
@@ -167,3 +169,20 @@ def answer(differences: Floats, least: float) -> str:
 
 def _half_width(x: Floats) -> float:
     return float(stats.t.ppf(0.975, len(x) - 1) * stats.sem(x)) if len(x) > 1 else float("inf")
+
+
+def parser_of(program: str, does: str) -> ArgumentParser:
+    """The command line that the programs on paired runs have in common; each adds its steps and seeds."""
+    parser = ArgumentParser(f"python -m {program}", description=does.split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="a tiny setting (seconds)")
+    parser.add_argument("--out", type=Path, help="also write the report to this file, and what other pages quote of it")
+    parser.add_argument("--journal", type=Path, help="keep finished runs in this file, and go on from there")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
+    return parser
+
+
+def save_quoted(lines: Sequence[str], out: Path | None, seeds: int) -> None:
+    """Write a report to the file, if one is given, and renew what other pages quote of it."""
+    save("\n".join(lines), out, f"0-{seeds - 1}")
+    if out is not None:
+        quotes.renew_beside(out)
