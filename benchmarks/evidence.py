@@ -100,6 +100,7 @@ PAGES = (  # a notebook after the tables that it reads
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
+    results("RESULTS-growth", "learning.growth_by_size --journal results/growth.jsonl", 15, "peers"),
     results("RESULTS-calibration", "fitting.calibration", 100, awaits=TOLD),
     results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
     results("RESULTS-bradley-terry", "fitting.fit_cost", 15),

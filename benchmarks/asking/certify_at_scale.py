@@ -135,7 +135,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         f"{ACTIONS} actions, {LEVELS} levels, tolerance {TOLERANCE:g} of the value range at every state, a truthful "
         "tutor, the polytope. Means of runs with seeds 1, 2, ..., and 95% intervals; of the bound and the true loss "
         'the greatest. "Valid": the true loss is within the bound, and the bound within the tolerance. "Ratio": the '
-        "median of seconds over those of the fastest that is told the values, which wins by so much."
+        "median of seconds over those of the fastest that is told the values, which wins by so much. The other "
+        "learners, and growth with levels and answers: [how it grows](RESULTS-growth.md)."
     )
     head = ["# Certify first as models grow", "", machine("one thread a run, CPU seconds"), "", intro]
     publish([head, markdown(HEAD, rows, 1)], given.out, f"1-{given.seeds}")

@@ -28,7 +28,7 @@ from benchmarks.comparing import comparison_cost
 from benchmarks.evidence import PAGES, ROOT
 from benchmarks.fitting import calibration, calibration_questions, fit_cost
 from benchmarks.fitting.calibration_tables import shown, summary
-from benchmarks.learning import learning_cost, value_iteration_cost
+from benchmarks.learning import growth_by_size, learning_cost, value_iteration_cost
 from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
@@ -134,6 +134,18 @@ def sessions(text: str) -> Iterator[str | Cells]:
 def scale(text: str) -> Iterator[str | Cells]:
     row = certify_at_scale.row("random", 1000, 0.95, number(text, "1,000", "0.95", place=2), 600.0)
     yield [None if i in (3, 4, 5, 11) else cell for i, cell in enumerate(row)]  # seconds and memory
+
+
+def grown(text: str) -> Iterator[str | Cells]:
+    """Questions of the smallest problems, and what few answers leave open."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(growth_by_size, "ENOUGH", math.inf)
+        learned = growth_by_size.learned("Q-learning, polytope", 100, growth_by_size.LEVELS)
+        informed = growth_by_size.informed("polytope", 10)
+    row = growth_by_size.row("states", "Q-learning, polytope", 100, learned)
+    yield [None if i in (3, 5) else cell for i, cell in enumerate(row)]
+    row = growth_by_size.row("answers", "polytope", 10, informed)
+    yield [None if i in (3, 4, 6) else cell for i, cell in enumerate(row)]
 
 
 def calibrated(setting: int, rule: str) -> Again:
@@ -290,6 +302,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("about-equal", equal, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
+    ("RESULTS-growth", grown),
     ("RESULTS-calibration", calibrated(6, "posterior"), SLOW),
     ("RESULTS-lapse", lapse, SLOW),
     ("RESULTS-bradley-terry", fits),
