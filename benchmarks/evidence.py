@@ -1,9 +1,9 @@
 """Every page of results, the command that makes it, and whether it is of the code of today: ``make evidence``.
 
-    python -m benchmarks.evidence                        make what is stale again, page by page, in this order
+    python -m benchmarks.evidence                        all pages: state, minutes, what they need, command
+    python -m benchmarks.evidence --all                  make what is stale again, page by page, in this order: hours
     python -m benchmarks.evidence --only claims RESULTS  of these pages only
     python -m benchmarks.evidence --stale                say which pages are stale; the exit code is 1 if any is
-    python -m benchmarks.evidence --list                 all pages: state, minutes, what they need, command
 
 A page is stale if its stamp (``stamps``) names other sources than those its program would run now, or none. Stopped,
 the same command goes on, for pages that are done are current then. Within a page the figures, the ablation and the
@@ -94,7 +94,7 @@ PAGES = (  # a notebook after the tables that it reads
         30,
         awaits=f"{TOLD}; its audits, and which tier of the polytope decides, are of older code",
     ),
-    results("RESULTS-certified", "asking.certificates", 15, awaits=ERRING),
+    results("RESULTS-certified", "asking.certificates --journal results/certificates.jsonl", 25),
     results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 180, awaits=ERRING),
     results("RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 40),
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
@@ -152,17 +152,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command; returns 1 if a page is, or is left, stale."""
     parser = argparse.ArgumentParser("python -m benchmarks.evidence", description=(__doc__ or "").splitlines()[0])
     names = [page.name for page in PAGES]
-    parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="these pages only")
+    parser.add_argument("--only", nargs="+", choices=names, metavar="NAME", help="these pages only: make what is stale")
     what = parser.add_mutually_exclusive_group()
+    what.add_argument("--all", action="store_true", help="make all that is stale: hours")
     what.add_argument("--stale", action="store_true", help="say which pages are stale, and make none")
-    what.add_argument("--list", action="store_true", help="say what there is, and make nothing")
-    what.add_argument("--fresh", action="store_true", help="make those that are current again too")
+    what.add_argument("--list", action="store_true", help="say what there is, and make nothing, as without an option")
+    parser.add_argument("--fresh", action="store_true", help="with --all or --only: make those that are current too")
     given = parser.parse_args(arguments)
-    chosen = [page for page in PAGES if page.name in given.only]
-    if given.list:
+    makes = (given.all or given.only) and not given.stale and not given.list
+    if given.fresh and not makes:
+        parser.error("--fresh goes with --all, or with --only and the names of pages")
+    chosen = [page for page in PAGES if given.only is None or page.name in given.only]
+    if not makes and not given.stale:
         for page in chosen:
             needs = f" (needs {', '.join(page.needs)})" if page.needs else ""
             print(f"{page.name}: {page.state}; {page.minutes:g} min{needs}: python -m {page.command}")
+        stale = [page for page in chosen if page.state != "current"]
+        hours = sum(page.minutes for page in stale) / 60
+        print(
+            f"--all makes the {len(stale)} that are stale again, in about {hours:.0f} hours; --only NAME some of them"
+        )
         return 0
     if given.stale:
         stale = [page for page in chosen if page.state != "current"]

@@ -12,8 +12,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from benchmarks.reporting import markdown
+
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = (ROOT / "docs" / "paper.md",)
+PAGES = (ROOT / "README.md", ROOT / "docs" / "choosing.md", ROOT / "docs" / "paper.md")
+ALL = "all lines"
 QUOTE = re.compile(r"<!-- (\S+\.md): (.+?): ([^:]+?) -->(.*?)<!-- -->", re.DOTALL)
 
 
@@ -26,7 +29,8 @@ def renewed(text: str, folder: Path) -> str:
         page, line, column, _ = match.groups()
         if page not in pages:
             pages[page] = tables((folder / page).read_text(encoding="utf-8"))
-        return f"<!-- {page}: {line}: {column} -->{cell(pages[page], page, line, column)}<!-- -->"
+        found = columns(pages[page], page, column) if line == ALL else cell(pages[page], page, line, column)
+        return f"<!-- {page}: {line}: {column} -->{found}<!-- -->"
 
     return QUOTE.sub(written, text)
 
@@ -45,6 +49,18 @@ def cell(found: list[list[list[str]]], page: str, line: str, column: str) -> str
             f"{page} has {len(cells) or 'no'} cells in the line {line!r} and the column {column!r}: 1 is quoted"
         )
     return cells.pop()
+
+
+def columns(found: list[list[list[str]]], page: str, names: str) -> str:
+    """These columns, named with commas, of the page's table that has them, as a table of Markdown with a line before it
+    and after it."""
+    wanted = names.split(", ")
+    having = [table for table in found if {*wanted} <= {*table[0]}]
+    if len(having) != 1:
+        raise ValueError(f"{page} has {len(having) or 'no'} tables with the columns {names}: 1 is quoted")
+    places = [having[0][0].index(name) for name in wanted]
+    head, *rows = ([row[place] for place in places] for row in having[0])
+    return "\n".join(["\n", *markdown(head, rows, len(wanted)), "\n"])
 
 
 def tables(text: str) -> list[list[list[str]]]:
@@ -70,8 +86,13 @@ def renew() -> None:
 
 def renew_beside(written: Path) -> None:
     """``renew`` if this page, which was just written, is one that they quote from."""
-    if written.resolve().parent in {page.parent for page in PAGES}:
+    if written.resolve() in {(page.parent / one[1]).resolve() for page in PAGES for one in quotes_in(page)}:
         renew()
+
+
+def quotes_in(page: Path) -> list[re.Match[str]]:
+    """The quotes of a page."""
+    return [*QUOTE.finditer(page.read_text(encoding="utf-8"))]
 
 
 if __name__ == "__main__":

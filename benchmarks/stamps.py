@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("elicit", "qlearn", "benchmarks")  # whose sources count
 LAZY = ("elicit", "qlearn")  # whose names are imported when they are first used
-NOT_MEASURED = ("benchmarks.stamps", "benchmarks.evidence")
+NOT_MEASURED = ("benchmarks.stamps", "benchmarks.evidence", "benchmarks.quotes")
 STARTS = {  # what a program runs in processes of its own, beside itself
     "benchmarks.asking.person_sessions": ("benchmarks.asking.person_sessions", "qlearn.cli.teach"),
     "benchmarks.cold_start": (

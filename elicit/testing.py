@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 
 from elicit._support.validation import is_number, is_whole
 from elicit.comparators.baselines import AlwaysAsk
-from elicit.decision.comparator_rule import Rule, compares_by_rule, rule_of
+from elicit.decision.comparator_rule import NOTHING, Rule, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
     AllowsLapses,
@@ -72,8 +72,9 @@ _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be
 def check_comparator(comparator: Comparator, seed: int = 0) -> None:
     """Check the whole ``Comparator`` contract, with all optional parts that it has, as it is and after some answers.
 
-    The answers are those of a tutor whose scale is ``comparator.values``. ``AlwaysAsk`` is the one
-    comparator that may leave dominance undecided. Raises AssertionError.
+    The answers are those of a tutor whose scale is ``comparator.values``. Only a comparator whose ``rule`` says that
+    dominance does not come first (``AlwaysAsk``, Bradley-Terry with ``dominance=False``) may leave it undecided.
+    Raises AssertionError.
     """
     _say(isinstance(comparator, Comparator), "it must have k, values, bounds, compare and update")
     k = comparator.k
@@ -211,7 +212,9 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     known = np.isin(verdicts, list(Verdict))
     _say(known.all(), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
     plain = dominance(tail_sums(d))
-    if isinstance(comparator, AlwaysAsk):
+    rule = rule_of(comparator)
+    alone = isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance  # of NOTHING ``settle`` judges
+    if alone:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
     settled = plain != Verdict.UNKNOWN
     _same("a verdict", verdicts[settled], "dominance, which holds for every scale", plain[settled], d[settled])

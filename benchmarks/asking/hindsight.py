@@ -10,8 +10,9 @@
   of several advantages, could be fewer still.
 - **Bits**: the logarithm of the share of scales for which the policy is optimal. Scales are drawn uniformly, so no rule
   that asks questions of two answers can need fewer of them on average, without hindsight and a tolerance.
-- With the posterior, hindsight gives truthful answers to a comparator that takes a tenth for wrong, each about the
-  advantage that leaves least of the weight of the scales under which some advantage matters. No pair is asked twice.
+- With the posterior, hindsight gives truthful answers to a comparator that has to learn how often they are wrong, each
+  about the advantage that leaves least of the weight of the scales under which some advantage matters. No pair is asked
+  twice.
 
 Regan and Boutilier (2009) ask *bound queries*: is a level worth more than so much? Here: the level for certain, or a
 gamble between the best and the worst. ``largest_gap`` halves what is open of the level of which most is. Their
@@ -76,14 +77,14 @@ def bits(d: Floats) -> float:
         known = _told(known, d[[row]])
 
 
-def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, lapse: float, seed: int) -> int:
-    """Of the posterior with this lapse: how many truthful answers until it gives the optimal policy its bound."""
-    over, known = _best(mdp, values), PosteriorComparator(mdp.k, lapse=lapse, seed=seed)
+def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, seed: int) -> int:
+    """Of the posterior as it comes: how many truthful answers until it gives the optimal policy its bound."""
+    over, known = _best(mdp, values), PosteriorComparator(mdp.k, seed=seed)
     t, asked = tail_sums(over.d), list[int]()
     while guarantee(mdp, over, known, tolerance).loss_bound > tolerance:
         draws = known.draws
         scores = t @ draws.gaps
-        weight = draws.weights * (1.0 - says_left(scores, draws.precision, lapse))  # (n, m) after each answer
+        weight = draws.weights * (1.0 - says_left(scores, draws.precision, known.lapse))  # (n, m) after each answer
         wrong = (scores > 0.5 * tolerance).any(axis=0)
         left = np.where(np.isin(np.arange(len(t)), asked), np.inf, weight[:, wrong].sum(axis=1) / weight.sum(axis=1))
         asked.append(int(np.argmin(left)))

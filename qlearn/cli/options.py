@@ -107,7 +107,7 @@ def write_csv(frame: Any, path: Path) -> None:
 def _keywords(one: Field[Any]) -> dict[str, Any]:
     """What argparse is told of a setting."""
     check = one.metadata["check"]
-    many = {"nargs": "+"} if isinstance(one.default, tuple) else {}
+    many = {"nargs": "*" if one.metadata["may_be_empty"] else "+"} if isinstance(one.default, tuple) else {}
     if isinstance(check, Number):
         return {"type": number_parser(check), "metavar": "X" if check.kind is float else "N", **many}
     if isinstance(check, NameOrOwn):

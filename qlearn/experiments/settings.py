@@ -105,10 +105,10 @@ OWN = {"problem": "problems", "learner": "learners", "comparator": "comparators"
 """The columns of a table that may hold a name of the user's, and the setting that gives it."""
 
 
-def setting(default: Any, check: Number | Choice, text: str) -> Any:
-    """A field of a class of settings. A tuple stands for one or more values, each of which is checked; None is
-    allowed where the field's type says so."""
-    return field(default=default, metadata={"check": check, "help": text})
+def setting(default: Any, check: Number | Choice, text: str, may_be_empty: bool = False) -> Any:
+    """A field of a class of settings. A tuple stands for one or more values, each of which is checked, on the command
+    line also for none where it ``may_be_empty``; None is allowed where the field's type says so."""
+    return field(default=default, metadata={"check": check, "help": text, "may_be_empty": may_be_empty})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,8 +282,9 @@ class FiguresSettings(Settings):
     thinned: tuple[str, ...] = setting(
         ("posterior",),
         Choice(_IN_THE_PAPER),
-        "comparators that run only at every other size and with every other tutor; all others run at every size with "
-        "the first and the last tutor, and at every other one with those between",
+        "comparators (or none) that run only at every other size and with every other tutor; all others run at every "
+        "size with the first and the last tutor, and at every other one with those between",
+        may_be_empty=True,
     )
 
 

@@ -9,7 +9,7 @@ from functools import cached_property, partial
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.hashing import Seed
 from elicit._support.threads import one_thread
@@ -287,7 +287,7 @@ def drive(
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
     check_tutor_made(tutor, learner.comparator.k)
-    signs = tutor.signs if isinstance(learner.comparator, AlwaysAsk) and isinstance(tutor, TutorOfMany) else None
+    signs = _signs_of(tutor) if isinstance(learner.comparator, AlwaysAsk) else None
     if signs is not None:
         learner.consult(signs)
     quiet = log is None and progress is None
@@ -301,6 +301,19 @@ def drive(
             learner.consult(None)
         if isinstance(learner, AsksWithin):
             learner.ask_within(None)
+
+
+def _signs_of(tutor: Tutor) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
+    """How the tutor answers many questions at once; None for one that does not, or whose way to answer a single one is
+    of a class derived from that which has ``signs``, or wraps it: it would be left out."""
+    if isinstance(tutor, TutorOfMany):
+        for place in (tutor, *type(tutor).__mro__):
+            own = getattr(place, "__dict__", {})
+            if "signs" in own:
+                return tutor.signs
+            if isinstance(place, type) and "__call__" in own:
+                break
+    return None
 
 
 def _driven(

@@ -101,7 +101,7 @@ class InteractiveQLearning(Learner):
             levels=mdp.levels.astype(np.int64),
             actions=np.argsort(~mdp.admissible, axis=1, kind="stable"),
             n_actions=mdp.admissible.sum(axis=1),
-            terminal=mdp.terminal,
+            terminal=mdp.terminal.view(),
             initial=np.cumsum(mdp.initial),
             rates=np.resize(schedule(rate, steps, wanted, positive=True), max(1, steps)),
             discount=mdp.discount,
@@ -110,6 +110,9 @@ class InteractiveQLearning(Learner):
             episode_length=int(exploration.episode_length or 0),
             key=np.uint64(key),
         )
+        for array in self.model:
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False  # copies of the learner share them
         jit.expect(kernel.advance, 1e-3 * steps)
         self.state = _first_state(mdp, self.model, exploration.start)
         self._pairs = PairJudge(self._elicitation, mdp.n_states * mdp.n_actions)

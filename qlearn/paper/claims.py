@@ -136,7 +136,9 @@ def claims_page(frame: pd.DataFrame) -> str:
             str(row.comparator),
             str(row.errs),
             f"{row.reference:.1f}%",
-            f"{row.realised:.1f}% ({row.realised_low:.1f} to {row.realised_high:.1f})",
+            ""  # where nothing was asked
+            if _undefined(row.realised)
+            else f"{row.realised:.1f}% ({row.realised_low:.1f} to {row.realised_high:.1f})",
         )
         for row in error_rates(frame).itertuples()
     ]
@@ -154,12 +156,17 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _cells(row: Any) -> tuple[str, ...]:
-    """A claim as a line of the page's last table."""
+    """A claim as a line of the page's last table; what is not defined (of one run, say) is empty."""
     measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
     note = f"worst {row.worst:.2f}" if row.figure == 4 else f"{row.agreeing} of {row.runs}"
-    interval = f"{row.low:+.3f} to {row.high:+.3f}"
-    mean = f"{row.estimate:+.3f}"
-    return str(row.figure), str(row.comparator), str(row.errs), measure, mean, interval, f"{row.answer} ({note})"
+    interval = "" if _undefined(row.low) else f"{row.low:+.3f} to {row.high:+.3f}"
+    mean = "" if _undefined(row.estimate) else f"{row.estimate:+.3f}"
+    answer = str(row.answer) if not interval else f"{row.answer} ({note})"
+    return str(row.figure), str(row.comparator), str(row.errs), measure, mean, interval, answer
+
+
+def _undefined(x: Any) -> bool:
+    return bool(np.isnan(x))
 
 
 def _trend(figure: int, name: str, arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:

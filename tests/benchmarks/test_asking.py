@@ -1,5 +1,6 @@
 """The benchmark of questions: every method runs, its rows are what it says, its tables render."""
 
+import functools
 import json
 
 import numpy as np
@@ -11,8 +12,10 @@ from benchmarks.asking import hindsight
 from benchmarks.asking import person_sessions as sessions
 from benchmarks.asking import question_counts as questions
 from benchmarks.learning import scalar_solvers
+from benchmarks.quotes import tables
 from elicit import PolytopeComparator, TruthfulTutor
 from qlearn import InteractivePolicyIteration, drive, random_mdp
+from qlearn.experiments.metrics import reference_differences
 from tests.report_cases import table_rows
 
 
@@ -58,15 +61,34 @@ def test_the_report_says_how_many_questions():
 
 
 def test_a_line_on_certificates_counts_questions_and_kept_bounds():
-    def line(who, truthful):
-        return certified.line("k = 5", who, certified.paper(5), certified.ENOUGH, truthful, 2)
+    def line(who, errs):
+        runs = [certified.plan("k = 5", who, errs, seed) for seed in range(2)]
+        return certified.line(runs[0], [certified.certify(cell) for cell in runs])
 
-    cells = line("policy iteration", truthful=True).strip("| ").split(" | ")
-    assert cells[:5] == ["k = 5", "policy iteration", "never", "1%", "2"]
-    assert cells[7] == "100.0%"
-    fewer, more = (float(line(who, True).split(" | ")[5].split()[0]) for who in ("policy iteration", "value iteration"))
+    cells = line("policy iteration", certified.NEVER)
+    assert cells[:5] == ["k = 5", "policy iteration", "never", "0.005%", "2"]
+    assert cells[7:10] == ["0", "100.0% [15.8, 100.0]", "0.0%"]
+    fewer, more = (float(line(who, certified.NEVER)[5].split()[0]) for who in ("policy iteration", "value iteration"))
     assert fewer < more
-    assert "| 10% | 1% |" in line("policy iteration", truthful=False)
+    for errs in certified.ERRING:
+        assert line("policy iteration", errs)[2:5] == [errs, "1%", "2"]
+
+
+def test_a_run_that_spends_its_budget_is_counted_with_its_wrong_answers(monkeypatch):
+    monkeypatch.setattr(certified, "BUDGET", 8)
+    cell = certified.plan("k = 5", "policy iteration", "eq. (6), 10%", 0)
+    row = certified.certify(cell)
+    assert (row["asked"], row["spent"], len(row["waits"])) == (8, True, 8)
+    lines = certified.line(cell, [row, row | {"spent": False, "kept": False, "wrong": 3, "asked": 12}])
+    assert lines[5:10] == ["10.0 ± 25.4", "12", "1", "50.0% [1.3, 98.7]", f"{100 * (row['wrong'] + 3) / 20:.1f}%"]
+
+
+def test_the_tutors_of_equation_6_have_the_precision_that_the_page_says():
+    mdp, values = certified.problem("k = 5", 0)
+    one, tenth = (certified.ERRING[errs](mdp, values, 0) for errs in ("eq. (6), c = 1", "eq. (6), 10%"))
+    range_of_shares, horizon = values[-1] - values[0], 20  # of discount .95: counts are shares times it
+    assert one.precision == pytest.approx(range_of_shares * horizon)
+    assert tenth.expected_error_rate(reference_differences(mdp, values)) == pytest.approx(0.1)
 
 
 def test_hindsight_needs_no_more_than_greed_and_no_less_than_what_is_necessary():
@@ -81,7 +103,7 @@ def test_hindsight_needs_no_more_than_greed_and_no_less_than_what_is_necessary()
             for choose in (hindsight.largest_gap, hindsight.current_solution)
         )
         assert few["greedy"] < min(gap, current) <= max(gap, current) < hindsight.MOST
-        assert 0 < hindsight.hindsight_of_posterior(mdp, values, 0.02, 0.2, seed) < 100
+        assert 0 < hindsight.hindsight_of_posterior(mdp, values, 0.02, seed) < 100
 
 
 def test_bits_are_the_share_of_scales_that_agree():
@@ -91,13 +113,23 @@ def test_bits_are_the_share_of_scales_that_agree():
     assert hindsight.bits(d) == pytest.approx(-np.log2((e[:, 0] >= 0.75 * e[:, 1]).mean()), abs=0.3)
 
 
-def test_the_table_of_limits_names_all_rules():
-    rows = [row.strip("| ").split(" | ") for row in certified.limit("k = 4", certified.paper(4), 2)]
-    assert {len(row) for row in rows} == {6}
-    assert rows[0][1:3] == ["never", "hindsight, greedy"]
-    assert sum(row[2].endswith("(Regan and Boutilier)") for row in rows) == 2
-    assert sum(row[1] == "10%" for row in rows) == 2
-    assert [row[5] for row in rows if row[2] == "hindsight, greedy"] == ["1.00", "1.00"]
+def test_the_page_on_certificates_is_made_in_parts_and_goes_on(monkeypatch, tmp_path, capsys):
+    made = []
+    certify = certified.certify
+    monkeypatch.setattr(certified, "certify", functools.wraps(certify)(lambda cell: made.append(cell) or certify(cell)))
+    few = ["--problems", "2", "--erring", "2", "--limits", "2", "--journal", str(tmp_path / "journal.jsonl")]
+    certified.main([*few, "--only", "k = 5"])
+    first = list(made)
+    assert len(first) == 10, "five rows of two problems"
+    certified.main([*few, "--only", "k = 5", "limits", "--out", str(tmp_path / "page.md")])
+    assert made == first, "the second table takes the same runs"
+    table, limits = tables((tmp_path / "page.md").read_text())
+    assert [row[2] for row in table[2:]] == ["never", *certified.ERRING]
+    assert limits[1][1:4] == ["never", "policy iteration", "2"]
+    assert sum(row[2].endswith("(Regan and Boutilier)") for row in limits) == 2
+    assert [row[1] for row in limits if row[2] == "policy iteration"] == ["never", certified.FLIPS]
+    assert [row[6] for row in limits if row[2] == "hindsight, greedy"] == ["1.00", "1.00"]
+    assert [row[4] for row in limits if row[2] == "policy iteration"] == [table[2][5], table[3][5]]
 
 
 def test_a_grid_has_five_ways_on_from_each_cell():

@@ -41,6 +41,16 @@ def test_quotes_are_copied_and_all_else_stays(folder):
     )
 
 
+def test_a_table_is_copied_with_the_columns_that_are_wanted(folder):
+    text = "Before\n\n<!-- results.md: all lines: who, slope -->\n\nold\n\n<!-- -->\nAfter"
+    assert quotes.renewed(text, folder) == (
+        "Before\n\n<!-- results.md: all lines: who, slope -->\n\n| who | slope |\n|---|---|\n| box | +1.87 |\n"
+        "| box | -0.00 |\n\n<!-- -->\nAfter"
+    )
+    with pytest.raises(ValueError, match=r"results\.md has 2 tables with the columns slope"):
+        quotes.renewed("<!-- results.md: all lines: slope --><!-- -->", folder)
+
+
 @pytest.mark.parametrize(("line", "column"), [("default", "answer"), ("nobody", "slope"), ("box", "slope")])
 def test_what_is_not_there_cannot_be_quoted(folder, line, column):
     with pytest.raises(ValueError, match=f"results.md has no cells in the line '{line}' and the column '{column}'"):

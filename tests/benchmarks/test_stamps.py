@@ -141,7 +141,7 @@ def pages(tmp_path, monkeypatch):
 
 
 def test_what_is_stale_is_made_again_and_what_fails_or_cannot_be_is_said(pages, capsys):
-    assert evidence.main([]) == 1
+    assert evidence.main(["--all"]) == 1
     assert pages == ["a", "b"]
     told = capsys.readouterr()
     assert "c.md needs pip install -e '.[peers]'" in told.err
@@ -154,8 +154,18 @@ def test_what_is_stale_is_made_again_and_what_fails_or_cannot_be_is_said(pages, 
     assert [line.split()[0] for line in told.splitlines()[1:]] == ["b.md", "c.md"]
     assert evidence.main(["--only", "a", "--fresh"]) == 0
     assert pages == ["a", "b", "a"]
-    assert evidence.main(["--list"]) == 0
-    assert "a: current; 1 min: python -m program a" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("options", [[], ["--list"], ["--only", "a", "--list"]])
+def test_hours_of_work_are_not_begun_unless_that_is_said(options, pages, capsys):
+    assert evidence.main(options) == 0
+    told = capsys.readouterr().out
+    assert "a: not stamped; 1 min: python -m program a\n" in told
+    assert f"--all makes the {1 if 'a' in options else 3} that are stale again, in about" in told
+    with pytest.raises(SystemExit):
+        evidence.main(["--fresh"])
+    assert "--fresh goes with --all, or with --only" in capsys.readouterr().err
+    assert not pages
 
 
 def test_a_copy_is_stamped_with_the_sources_of_when_it_was_begun(tmp_path, monkeypatch):

@@ -88,17 +88,6 @@ def test_what_it_costs_is_what_was_measured():
     assert not {number for number in numbers if number not in results}
 
 
-def test_rows_about_certificates_are_those_of_their_page():
-    rows = (ROOT / "benchmarks" / "RESULTS-certified.md").read_text(encoding="utf-8").splitlines()
-    there = {tuple(cell.strip() for cell in row.split("|"))[1:] for row in rows if row.startswith("|")}
-    measured = {(row[0], row[1], row[2], row[3], row[5], row[7]) for row in there if len(row) > 8}
-    text = (DOCS / "choosing.md").read_text(encoding="utf-8")
-    table = text.split("| bound kept |")[1].split("\n\n")[0].splitlines()[2:]
-    copied = {tuple(cell.strip() for cell in row.split("|"))[1:-1] for row in table}
-    assert len(copied) == len(measured) - 2  # without the heading and the line below it
-    assert copied <= measured
-
-
 def test_the_page_on_evidence_leads_to_every_page_of_results():
     text = (DOCS / "evidence.md").read_text(encoding="utf-8")
     results = [path.name for path in (ROOT / "benchmarks").glob("RESULTS*.md")]

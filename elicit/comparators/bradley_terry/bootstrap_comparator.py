@@ -116,6 +116,8 @@ class BradleyTerryComparator:
             require(is_whole(value, 1), name, "a whole number of at least 1", value)
             object.__setattr__(self, name, int(value))
         require(is_number(self.level) and 0 < self.level < 1, "level", "strictly between 0 and 1", self.level)
+        for name in ("monotone", "rescale", "dominance"):
+            require(isinstance(getattr(self, name), bool), name, "True or False", getattr(self, name))
         check_tie(self.tie)
         require(self.region in get_args(Region), "region", '"box" or "ensemble"', self.region)
         require(self.no_maximum in get_args(NoMaximum), "no_maximum", '"ask" or "take"', self.no_maximum)

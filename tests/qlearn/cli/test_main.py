@@ -89,6 +89,16 @@ def test_bad_options_end_in_2_and_say_the_value(options: str, said: str, capsys:
     assert said in capsys.readouterr().err
 
 
+def test_no_comparator_need_be_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[FiguresSettings] = []
+    monkeypatch.setattr("qlearn.cli.figures.run", lambda settings, **how: seen.append(settings) or 0)
+    assert cli.main(["figures", "--thinned"]) == 0
+    assert cli.main(["figures", "--thinned", "box"]) == 0
+    assert [settings.thinned for settings in seen] == [(), ("box",)]
+    with pytest.raises(SystemExit):
+        cli.main(["figures", "--levels"])
+
+
 ABLATE = "ablate --quick --seeds 1 --learners q-learning --comparators polytope --audit 0.05 --steps 60"
 FIGURES = (
     "figures --levels 3 4 --at-states 6 --states 6 9 --at-levels 4 --actions 2 --seeds 2 --steps 60 --n-boot 5 "

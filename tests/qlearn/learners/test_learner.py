@@ -339,6 +339,37 @@ def test_a_contradiction_is_logged_unused_and_raised(make: Make) -> None:
     assert log.answers().y.tolist() == learner.result().answers.y.tolist()
 
 
+class Contrary(TruthfulTutor):
+    """Of the simulated ones, with a way of its own to answer a single question."""
+
+    def __call__(self, query: Query) -> Answer:
+        answer = super().__call__(query)
+        return Answer(query, answer.verdict and answer.verdict.flipped)
+
+
+class Wrapping:
+    """Hands on all but questions."""
+
+    def __init__(self) -> None:
+        self.inner, self.asked = TruthfulTutor(VALUES), 0
+
+    def __call__(self, query: Query) -> Answer:
+        self.asked += 1
+        return self.inner(query)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
+
+
+def test_a_tutor_with_its_own_way_to_answer_is_called_by_those_who_always_ask(make: Make) -> None:
+    contrary = drive(make(AlwaysAsk(K), **exact(make)), Contrary(VALUES))
+    by_hand = drive(make(AlwaysAsk(K), **exact(make)), lambda query: Contrary(VALUES)(query))
+    assert contrary.q.tobytes() == by_hand.q.tobytes()
+    wrapping = Wrapping()
+    result = drive(make(AlwaysAsk(K), **exact(make)), wrapping)
+    assert wrapping.asked == result.asked > 0
+
+
 def test_an_answer_is_in_the_log_before_the_learner_is_told() -> None:
     """So it is not lost where telling fails, and nothing is told where it cannot be logged."""
 

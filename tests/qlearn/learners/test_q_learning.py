@@ -1,5 +1,6 @@
 """Interactive Q-learning against the reference, the exact oracles, and its own promises."""
 
+import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -381,3 +382,12 @@ def test_schedules_that_make_no_sense_are_named(wrong: dict[str, Any], text: str
     (name,) = wrong
     with pytest.raises(ValueError, match=rf"(?s){name}.*{text}"):
         InteractiveQLearning(random_mdp(4, 2, 3, rng=0)[0], PolytopeComparator(3), **{"steps": 10, **wrong})
+
+
+def test_what_copies_of_a_learner_share_cannot_be_written_to() -> None:
+    mdp, _ = random_mdp(6, 2, 3, rng=0)
+    learner = InteractiveQLearning(mdp, PolytopeComparator(3), steps=50)
+    shared = [array for array in learner.model if isinstance(array, np.ndarray)]
+    assert copy.deepcopy(learner).model is learner.model
+    assert len(shared) == 9
+    assert not any(array.flags.writeable for array in shared)

@@ -1,6 +1,7 @@
 """The paper's figures: the rows do not depend on how they were computed, and what is said of them can be recomputed."""
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -206,6 +207,15 @@ def test_the_bound_is_held_to_the_interval_of_every_size(loss: float, answer: st
     ]
     assert told.worst == pytest.approx(np.abs(ends).max())
     assert told.answer == answer
+
+
+def test_one_run_has_no_intervals_and_tells_nothing() -> None:
+    page = claims_page(made_up(0.5, 0.1, seeds=1).assign(rounds=7000, realised_error_rate=np.nan))
+    assert not re.search(r"\bnan\b", page)
+    lines = [line.split("|") for line in page.split("## With intervals")[1].splitlines() if "% asked" in line]
+    assert len(lines) == 8
+    assert {(cells[6].strip(), cells[7].strip()) for cells in lines} == {("", OPEN)}
+    assert all(float(cells[5]) > 0 for cells in lines), "the estimate is there"
 
 
 def test_the_summary_has_means_and_half_widths(frame: pd.DataFrame) -> None:

@@ -19,6 +19,7 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import (
 )
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
 from elicit.model.scale import Floats, order_bounds, tail_sums
+from elicit.testing import check_comparator
 from tests.noisy_cases import pairs
 
 REGIONS = ["ensemble", "box"]
@@ -152,6 +153,18 @@ def test_without_dominance_the_fits_decide_alone(region: str) -> None:
     assert ((verdicts == Verdict.BETTER) == (low > 0)).all()
     assert ((verdicts == Verdict.WORSE) == (high < 0)).all()
     assert turned.compare(dominated[0]).tolist() == [Verdict.WORSE]
+
+
+@pytest.mark.parametrize("region", REGIONS)
+def test_without_dominance_it_keeps_the_rest_of_the_contract(region: str) -> None:
+    check_comparator(BradleyTerryComparator(4, dominance=False, region=region, n_boot=20))
+
+
+@pytest.mark.parametrize("name", ["dominance", "monotone", "rescale"])
+def test_a_yes_or_no_is_true_or_false(name: str) -> None:
+    for wrong in ("no", 0, None):
+        with pytest.raises(ValueError, match=f"{name} must be True or False, not {wrong!r}"):
+            BradleyTerryComparator(4, **{name: wrong})
 
 
 def test_a_fit_without_a_maximum_can_be_taken_where_it_stopped() -> None:
