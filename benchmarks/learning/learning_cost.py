@@ -23,7 +23,7 @@ from benchmarks.learning.learning_tables import Kind, Limit, Part, Row, Text, ab
 from benchmarks.own_process import Failed, apart
 from benchmarks.reporting import markdown, save
 
-MOST = {("polytope", 5): 6, ("polytope", 10): 20, ("polytope", 20): 90, ("posterior", 10): 80, ("posterior", 20): 200}
+MOST = {("polytope", 5): 6, ("polytope", 10): 20, ("polytope", 20): 90, ("posterior", 10): 32, ("posterior", 20): 70}
 KNOWING = "the same loop, values known"
 
 
