@@ -12,7 +12,7 @@ import numpy as np
 
 from elicit._support.threads import one_thread
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, simultaneous_bounds
+from elicit.model.comparator import Comparator, rough_bounds
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, tail_sums
 
@@ -21,6 +21,7 @@ _WAYS = 12  # directions, from the middle towards where differences are open
 _APART = 0.97  # cosine: directions closer than that count as one
 _NEAR = 0.3  # cosine: differences in this direction are cut off together
 _SHARES = (0.5, 0.7, 0.85)  # of what is plausible that a cut leaves where the answer is the likely one
+_SLACK = 0.1  # of the limit: by how much bounds may be too high where cuts are weighed
 _GRAINS = 2.0**30  # of which a mixture of a cut is made
 
 
@@ -46,14 +47,14 @@ def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, l
             known = comparator.update(Answers(asked[None], [int(verdict)]))
         except InconsistentAnswers:
             return 0.0
-        return halvings(np.minimum(high, simultaneous_bounds(known, d)[0]))
+        return halvings(np.minimum(high, rough_bounds(known, d, slack)))
 
     def worth(asked: Floats) -> float:
         below = float((tail_sums(asked) @ draws.gaps < 0) @ draws.weights)
         sides = ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER))
         return now - sum(share * left(asked, verdict) for share, verdict in sides if share > 0)
 
-    now = halvings(high)
+    now, slack = halvings(high), _SLACK * np.maximum(limit, high)
     own = np.argsort(-high, kind="stable")[:_OWN]
     found = [Cut(d[i], int(i)) for i in own] + [Cut(row, -1) for row in _cuts(draws, d, high, limit)]
     return max(found, key=lambda cut: worth(cut.d))

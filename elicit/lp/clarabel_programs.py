@@ -10,6 +10,8 @@ from elicit.lp.dual_simplex import minimise, minimise_exactly
 from elicit.lp.region import Region, certified_bound, pull_inside, rounding
 from elicit.model.scale import Floats
 
+TIGHT = 4e-10  # that bounds are proven to be, for t of order 1
+
 
 class Solved(NamedTuple):
     """A solver's answer to min t.g: the point g (p,) and multipliers y (m,) >= 0 of the rows, both only
@@ -54,13 +56,13 @@ class Programs:
             return None
         return Solved(np.asarray(solution.x), np.maximum(np.asarray(solution.z)[1 + p :], 0.0))
 
-    def least(self, t: Floats, inside: Floats | None) -> float:
-        """A proven lower bound on t.g over the region (t of order 1), tight to 4e-10. ``inside`` is a point
+    def least(self, t: Floats, inside: Floats | None, enough: float = TIGHT) -> float:
+        """A proven lower bound on t.g over the region (t of order 1), tight to ``enough``. ``inside`` is a point
         strictly inside the region, if there is one: it turns nearly right points into right ones, whose
         t.g shows how tight the bound is. Where floats cannot show it, the exact optimum is rounded down."""
         for propose in (self.solve, self._vertex):
             low, point = self._proven(t, propose(t), inside)
-            if point is not None and float(t @ point) - low < 4e-10:
+            if point is not None and float(t @ point) - low < enough:
                 return low
         value = minimise_exactly(t, self.region).value
         low = float(value)

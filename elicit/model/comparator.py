@@ -88,6 +88,14 @@ class BoundsAllAtOnce(Protocol):
 
 
 @runtime_checkable
+class RoughBounds(Protocol):
+    """A comparator whose ``simultaneous_bounds`` take less time where they may be a little loose."""
+
+    def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
+        """Such bounds (n,) on d.e of differences d (n, k), up to ``slack``, one or (n,), above the least there are."""
+
+
+@runtime_checkable
 class Foretells(Protocol):
     """A comparator with a model of the tutor's next answer."""
 
@@ -131,6 +139,14 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     if isinstance(comparator, BoundsAllAtOnce):
         return _checked_bounds(comparator.simultaneous_bounds(d), type(comparator).__name__, len(rows))
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
+
+
+def rough_bounds(comparator: Comparator, d: Floats, slack: float | Floats) -> Floats:
+    """``simultaneous_bounds`` (n,) of differences d (n, k), or up to ``slack``, one or (n,), more where that takes less
+    time."""
+    if isinstance(comparator, RoughBounds):
+        return comparator.rough_bounds(d, slack)
+    return simultaneous_bounds(comparator, d)[0]
 
 
 def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:

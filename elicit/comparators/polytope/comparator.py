@@ -127,6 +127,11 @@ class PolytopeComparator:
         ``bounds``."""
         return self._wide.greatest(as_vectors(d, self.k)), 1.0
 
+    @one_thread
+    def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
+        """The same bounds (n,), up to ``slack``, one or (n,), above them, without linear programs where that shows."""
+        return self._wide.greatest(as_vectors(d, self.k), slack)
+
     @cached_property
     def draws(self) -> Draws:
         """Scales drawn from K_t, about uniformly, for questions that go by probability; no proof rests on them."""

@@ -8,13 +8,14 @@ rigorous.
 from __future__ import annotations
 
 from functools import cached_property
+from itertools import repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit.decision.comparator_rule import Rule, proven, unaided
 from elicit.decision.verdicts import decide_by
-from elicit.lp.clarabel_programs import Programs
+from elicit.lp.clarabel_programs import TIGHT, Programs
 from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
 from elicit.lp.region import Region, rounding
@@ -90,39 +91,41 @@ class PlausibleSet:
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
-        t, exponent = tails_of_order_one(d)
-        low, high = order_bounds(t, self.region.margin)
-        doubt = rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
-        low, high = low - doubt, high + doubt
-        if len(self.region.rows):
-            low = np.maximum(low, [self.programs.least(row, self.inside) for row in t])
-            high = np.minimum(high, [-self.programs.least(-row, self.inside) for row in t])
-        some = t.any(axis=1)
-        with np.errstate(over="ignore", under="ignore"):
-            low, high = np.ldexp(low, exponent), np.ldexp(high, exponent)
-        # one step outwards: the results may have lost bits on the way back
-        return np.where(some, np.nextafter(low, -np.inf), 0.0), np.where(some, np.nextafter(high, np.inf), 0.0)
+        return self._least(d), 0.0 - self._least(-d)
 
-    def greatest(self, d: Floats) -> Floats:
-        """Upper bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1 where positive: from the corners
-        that walks find, else from Clarabel."""
-        high = greatest(d, self._known)
+    def _least(self, d: Floats, slack: float = 0.0) -> Floats:
+        """Lower bounds (n,) on d.e, tight to 1e-9 |d|_1, or to ``slack`` if that is more."""
+        t, exponent = tails_of_order_one(d)
+        low = order_bounds(t, self.region.margin)[0]
+        low -= rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
         if len(self.region.rows):
-            loose = self._not_reached(d, high, np.arange(len(d)))
+            enough = np.maximum(np.ldexp(slack, -exponent), TIGHT)
+            low = np.maximum(low, [self.programs.least(*each) for each in zip(t, repeat(self.inside), enough)])
+        with np.errstate(over="ignore", under="ignore"):
+            low = np.ldexp(low, exponent)
+        # one step outwards: the results may have lost bits on the way back
+        return np.where(t.any(axis=1), np.nextafter(low, -np.inf), 0.0)
+
+    def greatest(self, d: Floats, slack: float | Floats = 0.0) -> Floats:
+        """Upper bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1, or to ``slack``, one or (n,),
+        if that is more, where positive: from the corners that walks find, else from Clarabel."""
+        high, slack = greatest(d, self._known), np.broadcast_to(slack, len(d))
+        if len(self.region.rows):
+            loose = self._not_reached(d, high, np.arange(len(d)), slack)
             for start in range(0, len(loose), _AT_ONCE):
                 # most are tight, but the corner that showed it has made room for those of other rows: walk again
                 some = loose[start : start + _AT_ONCE]
                 high[some] = np.minimum(high[some], greatest(d[some], self._known))
-                for i in self._not_reached(d, high, some):
-                    high[i] = min(high[i], self.bounds(d[i : i + 1])[1][0])
+                for i in self._not_reached(d, high, some, slack):
+                    high[i] = min(high[i], -float(self._least(-d[i : i + 1], slack[i])[0]))
         return high
 
-    def _not_reached(self, d: Floats, high: Floats, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _not_reached(self, d: Floats, high: Floats, rows: NDArray[np.int64], slack: Floats) -> NDArray[np.int64]:
         """Which of these rows of d have a positive upper bound (n,) that no known point shows to be tight."""
         points = self._known.points[:, : self._known.counts[USED]]
         rows = rows[high[rows] > 0]
         reached = (tail_sums(d[rows]) @ points).max(axis=1, initial=-np.inf)
-        loose: NDArray[np.bool_] = high[rows] - reached > 1e-9 * np.abs(d[rows]).sum(axis=1)
+        loose: NDArray[np.bool_] = high[rows] - reached > np.maximum(1e-9 * np.abs(d[rows]).sum(axis=1), slack[rows])
         return rows[loose]
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
