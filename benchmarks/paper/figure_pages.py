@@ -1,4 +1,4 @@
-"""What the site says of the paper's figures, from their runs: docs/claims.md, and three rows of docs/paper.md.
+"""What the site says of the paper's figures, from their runs: docs/claims.md, and five rows of docs/paper.md.
 
 python -m benchmarks.paper.figure_pages                             from the committed runs
 python -m benchmarks.paper.figure_pages results/figures/runs.csv    from those of `make figures`, which it commits
@@ -14,7 +14,7 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.reporting import save
+from benchmarks.reporting import save, with_interval
 from qlearn.experiments.settings import TUTORS
 from qlearn.paper.claims import AS_PRINTED, claims, claims_page
 
@@ -31,13 +31,15 @@ _MEASURED = {
     4: "The formula, signed as printed, mean over the sizes, in percent",
 }
 _EXCESS = "excess_loss_percent"
+DOMINANCE = "2.2: dominance is partial and may not be very discriminating"
+FEWER = "6: the method learns a good policy with fewer questions"
 _FOOTNOTE = {"box-rescaled": "box with footnote 3"}
 
 
 def claim_rows(frame: pd.DataFrame) -> list[str]:
-    """The rows of docs/paper.md on figures 2, 3 and 4: claim, verdicts by tutor, numbers with intervals."""
+    """The rows of docs/paper.md on the runs: claim, verdict, of figures 2, 3 and 4 by tutor, numbers with intervals."""
     told = claims(frame)
-    rows = []
+    rows = [_dominance(frame), _fewer(frame)]
     for figure, claim in SAID.items():
         printed = told[(told.figure == figure) & (told.measure == AS_PRINTED[figure])]
         numbers = f"{_MEASURED[figure]}: {_numbers(printed)}"
@@ -46,6 +48,38 @@ def claim_rows(frame: pd.DataFrame) -> list[str]:
             numbers += f". True policy loss beyond the oracle's: {_numbers(excess)}; below 1%: {_verdicts(excess)}"
         rows.append(f"| {claim} | {_verdicts(printed)} | {numbers} |")
     return rows
+
+
+def _dominance(frame: pd.DataFrame) -> str:
+    """What dominance settles, of the comparisons of runs with the polytope and as many states as the first series has."""
+    parts = []
+    for k, runs in _first_series(frame[frame.comparator == "polytope"]).groupby("levels"):
+        parts.append(f"{with_interval(100 * runs.dominance / runs.compared, 1)}% at k = {k}")
+    return f"| {DOMINANCE} | holds | of all comparisons it settles {', '.join(parts)} ({_places(frame)}) |"
+
+
+def _fewer(frame: pd.DataFrame) -> str:
+    """What the fewest and the most levels take, and lose: the polytope with a truthful tutor, others with the worst."""
+    parts = []
+    for name in dict.fromkeys(frame.comparator):
+        runs = _first_series(frame[frame.comparator == name])
+        errs = max(runs.errs, key=TUTORS.index)
+        ends = [runs[(runs.errs == errs) & (runs.levels == k)] for k in (runs.levels.min(), runs.levels.max())]
+        if name != "always":
+            asked = " to ".join(f"{with_interval(end.asked_percent_all, 2)}%" for end in ends)
+            counts = " to ".join(with_interval(end.asked, 0) for end in ends)
+            lost = " to ".join(with_interval(100 * end.excess_loss, 2) for end in ends)
+            parts.append(f"{_name(name)}, {errs}: {asked} of the comparisons ({counts} questions), loses {lost}%")
+    said = "; ".join(parts)
+    return f"| {FEWER} | holds | from the fewest levels to the most, beyond the oracle's loss ({_places(frame)}): {said} |"
+
+
+def _first_series(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame[frame.states == frame.states.min()]
+
+
+def _places(frame: pd.DataFrame) -> str:
+    return f"{frame.states.min()} states, {frame.seed.nunique()} runs"
 
 
 def _verdicts(told: pd.DataFrame) -> str:

@@ -177,7 +177,8 @@ def _end_with(parent: int) -> None:
 @contextmanager
 def _journal(path: Path, fresh: bool) -> Iterator[tuple[dict[str, Any], Callable[[str, str], None]]]:
     """The rows of a journal by their keys, and what appends one, given as JSON on one line. A last line that was cut
-    short is removed: its row has not finished."""
+    short is removed: its row has not finished. Makes the folders that it lies in."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("ab+") as file:
         _lock(file, path)
         file.seek(0)

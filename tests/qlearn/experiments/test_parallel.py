@@ -169,7 +169,7 @@ def test_what_goes_ahead_of_an_ablation() -> None:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_finished_row_is_never_computed_again(jobs: int, tmp_path: Path) -> None:
-    journal, log, seen = tmp_path / "journal", tmp_path / "log", []
+    journal, log, seen = tmp_path / "of" / "mine" / "journal", tmp_path / "log", []  # in folders that are not there yet
     shared = {"log": str(log)}
     sweep(row, CELLS[:3], shared=shared, journal=journal, jobs=jobs)
     found = sweep(row, CELLS, shared=shared, journal=journal, jobs=jobs, progress=lambda *now: seen.append(now))
