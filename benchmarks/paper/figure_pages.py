@@ -51,7 +51,7 @@ def claim_rows(frame: pd.DataFrame) -> list[str]:
 
 
 def _dominance(frame: pd.DataFrame) -> str:
-    """What dominance settles, of the comparisons of runs with the polytope and as many states as the first series has."""
+    """What dominance settles of the comparisons of runs with the polytope, in the first series."""
     parts = []
     for k, runs in _first_series(frame[frame.comparator == "polytope"]).groupby("levels"):
         parts.append(f"{with_interval(100 * runs.dominance / runs.compared, 1)}% at k = {k}")
@@ -70,8 +70,8 @@ def _fewer(frame: pd.DataFrame) -> str:
             counts = " to ".join(with_interval(end.asked, 0) for end in ends)
             lost = " to ".join(with_interval(100 * end.excess_loss, 2) for end in ends)
             parts.append(f"{_name(name)}, {errs}: {asked} of the comparisons ({counts} questions), loses {lost}%")
-    said = "; ".join(parts)
-    return f"| {FEWER} | holds | from the fewest levels to the most, beyond the oracle's loss ({_places(frame)}): {said} |"
+    said = f"from the fewest levels to the most, beyond the oracle's loss ({_places(frame)}): {'; '.join(parts)}"
+    return f"| {FEWER} | holds | {said} |"
 
 
 def _first_series(frame: pd.DataFrame) -> pd.DataFrame:
