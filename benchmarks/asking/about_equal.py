@@ -57,9 +57,9 @@ then "equal" means equal, to one part in 10^9.
   allow for twice the `tie` that the comparator was told; verdicts and `bounds` go by the tie itself. Where a
   person's "equal" may reach farther than that, give a larger `tie`: no comparator can tell.
 - **What the likelihoods promise.** The posterior's 95% is a promise on average over its prior, by which the width
-  lies anywhere up to twice the tie and answers tie by Rao and Kupper's law: the farther a tutor's "equal" reaches,
-  the less often it is kept, as the table shows. Resamples of a Bradley-Terry fit all have the same answers "equal"
-  and say nothing of what these leave open: their guarantees then come with a confidence of nan.
+  lies anywhere up to twice the tie and answers tie by Rao and Kupper's law: where a tutor's "equal" reaches that
+  far, policy iteration keeps it less often, as the table shows. Resamples of a Bradley-Terry fit all have the same
+  answers "equal" and say nothing of what these leave open: their guarantees then come with a confidence of nan.
 
 Simple bags (`bags=`) tell apart what single steps of a model cannot: the differences that are left open between
 two actions are often smaller than any tie.

@@ -43,7 +43,7 @@ Written by `python -m benchmarks.paper.exploration`.
 
 The default of `InteractiveQLearning` is "optimistic", chosen from the six tables of the full setting: of the choices
 that have a name it is the best, or within the intervals of the best, in five of them; in deep-sea-treasure, whose ends
-are many steps apart, uniform and decaying exploration lose less.
+are many steps apart, uniform exploration loses less.
 
 - **loss**: true policy loss, mean over the states, in percent of the value range; ± half the width of the 95%
   t-interval over the seeds. **at the start**: the same at the initial distribution.
