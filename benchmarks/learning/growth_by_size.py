@@ -213,7 +213,8 @@ def exponent(found: dict[int, Found], name: str) -> str:
         return ""
     x, y = np.log(points).T
     fitted = stats.linregress(x, y)
-    half = f" ± {stats.t.ppf(0.975, len(x) - 2) * fitted.stderr:.2f}" if len(x) > 2 else ""
+    told = len(x) > 2 and np.isfinite(fitted.stderr)  # which it is not of what never varies
+    half = f" ± {stats.t.ppf(0.975, len(x) - 2) * fitted.stderr:.2f}" if told else ""
     return f"{fitted.slope + 0.0:.2f}{half}"
 
 
@@ -238,7 +239,7 @@ def row(axis: str, who: str, size: int, cell: Found) -> list[str]:
 def tables(all_series: Sequence[Series], axis: str) -> list[str]:
     """The exponents of all methods along an axis, then each size."""
     measures, here = MEASURES[axis], [one for one in all_series if one.axis == axis]
-    names = [heading.split(",")[0] for heading, _ in measures.values()]
+    names = [heading.rsplit(", ", 1)[0] for heading, _ in measures.values()]
     rows = [
         [one.who, ", ".join(f"{n:,}" for n in sorted(one.found)[-UPPER:])]
         + [exponent(one.found, name) for name in measures]
