@@ -10,7 +10,7 @@ export OMP_NUM_THREADS = 1
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
 
-figures: $(READY)  ## the paper's figures 2, 3 and 4 with intervals, 20 runs a point (a good half hour on two cores)
+figures: $(READY)  ## the paper's figures 2, 3 and 4 with intervals, 20 runs a point (under half an hour on two cores)
 	$(BIN)/qlearn figures --out results/figures
 
 browser:  ## the browser that the tests of the page and of the widget drive (Debian; without it they are skipped)

@@ -76,7 +76,7 @@ PAGES = (  # a notebook after the tables that it reads
     Page(
         "notebooks/data/figures.csv",
         "qlearn figures --out results/figures",
-        20,
+        26,
         copy_of="results/figures/runs.csv",
         seeds="0-19",
     ),
