@@ -21,7 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks import stamps
+from benchmarks import quotes, stamps
 
 ROOT = stamps.ROOT
 NEEDS = {"peers": "quantecon", "sb3": "stable_baselines3", "browser": "playwright"}  # an extra, and a package of it
@@ -129,7 +129,8 @@ PAGES = (  # a notebook after the tables that it reads
 
 
 def make(page: Page) -> bool:
-    """Run a page's command, and stamp what the command itself does not stamp; whether the page is current then."""
+    """Run a page's command, stamp what the command itself does not stamp, and renew what prose quotes of the page;
+    whether the page is current then."""
     command = f"python -m {page.command}"
     print(f"{page.path}, about {page.minutes:g} minutes: {command}", flush=True)
     begun = stamps.made_now(command, page.seeds, page.command.split()[0])
@@ -140,6 +141,7 @@ def make(page: Page) -> bool:
     if page.copy_of:
         shutil.copyfile(ROOT / page.copy_of, ROOT / page.path)
         stamps.put(ROOT / page.path, begun)
+    quotes.renew_beside(ROOT / page.path)
     return page.state == "current"
 
 

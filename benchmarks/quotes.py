@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.reporting import markdown
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = (ROOT / "README.md", ROOT / "docs" / "choosing.md", ROOT / "docs" / "paper.md")
+PAGES = (ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("choosing", "options", "paper")))
 ALL = "all lines"
 QUOTE = re.compile(r"<!-- (\S+\.md): (.+?): ([^:]+?) -->(.*?)<!-- -->", re.DOTALL)
 

@@ -21,7 +21,7 @@ _WAYS = 12  # directions, from the middle towards where differences are open
 _APART = 0.97  # cosine: directions closer than that count as one
 _NEAR = 0.3  # cosine: differences in this direction are cut off together
 _SHARES = (0.5, 0.7, 0.85)  # of what is plausible that a cut leaves where the answer is the likely one
-_SLACK = 0.1  # of the limit: by how much bounds may be too high where cuts are weighed
+_SLACK = 0.1  # of the bound before, or of the limit: by how much bounds may be too high where cuts are weighed
 _GRAINS = 2.0**30  # of which a mixture of a cut is made
 
 

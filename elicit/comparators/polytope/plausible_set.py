@@ -121,7 +121,8 @@ class PlausibleSet:
         return high
 
     def _not_reached(self, d: Floats, high: Floats, rows: NDArray[np.int64], slack: Floats) -> NDArray[np.int64]:
-        """Which of these rows of d have a positive upper bound (n,) that no known point shows to be tight."""
+        """Which of these rows of d have a positive upper bound (n,) that no known point shows to be tight, or to be
+        within the slack (n,)."""
         points = self._known.points[:, : self._known.counts[USED]]
         rows = rows[high[rows] > 0]
         reached = (tail_sums(d[rows]) @ points).max(axis=1, initial=-np.inf)
