@@ -211,7 +211,7 @@ def report(done: Sequence[tuple[Row, Row]]) -> str:
         "",
         f"True loss at the worst state, in percent of the value range, after so many answers: mean over {seeds}"
         " problems, and below it what was guaranteed by then, where that was computed. Who has finished, keeps the"
-        " policy."
+        " policy. Random MDPs have 100 states, 5 actions and a discount of .95; ICU-Sepsis has 6 levels, discount .99."
         f" *asked*: questions in all, mean and 95% interval of the mean, at most {GRID[-1]}.",
     ]
     for environment, error in dict.fromkeys((key[0], key[1]) for key in groups):

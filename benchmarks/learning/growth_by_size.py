@@ -4,7 +4,7 @@
 
 Each cell, a method at one size, has a process and one thread of its own. A size is left out, and all that are larger,
 where one problem of it would take more CPU seconds than ``--afford``, judged by the sizes before. ``--journal`` keeps
-finished cells. Beside the page, under the same name, is its picture (``growth_picture``).
+finished cells while the code is the same. Beside the page, under the same name, is its picture (``growth_picture``).
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from benchmarks.learning.learning_runs import Setting, comparator, ours, tutor
 from benchmarks.learning.scalar_solvers import SOLVERS
 from benchmarks.own_process import Failed, apart, memory
 from benchmarks.reporting import machine, markdown, publish, with_interval
+from benchmarks.stamps import sources
 from elicit import Answers, BradleyTerryComparator, PolytopeComparator, TruthfulTutor, Verdict
 from elicit.model.scale import Floats
 from qlearn import (
@@ -187,7 +188,7 @@ def measure(cell: Cell) -> Found | str:
         return str(failure)
 
 
-def series(axis: str, who: str, sizes: Sequence[int], states: int, afford: float, journal: Path | None) -> Series:
+def series(axis: str, who: str, sizes: Sequence[int], states: int, afford: float, **how: Any) -> Series:
     """A method at one size after the other, as long as the next can be expected to take no more than ``afford`` CPU
     seconds a problem: to grow as in the last step, and at least in proportion."""
     found: dict[int, Found] = {}
@@ -198,7 +199,7 @@ def series(axis: str, who: str, sizes: Sequence[int], states: int, afford: float
             if last * grown > afford:
                 return Series(axis, who, found, f"{size:,} {axis}: some {last * grown:,.0f} s expected")
         cell: Cell = {"axis": axis, "who": who, "size": size} | ({"states": states} if axis == "levels" else {})
-        (there,) = sweep(measure, [cell], journal=journal, jobs=1)
+        (there,) = sweep(measure, [cell], jobs=1, **how)
         if isinstance(there, str):
             return Series(axis, who, found, f"{size:,} {axis}: {there}")
         found[size] = there
@@ -263,9 +264,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--journal", type=Path, help="file that keeps finished cells")
     parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there, and the picture beside it")
     given = parser.parse_args(arguments)
+    made_of = sources("benchmarks.learning.growth_by_size")  # a cell of other code is none of these
+    how = {"journal": given.journal, "own": lambda cell: (made_of, {})}
     sizes, states = (QUICK, QUICK["states"][0]) if given.quick else (SIZES, STATES)
     done = [
-        series(axis, who, sizes[axis], states, given.afford, given.journal)
+        series(axis, who, sizes[axis], states, given.afford, **how)
         for axis in given.only
         for who in (COMPARATORS if axis == "answers" else LEARNERS)
     ]

@@ -35,6 +35,7 @@ from benchmarks.fitting.calibration import scale
 from benchmarks.posteriors import gaussian_process
 from benchmarks.posteriors.markov_chains import Density, Scales, hamiltonian, log_posterior, scales, start
 from benchmarks.reporting import machine, markdown, publish, with_interval
+from benchmarks.stamps import sources
 from elicit import Answers, BradleyTerryTutor, FlippingTutor, PosteriorComparator, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from qlearn.experiments.parallel import Cell, sweep
@@ -366,7 +367,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     ]
     from benchmarks.posteriors import preference_posteriors  # by the name that workers know, not as __main__
 
-    rows = sweep(preference_posteriors.run, cells, journal=chosen.journal, jobs=chosen.jobs)
+    made_of = sources(preference_posteriors.__name__)  # a row of other code is none of these
+    how = {"journal": chosen.journal, "jobs": chosen.jobs, "own": lambda cell: (made_of, {})}
+    rows = sweep(preference_posteriors.run, cells, **how)
     publish(report(cells, rows), chosen.out)
 
 

@@ -17,19 +17,20 @@ from elicit.asking.cuts import closing_cut
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
 from elicit.decision.verdicts import decide
 from elicit.decision.votes import LEVEL_ROUNDING
-from elicit.model.comparator import BoundsAllAtOnce, Comparator, HasDraws, Tier, Tiers, best_guess, simultaneous_bounds
+from elicit.model.comparator import (
+    BoundsAllAtOnce,
+    Comparator,
+    HasDraws,
+    Tier,
+    Tiers,
+    best_guess,
+    draws_in,
+    simultaneous_bounds,
+)
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
-from qlearn.learners.loss_bound import (
-    Advantages,
-    Guarantee,
-    advantages,
-    collected,
-    drawn_set,
-    guarantee,
-    most_of,
-)
+from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, collected, drawn_set, guarantee, most_of
 from qlearn.learners.query_strategies import (
     Candidates,
     Strategy,
@@ -50,7 +51,8 @@ _ABOUT = 12  # advantages, the best to ask about, whose signs a simple question 
 LARGE = 4000  # states up to which rounds are exact, unless told otherwise
 _SAMPLE = 1000  # states looked at for questions
 _POOL = 4000  # advantages, those of the greatest bounds, that questions may be about
-_QUESTIONS = 4  # a solution
+_QUESTIONS, _MORE = 4, 8  # a solution; where that takes longer
+_LONGER = 30_000  # states
 _SHARE = 0.02  # of the tolerance: what V's error and the bound's may come to
 _UNDECIDED = 0.5  # of the weight of scales, at most, that see a better action, where cuts are asked about
 _CLOSED = 200  # advantages, those of the greatest bounds, that a cut is to close
@@ -311,6 +313,7 @@ class _Nearly:
         self._worth = np.full(mdp.n_states, 0.5)  # (S,) under the last central scale
         self._v: Floats | None = None
         self._total = np.zeros(mdp.n_states)  # that could be collected, by the last bounds
+        self._most = _QUESTIONS if mdp.n_states <= _LONGER else _MORE
         self.rounds, self._asked = 0, 0  # policies solved for; rounds with the present one
         self._pool: Advantages | None = None
         self._all: Advantages | None = None
@@ -318,13 +321,23 @@ class _Nearly:
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """As of ``_Exactly``; the guarantee may be inf also where it only was not looked at."""
         self._asked += 1
-        if self._pool is None or self._asked >= _QUESTIONS or not self._too_much(self._pool, comparator):
+        if self._pool is None or self._asked >= self._most or not self._in_vain(self._pool, comparator):
             self._solve(best_guess(comparator))
             sample = self._sample()
             self._pool = advantages(self._mdp, self._policy, self._v, sample)
             if not self._too_much(self._pool, comparator):
                 return self.look_further(comparator)
         return self._pool, Guarantee(np.inf, np.nan)
+
+    def _in_vain(self, pool: Advantages, comparator: Comparator) -> bool:
+        """Whether these advantages alone, over the present policy, show that its bound cannot be small enough yet."""
+        if self._too_much(pool, comparator):
+            return True
+        if self._all is None or drawn_set(comparator) is not None:
+            return False  # a sample, or drawn scales: these cannot show more
+        high, _ = simultaneous_bounds(comparator, pool.d)
+        total = collected(self._mdp, pool, high, self._total, _SHARE * self._enough)
+        return bool(total.max(initial=0.0) > self._enough)
 
     def everything(self) -> Advantages:
         if self._all is None:
@@ -352,15 +365,16 @@ class _Nearly:
         be small enough, and these tell what to ask."""
         draws, trusted = draws_of(comparator), drawn_set(comparator)
         scores = tail_sums(over.d) @ draws.gaps
-        still = scores.min(axis=1) < 0  # what all agree on, a new policy heeds
-        beyond = (scores[still] > self._enough).any(axis=0) @ draws.weights
+        too_much = scores > self._enough
+        too_much[scores.min(axis=1) >= 0] = False  # what all agree on, a new policy heeds
+        beyond = too_much.any(axis=0) @ draws.weights
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """All bounds; questions may be about the greatest."""
         mdp, over, trusted = self._mdp, self.everything(), drawn_set(comparator)
         if trusted is None:
-            high, confidence = simultaneous_bounds(comparator, over.d)
+            high, confidence = bounds_of_many(comparator, over.d)
             self._total = collected(mdp, over, high, self._total, _SHARE * self._enough)
             found = Guarantee(float(self._total.max(initial=0.0)), confidence)
         else:
@@ -369,3 +383,30 @@ class _Nearly:
         rows = np.argsort(-high, kind="stable")[:_POOL]
         self._pool = over.only(np.sort(rows))
         return self._pool, found
+
+
+def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
+    """``simultaneous_bounds`` of very many differences d (n, k), most of which are below 0 for every plausible scale:
+    these bounds are no tighter than a box needs to show it.
+
+    The box is of the plausible scales, along the principal axes of their draws: 2 (k - 1) bounds say how far it
+    reaches, and all scales that they allow are in it. Without draws, or where bounds are not certain, so that what they
+    are may depend on how many are asked for, there is no box."""
+    draws = draws_in(comparator)
+    if draws is None or not len(d):
+        return simultaneous_bounds(comparator, d)
+    gaps, weights = draws[:2]
+    spread = gaps - gaps @ weights[:, None]
+    axes = np.linalg.eigh(spread * weights @ spread.T)[1]  # (p, p), orthonormal
+    ways = np.concatenate([axes.T, -axes.T])
+    reach, confidence = simultaneous_bounds(comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0))
+    if confidence < 1 or np.isnan(confidence):
+        return simultaneous_bounds(comparator, d)
+    p, t = len(axes), tail_sums(d)
+    along = t @ axes
+    high: Floats = np.maximum(along * reach[:p], along * -reach[p:]).sum(axis=1)
+    astray = np.abs(axes @ axes.T - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps  # all of this is rounded
+    high += astray * np.abs(t).sum(axis=1)
+    rows = np.flatnonzero(high > 0)
+    high[rows] = simultaneous_bounds(comparator, d[rows])[0]
+    return high, confidence

@@ -21,10 +21,10 @@ def test_an_exponent_is_the_slope_over_the_largest_sizes():
 
 def test_a_size_that_would_take_too_long_is_left_out(monkeypatch):
     monkeypatch.setattr(growth, "measure", squared)
-    there = growth.series("levels", "certify first", (10, 20, 40, 80), 100, 15.0, None)
+    there = growth.series("levels", "certify first", (10, 20, 40, 80), 100, 15.0)
     assert list(there.found) == [10, 20]
     assert there.left_out == "40 levels: some 16 s expected"
-    assert not growth.series("levels", "certify first", (10, 20), 100, 15.0, None).left_out
+    assert not growth.series("levels", "certify first", (10, 20), 100, 15.0).left_out
 
 
 def squared(cell):
@@ -33,7 +33,7 @@ def squared(cell):
 
 def test_a_cell_that_fails_is_said_to(monkeypatch):
     monkeypatch.setattr(growth, "measure", lambda cell: "out of memory")
-    assert growth.series("answers", "box", (10, 20), 0, 1.0, None).left_out == "10 answers: out of memory"
+    assert growth.series("answers", "box", (10, 20), 0, 1.0).left_out == "10 answers: out of memory"
 
 
 @pytest.mark.parametrize("who", growth.LEARNERS)

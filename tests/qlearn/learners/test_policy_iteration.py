@@ -9,7 +9,8 @@ from hypothesis import strategies as some
 
 from elicit import AlwaysAsk, Bags, BradleyTerryComparator, Dominance, PolytopeComparator, PosteriorComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
-from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
+from elicit.model.comparator import simultaneous_bounds
+from elicit.model.query import Answer, Answers, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.model.scale import values_of
 from elicit.tutors.answer_log import AnswerLog
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
@@ -25,6 +26,7 @@ from qlearn import (
 from qlearn.learners import loss_bound as loss_bounds
 from qlearn.learners import policy_iteration
 from qlearn.learners.loss_bound import advantages, drawn_set, guarantee, loss_bound, loss_over_draws
+from qlearn.learners.policy_iteration import bounds_of_many
 from qlearn.learners.query_strategies import most_even_cut
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
@@ -393,7 +395,7 @@ def test_a_large_model_is_solved_nearly_and_asks_no_more(monkeypatch):
     asked = {True: 0, False: 0}
     monkeypatch.setattr(policy_iteration, "_SAMPLE", 100)
     monkeypatch.setattr(loss_bounds, "STATES", 1000)
-    for seed in range(3):
+    for seed in range(8):
         mdp, values = random_mdp(600, 4, 6, rng=seed)
         for exact in asked:
             result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=5e-4)
@@ -441,3 +443,34 @@ def test_how_many_questions_it_takes_on_icu_sepsis():
         asked.append(result.asked)
         assert policy_loss(mdp, result.policy, values).max() <= 0.01
     assert np.mean(asked) <= 60
+
+
+@given(seed=some.integers(0, 10**6), k=some.integers(2, 12), tie=some.sampled_from([0.0, 0.01]))
+@settings(max_examples=25, deadline=None)
+def test_bounds_of_many_are_bounds_and_tight_where_they_are_positive(seed, k, tie):
+    rng, values = np.random.default_rng(seed), np.linspace(0, 1, k) ** 2
+    pairs = rng.dirichlet(np.ones(k), (20, 2))
+    tutor = TruthfulTutor(values)
+    answers = Answers(pairs[:, 0] - pairs[:, 1], tutor.signs(pairs[:, 0] - pairs[:, 1]))
+    d = np.concatenate([np.diff(rng.dirichlet(np.ones(k), (80, 2)), axis=1)[:, 0], np.zeros((2, k))])
+    for comparator in (PolytopeComparator(k, tie=tie).update(answers), RelaxedPolytopeComparator(k).update(answers)):
+        tight, confidence = simultaneous_bounds(comparator, d)  # which are not tight where they are negative
+        high, same = bounds_of_many(comparator, d)
+        assert same == confidence == 1
+        assert (high >= np.minimum(comparator.bounds(d)[1], tight) - 1e-9).all()
+        np.testing.assert_allclose(high[tight > 0], tight[tight > 0], atol=1e-9)
+        assert (high[tight <= 0] <= 1e-9).all()
+
+
+def test_bounds_that_are_not_certain_are_asked_for_all_at_once():
+    asked = []
+
+    class Doubtful(PolytopeComparator):
+        def simultaneous_bounds(self, d):
+            asked.append(len(d))
+            return super().simultaneous_bounds(d)[0], 0.95
+
+    d = np.diff(np.random.default_rng(1).dirichlet(np.ones(5), (50, 2)), axis=1)[:, 0]
+    high, confidence = bounds_of_many(Doubtful(5), d)
+    assert (asked[-1], confidence) == (50, 0.95)
+    np.testing.assert_array_equal(high, PolytopeComparator(5).simultaneous_bounds(d)[0])
