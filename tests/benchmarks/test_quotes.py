@@ -20,6 +20,8 @@ Text.
 | 1 / n: slow | -1.7 |
 """
 
+TABLE = "| who | slope |\n|---|---|\n| box | 1.5 |\n"
+
 
 @pytest.fixture
 def folder(tmp_path):
@@ -49,6 +51,18 @@ def test_a_table_is_copied_with_the_columns_that_are_wanted(folder):
     )
     with pytest.raises(ValueError, match=r"results\.md has 2 tables with the columns slope"):
         quotes.renewed("<!-- results.md: all lines: slope --><!-- -->", folder)
+
+
+def test_a_table_can_be_named_by_the_heading_above_it(folder):
+    (folder / "sizes.md").write_text(f"# Sizes\n\n## 10 states\n\n{TABLE}\n## 100 states\n\n{TABLE.replace('1', '2')}")
+    text = "<!-- sizes.md#100 states: box: slope --><!-- --> and <!-- sizes.md#10 states: box: slope --><!-- -->"
+    assert quotes.renewed(text, folder).count("-->2.5<!--") == 1
+    assert quotes.renewed(text, folder).endswith("<!-- sizes.md#10 states: box: slope -->1.5<!-- -->")
+    for heading, many in (("1", "2"), ("1,000", "no")):
+        with pytest.raises(ValueError, match=f"sizes.md has {many} headings that begin with '{heading}'"):
+            quotes.renewed(f"<!-- sizes.md#{heading}: box: slope --><!-- -->", folder)
+    with pytest.raises(ValueError, match="has no cells"):
+        quotes.renewed("<!-- sizes.md#Sizes: box: slope --><!-- -->", folder)
 
 
 @pytest.mark.parametrize(("line", "column"), [("default", "answer"), ("nobody", "slope"), ("box", "slope")])
