@@ -73,7 +73,7 @@ def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
     ways = tail_sums(d) @ to
     length = np.linalg.norm(ways, axis=1)
     order = np.argsort(-high, kind="stable")
-    order, weight = order[length[order] > 0], np.log2(1.0 + high / limit)
+    order, weight = order[length[order] > 0], np.log2(np.maximum(1.0 + high / limit, 1.0))
     ways[order] /= length[order, None]
     chosen: list[Floats] = []
     for i in order:

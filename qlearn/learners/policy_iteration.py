@@ -28,7 +28,7 @@ from elicit.model.comparator import (
     simultaneous_bounds,
 )
 from elicit.model.query import Query, Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats, order_bounds, tail_sums
 from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, collected, drawn_set, guarantee, most_of
 from qlearn.learners.query_strategies import (
@@ -43,7 +43,7 @@ from qlearn.learners.query_strategies import (
 )
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-from qlearn.mdp.planning import optimal_policy, rewarded
+from qlearn.mdp.planning import backed_up, optimal_policy, rewarded
 from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
 
 _TIE = 1e-13
@@ -53,6 +53,7 @@ _SAMPLE = 1000  # states looked at for questions
 _POOL = 4000  # advantages, those of the greatest bounds, that questions may be about
 _QUESTIONS, _MORE = 4, 8  # a solution; where that takes longer
 _LONGER = 30_000  # states
+_BLOCK = 1 << 14  # advantages whose bounds are in the making at once
 _SHARE = 0.02  # of the tolerance: what V's error and the bound's may come to
 _UNDECIDED = 0.5  # of the weight of scales, at most, that see a better action, where cuts are asked about
 _CLOSED = 200  # advantages, those of the greatest bounds, that a cut is to close
@@ -311,7 +312,8 @@ class _Nearly:
     def __init__(self, mdp: OrdinalMDP, enough: float, seed: Seed) -> None:
         self._mdp, self._enough, self._key = mdp, enough, key_of(seed)
         self._worth = np.full(mdp.n_states, 0.5)  # (S,) under the last central scale
-        self._v: Floats | None = None
+        self._policy: NDArray[np.int64] | None = None
+        self._v: Floats | None = None  # (S, k) what it is worth, nearly
         self._total = np.zeros(mdp.n_states)  # that could be collected, by the last bounds
         self._most = _QUESTIONS if mdp.n_states <= _LONGER else _MORE
         self.rounds, self._asked = 0, 0  # policies solved for; rounds with the present one
@@ -324,7 +326,7 @@ class _Nearly:
         if self._pool is None or self._asked >= self._most or not self._in_vain(self._pool, comparator):
             self._solve(best_guess(comparator))
             sample = self._sample()
-            self._pool = advantages(self._mdp, self._policy, self._v, sample)
+            self._pool = advantages(self._mdp, self._kept(), self._v, sample)
             if not self._too_much(self._pool, comparator):
                 return self.look_further(comparator)
         return self._pool, Guarantee(np.inf, np.nan)
@@ -335,25 +337,38 @@ class _Nearly:
             return True
         if self._all is None or drawn_set(comparator) is not None:
             return False  # a sample, or drawn scales: these cannot show more
-        high, _ = simultaneous_bounds(comparator, pool.d)
+        high, _ = bounds_of_many(comparator, pool.d)
         total = collected(self._mdp, pool, high, self._total, _SHARE * self._enough)
         return bool(total.max(initial=0.0) > self._enough)
 
     def everything(self) -> Advantages:
         if self._all is None:
-            self._all = advantages(self._mdp, self._policy, self._v)
+            self._all = advantages(self._mdp, self._kept(), self._v)
         return self._all
 
     def some_of(self, over: Advantages) -> Advantages:
         """Of a sample of the states."""
-        return advantages(self._mdp, self._policy, self._v, self._sample())
+        return advantages(self._mdp, self._kept(), self._v, self._sample())
+
+    def _kept(self) -> NDArray[np.int64]:
+        """The present policy."""
+        assert self._policy is not None, "no round yet"
+        return self._policy
 
     def _solve(self, values: Floats) -> None:
-        mdp = self._mdp
+        """A policy for the central scale. Where its actions are as good, the last one is kept, and if they are so
+        everywhere its V as well: the same pairs, but for rounding, would be new ones and be asked about again."""
+        mdp, little = self._mdp, _SHARE * self._enough
         gain, ends = rewarded(mdp, values)
-        self._worth, self._policy, _ = nearly_optimal(mdp, gain, ends, self._worth, _SHARE * self._enough)
-        self._v = nearly_valued(mdp, self._policy, self._v, _SHARE * self._enough * (1 - mdp.discount))
-        self.rounds, self._asked, self._all = self.rounds + 1, 0, None
+        self._worth, policy, _ = nearly_optimal(mdp, gain, ends, self._worth, little)
+        last = self._policy
+        if last is not None:
+            q, rows = backed_up(mdp, gain, ends, self._worth), np.arange(mdp.n_states)
+            policy = np.where(q[rows, last] >= q[rows, policy] - little * (1 - mdp.discount), last, policy)
+        if last is None or (policy != last)[~mdp.terminal].any():
+            self._v = nearly_valued(mdp, policy, self._v, little * (1 - mdp.discount))
+            self._policy, self._all = policy, None
+        self.rounds, self._asked = self.rounds + 1, 0
 
     def _sample(self) -> NDArray[np.int64]:
         n = self._mdp.n_states
@@ -371,7 +386,9 @@ class _Nearly:
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """All bounds; questions may be about the greatest."""
+        """All bounds, of a policy for this comparator's central scale; questions may be about the greatest."""
+        if self._asked:
+            self._solve(best_guess(comparator))
         mdp, over, trusted = self._mdp, self.everything(), drawn_set(comparator)
         if trusted is None:
             high, confidence = bounds_of_many(comparator, over.d)
@@ -392,21 +409,28 @@ def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
     The box is of the plausible scales, along the principal axes of their draws: 2 (k - 1) bounds say how far it
     reaches, and all scales that they allow are in it. Without draws, or where bounds are not certain, so that what they
     are may depend on how many are asked for, there is no box."""
-    draws = draws_in(comparator)
-    if draws is None or not len(d):
-        return simultaneous_bounds(comparator, d)
-    gaps, weights = draws[:2]
-    spread = gaps - gaps @ weights[:, None]
-    axes = np.linalg.eigh(spread * weights @ spread.T)[1]  # (p, p), orthonormal
-    ways = np.concatenate([axes.T, -axes.T])
-    reach, confidence = simultaneous_bounds(comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0))
-    if confidence < 1 or np.isnan(confidence):
-        return simultaneous_bounds(comparator, d)
-    p, t = len(axes), tail_sums(d)
-    along = t @ axes
-    high: Floats = np.maximum(along * reach[:p], along * -reach[p:]).sum(axis=1)
+    if (draws := draws_in(comparator)) is not None:
+        gaps, weights = draws[:2]
+        spread = gaps - gaps @ weights[:, None]
+        axes = np.linalg.eigh(spread * weights @ spread.T)[1]  # (p, p), orthonormal
+        ways = np.concatenate([axes.T, -axes.T])
+        reach, confidence = simultaneous_bounds(comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0))
+        if confidence == 1 and np.isfinite(reach).all():
+            high = _bounds_by_box(axes, reach, d)
+            rows = np.flatnonzero(high > 0)
+            high[rows] = simultaneous_bounds(comparator, d[rows])[0]
+            return high, confidence
+    high, confidence = simultaneous_bounds(comparator, d)
+    return np.minimum(high, order_bounds(tail_sums(d), 0.0)[1]), confidence  # which may have been inf
+
+
+def _bounds_by_box(axes: Floats, reach: Floats, d: Floats) -> Floats:
+    """Upper bounds (n,) on d.e for scales whose gaps reach at most so far (2p,) along orthonormal axes, the columns
+    (p, p), and against them."""
+    p, high = len(axes), np.empty(len(d))
     astray = np.abs(axes @ axes.T - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps  # all of this is rounded
-    high += astray * np.abs(t).sum(axis=1)
-    rows = np.flatnonzero(high > 0)
-    high[rows] = simultaneous_bounds(comparator, d[rows])[0]
-    return high, confidence
+    for start in range(0, len(d), _BLOCK):
+        t, some = tail_sums(d[start : start + _BLOCK]), slice(start, start + _BLOCK)
+        along = t @ axes
+        high[some] = np.maximum(along * reach[:p], along * -reach[p:]).sum(axis=1) + astray * np.abs(t).sum(axis=1)
+    return high

@@ -474,3 +474,56 @@ def test_bounds_that_are_not_certain_are_asked_for_all_at_once():
     high, confidence = bounds_of_many(Doubtful(5), d)
     assert (asked[-1], confidence) == (50, 0.95)
     np.testing.assert_array_equal(high, PolytopeComparator(5).simultaneous_bounds(d)[0])
+
+
+def few_that_decide(seed, n=4100, m=6, actions=4, k=6):
+    """A large model in which only m states have a choice, and hidden values (k,)."""
+    rng = np.random.default_rng(seed)
+    successors, probabilities = np.zeros((m + n, actions, 3), int), np.full((m + n, actions, 3), 1 / 3)
+    levels, admissible = rng.integers(0, k, (m + n, actions)), np.ones((m + n, actions), bool)
+    successors[:m], probabilities[:m] = rng.integers(0, m, (m, actions, 3)), rng.dirichlet(np.ones(3), (m, actions))
+    successors[m:], admissible[m:, 1:] = rng.integers(0, m, (n, 1, 3)), False
+    names = [f"level {i + 1}" for i in range(k)]
+    mdp = OrdinalMDP(successors, probabilities, levels, 0.99, names, admissible=admissible)
+    return mdp, np.cumsum(rng.exponential(size=k))
+
+
+@pytest.mark.parametrize("seed", [4, 8, 25])  # with a policy of earlier answers these ended far above the tolerance
+def test_a_large_model_is_not_given_up_with_a_policy_of_earlier_answers(seed):
+    mdp, values = few_that_decide(seed)
+    result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values))
+    assert result.status is Status.CONVERGED
+    assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 0.001
+
+
+def test_pairs_called_equal_are_not_asked_about_for_ever_on_a_large_model():
+    side = 65
+    row, column = np.divmod(np.arange(side * side), side)
+    ways = ((0, 1), (1, 0), (0, -1), (-1, 0))
+    to = [np.clip(row + i, 0, side - 1) * side + np.clip(column + j, 0, side - 1) for i, j in ways]
+    successors = np.stack([np.stack([there, np.arange(side * side)], 1) for there in to], 1)
+    levels = np.repeat(np.random.default_rng(0).integers(0, 4, side * side)[:, None], 4, 1)
+    mdp = OrdinalMDP(successors, np.broadcast_to([0.8, 0.2], successors.shape), levels, 0.9, list("abcd"))
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), tolerance=0.01)
+    for _ in range(60):  # it took 34
+        if not (queries := learner.ask()):
+            break
+        learner.tell([Answer(query, Verdict.EQUAL) for query in queries])
+    assert learner.result().status is Status.CALLED_EQUAL
+
+
+def test_bounds_that_say_nothing_certify_nothing():
+    class Ignorant(PolytopeComparator):
+        def simultaneous_bounds(self, d):
+            return np.full(len(d), np.inf), 1.0
+
+        def update(self, answers):
+            known = super().update(answers)
+            known.__class__ = Ignorant
+            return known
+
+    high, _ = bounds_of_many(Ignorant(3), np.array([[1.0, -2, 1], [0, 0, 0], [-1, 0, 1]]))
+    np.testing.assert_array_equal(high, [1, 0, 1])  # what the order of the levels says
+    mdp, values = random_mdp(8, 3, 4, seed=1)  # which a polytope certifies
+    result = solve(mdp, Ignorant(4), TruthfulTutor(values), exact=False, cuts=False, max_queries=30)
+    assert result.status is not Status.CONVERGED
