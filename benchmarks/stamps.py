@@ -21,7 +21,12 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("elicit", "qlearn", "benchmarks")  # whose sources count
 LAZY = ("elicit", "qlearn")  # whose names are imported when they are first used
-NOT_MEASURED = ("benchmarks.stamps", "benchmarks.evidence", "benchmarks.quotes")
+NOT_MEASURED = (  # what they run is of no number; ``compile_ahead`` leaves nothing but machine code behind
+    "benchmarks.stamps",
+    "benchmarks.evidence",
+    "benchmarks.quotes",
+    "qlearn.experiments.compile_ahead",
+)
 STARTS = {  # what a program runs in processes of its own, beside itself
     "benchmarks.asking.person_sessions": ("benchmarks.asking.person_sessions", "qlearn.cli.teach"),
     "benchmarks.cold_start": (
@@ -111,10 +116,10 @@ def sources(program: str) -> str:
         todo = list(STARTS.get(program, (program,)))
     met: dict[str, bytes] = {}
     while todo:
-        if (name := todo.pop()) not in met:
+        if (name := todo.pop()) not in met and name not in NOT_MEASURED:
             met[name], further = _module(name, _file(name).stat().st_mtime_ns)
             todo += further
-    for name in sorted(met.keys() - {*NOT_MEASURED}):
+    for name in sorted(met):
         digest.update(name.encode() + met[name])
     return digest.hexdigest()
 

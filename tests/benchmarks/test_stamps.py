@@ -102,6 +102,18 @@ def test_a_lazy_name_leads_to_its_module_and_only_to_that():
     }
 
 
+def test_what_only_compiles_is_of_no_number(monkeypatch):
+    met = []
+    read = stamps._module
+    monkeypatch.setattr(stamps, "_module", lambda name, changed: met.append(name) or read(name, changed))
+    stamps.sources("qlearn")  # figures, whose compiling ahead knows all learners
+    assert "qlearn.learners.q_learning" in met
+    assert not {"qlearn.experiments.compile_ahead", "qlearn.learners.policy_iteration"} & {*met}
+    met.clear()
+    stamps.sources("benchmarks.asking.certificates")
+    assert "qlearn.learners.policy_iteration" in met
+
+
 def test_a_notebook_is_of_its_cells_and_of_the_tables_that_it_reads(tmp_path, monkeypatch):
     monkeypatch.setattr(stamps, "ROOT", tmp_path)
     page, data = tmp_path / "notebooks" / "x.ipynb", tmp_path / "notebooks" / "data"
