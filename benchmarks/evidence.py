@@ -107,7 +107,7 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-posteriors", "posteriors.preference_posteriors --journal results/posteriors.jsonl", 30, "peers"),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
-    results("RESULTS-ivi-huge", "learning.value_iteration_cost --states 1000000 --repeats 1", 25, "peers"),
+    results("RESULTS-ivi-huge", "learning.value_iteration_cost --states 1000000 --repeats 1 --limit 1200", 60, "peers"),
     results("RESULTS-lp", "comparing.comparison_cost", 3),
     results("RESULTS-training", "training.training_questions", 15),
     Page(
