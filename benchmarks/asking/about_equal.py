@@ -39,8 +39,8 @@ HEAD = (
 
 INTRODUCTION = """# About equal
 
-A person says "equal" when two things are close. Every comparator has a `tie`: the largest |d.e|, as a share of the
-value range e_k - e_1, that the tutor may call equal. It is .01 by default, and 0 for a tutor known to be exact:
+A person says "equal" when two things are close. Each of our comparators has a `tie`: the largest |d.e|, as a share of
+the value range e_k - e_1, that the tutor may call equal. It is .01 by default, and 0 for a tutor known to be exact:
 then "equal" means equal, to one part in 10^9.
 
 - **What an answer "equal" teaches.** The polytope cuts |d.e| <= tie. The relaxed polytope counts as violated what
