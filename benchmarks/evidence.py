@@ -7,7 +7,7 @@
 
 A page is stale if its stamp (``stamps``) names other sources than those its program would run now, or none. Stopped,
 the same command goes on, for pages that are done are current then. Within a page the figures, the ablation and the
-count of questions keep their finished runs; the other programs begin their page again.
+programs with a journal keep their finished runs; the others begin their page again.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
     results("RESULTS-growth", "learning.growth_by_size --journal results/growth.jsonl", 15, "peers"),
-    results("RESULTS-calibration", "fitting.calibration", 100, awaits=TOLD),
+    results("RESULTS-calibration", "fitting.calibration --journal results/calibration.jsonl", 100, awaits=TOLD),
     results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
     results("RESULTS-bradley-terry", "fitting.fit_cost", 15),
     results("RESULTS-posteriors", "posteriors.preference_posteriors --journal results/posteriors.jsonl", 30, "peers"),

@@ -1,12 +1,13 @@
 """How often the noisy-tutor comparators are wrong in what they decide, and how much that is.
 
-    python -m benchmarks.fitting.calibration [--quick] [--out FILE.md] [--csv FILE.csv]
+    python -m benchmarks.fitting.calibration [--quick] [--journal FILE] [--out FILE.md] [--csv FILE.csv]
         [--jobs N] [--levels 5 10 20] [--rules posterior ...] [--settings flips ...] [--seed N]
 
 A data set is a scale, a tutor and what she answered. On random pairs: 1000 answers in order, and after each of
 ``COUNTS`` of them the verdicts on fresh pairs. On a learner's pairs: a run of Q-learning or value iteration asks what
 the comparator in question leaves open, up to a budget, and its verdicts on what the run compares are judged.
-``calibration_questions`` counts what the lapse costs that nobody tells.
+``calibration_questions`` counts what the lapse costs that nobody tells. ``--journal`` keeps finished data sets: while
+the code is the same, the same command goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from time import perf_counter
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import ArrayLike
 
 from benchmarks.fitting.calibration_tables import Row, report, summary
 from benchmarks.fitting.tutor_data import open_pairs
 from benchmarks.reporting import save
+from benchmarks.stamps import sources
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
 from elicit.model.comparator import Comparator, Tier
@@ -39,6 +40,7 @@ from elicit.model.scale import Floats, as_vectors, tail_sums, values_of
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, Signs, TruthfulTutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, drive, random_mdp
 from qlearn.experiments.metrics import Watch, reference_differences
+from qlearn.experiments.parallel import Cell, sweep
 
 Rng: TypeAlias = np.random.Generator
 Rule: TypeAlias = Callable[[int, float, float, float], Comparator]  # of k, precision, lapse, refit_growth
@@ -129,7 +131,7 @@ def main(arguments: list[str] | None = None) -> None:
     if options.levels:
         size = size._replace(levels=tuple(options.levels))
     chosen = [s for s in SETTINGS if any(part in s.name for part in options.settings)]
-    cells = summary(measure(size, options.seed, options.jobs, chosen, options.rules))
+    cells = summary(measure(size, options.seed, options.jobs, chosen, options.rules, options.journal))
     text = "\n".join(report(cells))
     print(text)
     save(text + "\n", options.out, str(options.seed))
@@ -141,24 +143,41 @@ def main(arguments: list[str] | None = None) -> None:
             writer.writerows(c.flat() for c in cells)
 
 
-def measure(size: Size, seed: int, jobs: int, settings: Sequence[Setting], rules: Sequence[str]) -> list[Row]:
-    """All rows, in an order that does not depend on the number of jobs."""
+def measure(
+    size: Size, seed: int, jobs: int, settings: Sequence[Setting], rules: Sequence[str], journal: Path | None = None
+) -> list[Row]:
+    """All rows, in an order that does not depend on the number of jobs; a journal keeps those of finished data sets."""
     _warm_up(size.levels)
-    tasks = [
-        delayed(on_fresh_pairs)(s, k, i, seed, size, rules)
+    cells = [
+        {"pairs": "fresh", "setting": s.name, "k": k, "number": i}
         for k in size.levels
         for s in settings
         for i in range(s.times * size.sets)
     ]
-    for pairs in ("Q-learning", "value iteration"):
-        chosen = [s for s in settings if s.learners]
-        tasks += [
-            delayed(on_a_learner)(pairs, s, k, i, seed, size, rules)
-            for k in size.levels
-            for s in chosen
-            for i in range(size.runs)
-        ]
-    return [row for rows in Parallel(n_jobs=jobs)(tasks) for row in rows]
+    cells += [
+        {"pairs": pairs, "setting": s.name, "k": k, "number": i}
+        for pairs in ("Q-learning", "value iteration")
+        for k in size.levels
+        for s in settings
+        if s.learners
+        for i in range(size.runs)
+    ]
+    from benchmarks.fitting import calibration  # by the name that workers and the journal know, not as __main__
+
+    shared = {"seed": seed, "rules": list(rules), "size": [size.most, size.budget, size.steps, size.sweeps]}
+    made_of = sources(calibration.__name__)  # a row of other code is none of these
+    how = {"shared": shared, "journal": journal, "jobs": jobs}
+    found = sweep(calibration.on_a_data_set, cells, own=lambda cell: (made_of, {}), **how)
+    return [Row(*row) for rows in found for row in rows]
+
+
+def on_a_data_set(cell: Cell, seed: int, rules: Sequence[str], size: Sequence[int]) -> list[Row]:
+    """The rows of one data set; ``size`` has the answers, the budget, the steps and the sweeps at most."""
+    setting = next(s for s in SETTINGS if s.name == cell["setting"])
+    most = Size(0, 0, (), *size)
+    if cell["pairs"] == "fresh":
+        return on_fresh_pairs(setting, cell["k"], cell["number"], seed, most, rules)
+    return on_a_learner(cell["pairs"], setting, cell["k"], cell["number"], seed, most, rules)
 
 
 def on_fresh_pairs(setting: Setting, k: int, number: int, seed: int, size: Size, rules: Sequence[str]) -> list[Row]:
@@ -276,6 +295,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write one line a cell there")
     parser.add_argument("--jobs", type=int, default=2, help="processes, one thread each")
+    parser.add_argument("--journal", type=Path, help="file that keeps finished data sets")
     parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels k")
     parser.add_argument("--rules", nargs="+", choices=list(RULES), default=list(RULES), help="which to try")
     parser.add_argument(

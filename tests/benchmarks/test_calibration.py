@@ -1,5 +1,7 @@
 """The tables of the calibration benchmark: what is pooled, judged and called broken. No test looks at a time."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -65,3 +67,19 @@ def test_questions_are_counted_with_the_lapse_learned_and_told() -> None:
     head, table = calibration_questions.report(size, [4], [0.1], 1)
     assert "2 seeds" in head[-1]
     assert table[-1].startswith("| 4 | 10% | ")
+
+
+def test_a_stopped_calibration_goes_on_from_its_journal(tmp_path: Path) -> None:
+    size = calibration.QUICK._replace(sets=2, runs=1, most=10, steps=50, budget=5)
+    journal, chosen = tmp_path / "rows.jsonl", [s for s in calibration.SETTINGS if s.learners][:1]
+
+    def measured(size: calibration.Size) -> list[Row]:
+        return calibration.measure(size, 0, 1, chosen, ["posterior"], journal)
+
+    few = measured(size._replace(sets=1))
+    found = measured(size)
+    assert set(few) < set(found)  # with the seconds that they took then
+    assert [row._replace(seconds=0.0) for row in found] == [
+        row._replace(seconds=0.0) for row in calibration.measure(size, 0, 1, chosen, ["posterior"])
+    ]
+    assert measured(size) == found
