@@ -10,7 +10,9 @@ tables have the line, `RESULTS.md#10,000 states` is what stands under the headin
 
 from __future__ import annotations
 
+import argparse
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.reporting import markdown
@@ -107,5 +109,12 @@ def quotes_in(page: Path) -> list[re.Match[str]]:
     return [*QUOTE.finditer(page.read_text(encoding="utf-8"))]
 
 
-if __name__ == "__main__":
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The command."""
+    parser = argparse.ArgumentParser("python -m benchmarks.quotes", description=(__doc__ or "").splitlines()[0])
+    parser.parse_args(arguments)
     renew()
+
+
+if __name__ == "__main__":
+    main()

@@ -37,6 +37,9 @@ STARTS = {  # what a program runs in processes of its own, beside itself
     ),
     "qlearn": ("qlearn.cli.figures",),
 }
+AFTERWARDS = {  # what a program runs when the table that is kept of it is written: of no number in it
+    "qlearn": ("qlearn.paper.claims", "qlearn.paper.figures"),
+}
 _BEFORE = "Made before pages were stamped"
 _LINE = re.compile(rf"^(?:Made on (\S+)|{_BEFORE},) by `([^`]*)`(?:; seeds (.*); sources (\w+))?\.$", re.MULTILINE)
 
@@ -102,7 +105,7 @@ def without(text: str) -> str:
 def sources(program: str) -> str:
     """A hash of all that a program may run of elicit, qlearn and benchmarks: the code of the modules that it imports,
     wherever in them, and that they import, and so on; docstrings and comments do not count. Of a notebook (its path)
-    the code of its cells too, and the tables of notebooks/data that it names."""
+    the code of its cells too, and the tables of notebooks/data that it names; not what it runs ``AFTERWARDS``."""
     digest = hashlib.blake2b(digest_size=5)
     if program.endswith(".ipynb"):
         cells = json.loads((ROOT / program).read_text(encoding="utf-8"))["cells"]
@@ -115,8 +118,9 @@ def sources(program: str) -> str:
     else:
         todo = list(STARTS.get(program, (program,)))
     met: dict[str, bytes] = {}
+    left_out = (*NOT_MEASURED, *AFTERWARDS.get(program, ()))
     while todo:
-        if (name := todo.pop()) not in met and name not in NOT_MEASURED:
+        if (name := todo.pop()) not in met and name not in left_out:
             met[name], further = _module(name, _file(name).stat().st_mtime_ns)
             todo += further
     for name in sorted(met):

@@ -1,4 +1,5 @@
-"""What the site says of the paper's figures, from their runs: docs/claims.md, and five rows of docs/paper.md.
+"""What the site says of the paper's figures, from their runs: docs/claims.md, and of docs/paper.md five rows and the
+section on figures 2 to 4.
 
 python -m benchmarks.paper.figure_pages                             from the committed runs
 python -m benchmarks.paper.figure_pages results/figures/runs.csv    from those of `make figures`, which it commits
@@ -14,9 +15,9 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.reporting import save, with_interval
+from benchmarks.reporting import markdown, save, with_interval
 from qlearn.experiments.settings import TUTORS
-from qlearn.paper.claims import AS_PRINTED, claims, claims_page
+from qlearn.paper.claims import READINGS, answers, claims, claims_page, series_of, tutors_of
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "notebooks" / "data" / "figures.csv"
@@ -25,12 +26,13 @@ SAID = {
     3: "figure 3: it rises slightly with the number of states",
     4: "figure 4: the loss is below 1%",
 }
-_MEASURED = {
-    2: "Slope for 5 levels more, of all comparisons, in points",
-    3: "Slope for 100 states more, of all comparisons, in points",
-    4: "The formula, signed as printed, mean over the sizes, in percent",
+_UNIT = {
+    2: "Slopes in percentage points for 5 levels more; {places}.",
+    3: "Slopes in percentage points for 100 states more; {places}.",
+    4: "Percent, mean over the sizes; {places}. In brackets the interval, and after it what the answer goes by: the "
+    "farthest end of the interval at one size.",
 }
-_EXCESS = "excess_loss_percent"
+SECTION = "## Figures 2 to 4, by tutor"
 DOMINANCE = "2.2: dominance is partial and may not be very discriminating"
 FEWER = "6: the method learns a good policy with fewer questions"
 _FOOTNOTE = {"box-rescaled": "box with footnote 3"}
@@ -41,13 +43,51 @@ def claim_rows(frame: pd.DataFrame) -> list[str]:
     told = claims(frame)
     rows = [_dominance(frame), _fewer(frame)]
     for figure, claim in SAID.items():
-        printed = told[(told.figure == figure) & (told.measure == AS_PRINTED[figure])]
-        numbers = f"{_MEASURED[figure]}: {_numbers(printed)}"
-        if figure == 4:
-            excess = told[(told.figure == 4) & (told.measure == _EXCESS)]
-            numbers += f". True policy loss beyond the oracle's: {_numbers(excess)}; below 1%: {_verdicts(excess)}"
-        rows.append(f"| {claim} | {_verdicts(printed)} | {numbers} |")
+        verdicts = [
+            f"{_capital(measured)}: {_verdicts(told, figure, measure)}"
+            for measured, measure in READINGS[figure].items()
+        ]
+        rows.append(f"| {claim} | {'<br>'.join(verdicts)} | [figure {figure}, by tutor](#figure-{figure}) |")
     return rows
+
+
+def claim_section(frame: pd.DataFrame) -> str:
+    """The section of docs/paper.md with the answer of every comparator, tutor and measure, and its interval."""
+    told = claims(frame)
+    lines = [SECTION]
+    for figure, readings in READINGS.items():
+        lines += ["", f"### Figure {figure}", "", _UNIT[figure].format(places=_sizes(frame, figure))]
+        for measured, measure in readings.items():
+            by_name = answers(told, figure, measure)
+            cells = [
+                [_name(name), *(_cell(rows[tutor]) if tutor in rows else "" for tutor in tutors_of(told))]
+                for name, rows in by_name.items()
+            ]
+            lines += ["", f"{_capital(measured)}:", ""]
+            lines += markdown(["comparator", *tutors_of(told)], cells, 1 + len(tutors_of(told)))
+    return "\n".join([*lines, "", ""])
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
+
+
+def _sizes(frame: pd.DataFrame, figure: int) -> str:
+    rows = series_of(frame, "levels" if figure == 2 else "states")
+    ends = ((rows[name].min(), rows[name].max(), name) for name in ("states", "levels"))
+    sizes = [f"{least} to {most} {name}" if least < most else f"{least} {name}" for least, most, name in ends]
+    thin = [
+        f"{_name(name)} at {', '.join(map(str, sorted(some.states.unique())))} states only"
+        for name, some in rows.groupby("comparator", sort=False)
+        if some.states.nunique() < rows.states.nunique()
+    ]
+    return ", ".join([*sizes, f"{rows.seed.nunique()} runs", *thin])
+
+
+def _cell(row: Any) -> str:
+    """A claim's answer and its number."""
+    worst = f"; {row.worst:.2f}" if row.figure == 4 else ""
+    return f"{row.answer}<br>{row.estimate:+.2f} ({row.low:+.2f} to {row.high:+.2f}{worst})"
 
 
 def _dominance(frame: pd.DataFrame) -> str:
@@ -82,28 +122,21 @@ def _places(frame: pd.DataFrame) -> str:
     return f"{frame.states.min()} states, {frame.seed.nunique()} runs"
 
 
-def _verdicts(told: pd.DataFrame) -> str:
-    """Of each comparator, each answer with the tutors of whom it is true."""
-    parts = []
-    for name, rows in told.groupby("comparator", sort=False):
-        answers = []
-        for answer, some in rows.groupby("answer", sort=False):
-            answers.append(f"{answer} ({', '.join(sorted(some.errs, key=TUTORS.index))})")
-        parts.append(f"{_name(name)}: {', '.join(answers)}")
-    return "; ".join(parts)
+def _verdicts(told: pd.DataFrame, figure: int, measure: str) -> str:
+    """Each answer with the comparators and tutors of whom it is true; alone if it is of all."""
+    by_answer: dict[str, list[str]] = {}
+    for name, rows in answers(told, figure, measure).items():
+        for answer in dict.fromkeys(row.answer for row in rows.values()):
+            tutors = [tutor for tutor, row in rows.items() if row.answer == answer]
+            of = f" ({', '.join(sorted(tutors, key=TUTORS.index))})" if len(tutors) < len(rows) else ""
+            by_answer.setdefault(answer, []).append(f"{_name(name)}{of}")
+    if len(by_answer) == 1:
+        return f"{next(iter(by_answer))} for all"
+    return "; ".join(f"{answer} for {', '.join(names)}" for answer, names in by_answer.items())
 
 
 def _name(comparator: Any) -> str:
     return _FOOTNOTE.get(str(comparator), str(comparator))
-
-
-def _numbers(told: pd.DataFrame) -> str:
-    """Of each comparator, the estimate and its interval by tutor."""
-    parts = []
-    for name, rows in told.groupby("comparator", sort=False):
-        by_tutor = [f"{row.errs} {row.estimate:+.2f} ({row.low:+.2f} to {row.high:+.2f})" for row in rows.itertuples()]
-        parts.append(f"{_name(name)} {', '.join(by_tutor)}")
-    return "; ".join(parts)
 
 
 def with_rows(page: str, rows: Sequence[str]) -> str:
@@ -118,6 +151,17 @@ def with_rows(page: str, rows: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def with_section(page: str, section: str) -> str:
+    """The page with this section in place of the one with the same heading, which ends where the next one of its level
+    begins. Raises ValueError without it."""
+    heading = section.splitlines()[0]
+    before, found, after = page.partition(f"\n{heading}\n")
+    if not found or "\n## " not in after:
+        raise ValueError(f"the page must have the heading {heading!r}, and another of its level after it")
+    rest = after[after.index("\n## ") + 1 :]
+    return f"{before}\n{section}{rest}"
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Write both pages, and keep the runs that they are of."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -128,7 +172,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     frame = pd.read_csv(RUNS)
     save(claims_page(frame), ROOT / "docs" / "claims.md", f"0-{frame.seed.max()}")
     page = ROOT / "docs" / "paper.md"
-    page.write_text(with_rows(page.read_text(encoding="utf-8"), claim_rows(frame)), encoding="utf-8")
+    text = with_rows(page.read_text(encoding="utf-8"), claim_rows(frame))
+    page.write_text(with_section(text, claim_section(frame)), encoding="utf-8")
 
 
 if __name__ == "__main__":

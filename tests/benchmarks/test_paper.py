@@ -9,7 +9,7 @@ import pytest
 from benchmarks import quotes
 from benchmarks.paper import assumptions, exploration, literal, paired_runs
 from benchmarks.paper.ablation_table import table
-from benchmarks.paper.figure_pages import with_rows
+from benchmarks.paper.figure_pages import with_rows, with_section
 from benchmarks.paper.paired_runs import Choice
 from elicit import AlwaysAsk, TruthfulTutor
 from elicit._support.hashing import key_of
@@ -165,3 +165,11 @@ def test_rows_take_the_place_of_those_with_the_same_claim():
     assert with_rows(page, ["| one | new |"]) == page.replace("| one | old |", "| one | new |")
     with pytest.raises(ValueError, match="must have one row that begins with"):
         with_rows(page, ["| two | new |"])
+
+
+def test_a_section_takes_the_place_of_the_one_with_its_heading():
+    page = "# Page\n\n## One\n\nold\n\n### Part\n\nold\n\n## Two\n\nkept\n"
+    assert with_section(page, "## One\n\nnew\n\n") == "# Page\n\n## One\n\nnew\n\n## Two\n\nkept\n"
+    for heading in ("## Three", "## Two"):  # there is none, and there is none after it
+        with pytest.raises(ValueError, match=f"must have the heading '{heading}'"):
+            with_section(page, f"{heading}\n\nnew\n\n")

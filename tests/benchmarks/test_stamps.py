@@ -114,6 +114,21 @@ def test_what_only_compiles_is_of_no_number(monkeypatch):
     assert "qlearn.learners.policy_iteration" in met
 
 
+def test_what_reads_the_runs_is_of_no_number_in_them(monkeypatch):
+    met = []
+    read = stamps._module
+    monkeypatch.setattr(stamps, "_module", lambda name, changed: met.append(name) or read(name, changed))
+    (table,) = (page for page in evidence.PAGES if page.copy_of)  # which is what is kept of `qlearn figures`
+    assert table.sources
+    assert "qlearn.paper.figure_runs" in met
+    assert not {*stamps.AFTERWARDS["qlearn"]} & {*met}
+    met.clear()
+    stamps.sources("qlearn.paper.figure_runs")  # what makes the runs has no use for these
+    assert not {*stamps.AFTERWARDS["qlearn"]} & {*met}
+    stamps.sources("benchmarks.paper.figure_pages")
+    assert "qlearn.paper.claims" in met
+
+
 def test_a_notebook_is_of_its_cells_and_of_the_tables_that_it_reads(tmp_path, monkeypatch):
     monkeypatch.setattr(stamps, "ROOT", tmp_path)
     page, data = tmp_path / "notebooks" / "x.ipynb", tmp_path / "notebooks" / "data"

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from benchmarks import stamps
-from benchmarks.paper.figure_pages import claim_rows, with_rows
+from benchmarks.paper.figure_pages import claim_rows, claim_section, with_rows, with_section
 from qlearn.paper.claims import claims_page
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,3 +59,4 @@ def test_the_claims_are_those_of_the_committed_runs() -> None:
     rows = pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv")
     assert stamps.without((ROOT / "docs" / "claims.md").read_text(encoding="utf-8")) == claims_page(rows)
     assert with_rows(PAGE, claim_rows(rows)) == PAGE  # and so are the rows of figures 2 to 4
+    assert with_section(PAGE, claim_section(rows)) == PAGE

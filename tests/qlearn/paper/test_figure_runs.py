@@ -183,8 +183,10 @@ def test_its_sign_is_told_as_it_is(slope: float, noise: float, answer: str) -> N
     assert told.answer[told.figure == 3].nunique() == 1
     page = claims_page(made_up(slope, 0.0, noise=noise).assign(rounds=7000))
     assert page.count(f"| {answer} (") >= 4
-    by_tutor = page.split("| figure | comparator | 10%")[1].split("\n\n")[0]  # each claim's answer, a column a tutor
-    assert by_tutor.split("| 2      | box        | ")[1].split(" |")[0].strip() == answer
+    by_tutor = page.split("## Each claim at each precision")[1].split("\n\n## ")[0]  # an answer a column
+    found = [[cell.strip() for cell in line.split("|")] for line in by_tutor.splitlines() if line.startswith("|")]
+    head, box = found[0], next(cells for cells in found if cells[1] == "2" and cells[3] == "box")
+    assert (box[2], box[head.index("10%")]) == ("of all comparisons", answer)
     assert "\n6 runs a point, 7,000 steps each; 95% t-intervals" in page
     assert max(map(len, page.splitlines())) <= 120
     for table in page.split("\n\n"):  # to read as text too
