@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import pandas as pd
 
 from benchmarks.reporting import markdown, save, with_interval
 from qlearn.experiments.settings import TUTORS
-from qlearn.paper.claims import READINGS, answers, claims, claims_page, series_of, tutors_of
+from qlearn.paper.claims import FAILS, HOLDS, OPEN, READINGS, answers, claims, claims_page, series_of, tutors_of
 
 ROOT = Path(__file__).resolve().parents[2]
 RUNS = ROOT / "notebooks" / "data" / "figures.csv"
@@ -43,11 +43,17 @@ def claim_rows(frame: pd.DataFrame) -> list[str]:
     told = claims(frame)
     rows = [_dominance(frame), _fewer(frame)]
     for figure, claim in SAID.items():
-        verdicts = [
-            f"{_capital(measured)}: {_verdicts(told, figure, measure)}"
-            for measured, measure in READINGS[figure].items()
-        ]
-        rows.append(f"| {claim} | {'<br>'.join(verdicts)} | [figure {figure}, by tutor](#figure-{figure}) |")
+        verdicts, others = [], []
+        for measured, measure in READINGS[figure].items():
+            by_answer = _by_answer(answers(told, figure, measure))
+            cases = {answer: sum(map(len, of.values())) for answer, of in by_answer.items()}
+            counts = ", ".join(f"{answer} in {n}" for answer, n in cases.items())
+            verdicts.append(f"{_capital(measured)}, {sum(cases.values())} cases: {counts}")
+            for answer in [answer for answer in by_answer if answer != HOLDS]:
+                whose = (f"{_name(name)} ({', '.join(tutors)})" for name, tutors in by_answer[answer].items())
+                others.append(f"{_capital(answer)}, {measured}: {'; '.join(whose)}")
+        links = f"[Figure {figure}, by tutor](#figure-{figure})"
+        rows.append(f"| {claim} | {'<br>'.join(verdicts)} | {'<br>'.join([*others, links])} |")
     return rows
 
 
@@ -122,17 +128,14 @@ def _places(frame: pd.DataFrame) -> str:
     return f"{frame.states.min()} states, {frame.seed.nunique()} runs"
 
 
-def _verdicts(told: pd.DataFrame, figure: int, measure: str) -> str:
-    """Each answer with the comparators and tutors of whom it is true; alone if it is of all."""
-    by_answer: dict[str, list[str]] = {}
-    for name, rows in answers(told, figure, measure).items():
-        for answer in dict.fromkeys(row.answer for row in rows.values()):
-            tutors = [tutor for tutor, row in rows.items() if row.answer == answer]
-            of = f" ({', '.join(sorted(tutors, key=TUTORS.index))})" if len(tutors) < len(rows) else ""
-            by_answer.setdefault(answer, []).append(f"{_name(name)}{of}")
-    if len(by_answer) == 1:
-        return f"{next(iter(by_answer))} for all"
-    return "; ".join(f"{answer} for {', '.join(names)}" for answer, names in by_answer.items())
+def _by_answer(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, list[str]]]:
+    """Of each answer, "holds" first, the tutors with whom it is true, by comparator."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for answer in (HOLDS, FAILS, OPEN):
+        for name, by_tutor in rows.items():
+            if of := [tutor for tutor, row in by_tutor.items() if row.answer == answer]:
+                found.setdefault(answer, {})[name] = of
+    return found
 
 
 def _name(comparator: Any) -> str:
