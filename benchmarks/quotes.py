@@ -5,7 +5,8 @@
 In prose, `<!-- assumptions.md: m = 100: % of all -->+0.9 ± 1.1<!-- -->` is the cell of the line "m = 100" in the column
 "% of all" of the tables in docs/assumptions.md; the comments are not seen where the page is read. A line is named by
 its first cell, or by as many of its first cells as it takes, with commas: "2, box, 10%, % asked of open". Where several
-tables have the line, `RESULTS.md#10,000 states` is what stands under the heading that begins so.
+tables have the line, `RESULTS.md#10,000 states` is what stands under the heading that is or begins so; a
+heading with a colon is put in quotation marks.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from benchmarks.reporting import markdown
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("choosing", "evidence", "options", "paper")))
 ALL = "all lines"
-QUOTE = re.compile(r"<!-- (\S+\.md)(#[^:]+)?: (.+?): ([^:]+?) -->(.*?)<!-- -->", re.DOTALL)
+QUOTE = re.compile(r'<!-- (\S+?\.md)(#"[^"]+"|#[^:]+)?: (.+?): ([^:]+?) -->(.*?)<!-- -->', re.DOTALL)
 
 
 def renewed(text: str, folder: Path) -> str:
@@ -32,7 +33,7 @@ def renewed(text: str, folder: Path) -> str:
         page, heading, line, column, _ = match.groups(default="")
         if page not in pages:
             pages[page] = (folder / page).read_text(encoding="utf-8")
-        there, name = tables(under(pages[page], page, heading[1:])), page + heading
+        there, name = tables(under(pages[page], page, heading[1:].strip('"'))), page + heading
         found = columns(there, name, column) if line == ALL else cell(there, name, line, column)
         return f"<!-- {name}: {line}: {column} -->{found}<!-- -->"
 
@@ -40,10 +41,12 @@ def renewed(text: str, folder: Path) -> str:
 
 
 def under(text: str, page: str, begins: str) -> str:
-    """What stands under the heading that begins so, up to the next; all, if it begins with nothing."""
+    """What stands under the heading that is so, or else begins so, up to the next; all, if it begins with nothing."""
     if not begins:
         return text
-    parts = [part for part in re.split(r"^#+ ", text, flags=re.MULTILINE)[1:] if part.startswith(begins)]
+    every = re.split(r"^#+ ", text, flags=re.MULTILINE)[1:]
+    whole = [part for part in every if part.splitlines()[0] == begins]
+    parts = whole or [part for part in every if part.startswith(begins)]
     if len(parts) != 1:
         raise ValueError(f"{page} has {len(parts) or 'no'} headings that begin with {begins!r}: 1 is quoted from")
     return parts[0]

@@ -92,3 +92,11 @@ def test_a_page_written_elsewhere_changes_no_other(folder, monkeypatch):
     assert "13.7" not in prose.read_text()
     quotes.renew_beside(folder / "results.md")
     assert "13.7 ± 6.2" in prose.read_text()
+
+
+def test_a_whole_heading_goes_before_longer_ones_and_may_have_a_colon(folder):
+    page = f"## Pairs: even\n\n{TABLE}\n## Pairs: even, later\n\n{TABLE.replace('1.5', '2.5')}"
+    (folder / "pairs.md").write_text(page)
+    for heading, found in (("Pairs: even", "1.5"), ("Pairs: even, l", "2.5")):
+        quote = f'<!-- pairs.md#"{heading}": box: slope -->'
+        assert quotes.renewed(f"{quote}?<!-- -->", folder) == f"{quote}{found}<!-- -->"
