@@ -19,7 +19,10 @@ from pathlib import Path
 from benchmarks.reporting import markdown
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = (ROOT / "README.md", *(ROOT / "docs" / f"{name}.md" for name in ("choosing", "evidence", "options", "paper")))
+PAGES = (
+    ROOT / "README.md",
+    *(ROOT / "docs" / f"{name}.md" for name in ("before-you-ask", "choosing", "evidence", "options", "paper")),
+)
 ALL = "all lines"
 QUOTE = re.compile(r'<!-- (\S+?\.md)(#"[^"]+"|#[^:]+)?: (.+?): ([^:]+?) -->(.*?)<!-- -->', re.DOTALL)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -96,6 +97,27 @@ def tutors_of(told: pd.DataFrame) -> list[str]:
     return [name for name in TUTORS if (told.errs == name).any()]
 
 
+def sizes_of(frame: pd.DataFrame, figure: int, names: Mapping[str, str] | None = None) -> str:
+    """The sizes of a figure and its runs a point, and which comparators with which tutors have fewer sizes, in words;
+    ``names`` of comparators, where they are called otherwise."""
+    axis = "levels" if figure == 2 else "states"
+    rows = series_of(frame, axis)
+    ends = ((rows[name].min(), rows[name].max(), name) for name in ("states", "levels"))
+    sizes = [f"{least} to {most} {name}" if least < most else f"{least} {name}" for least, most, name in ends]
+    fewer: dict[str, dict[str, list[str]]] = {}
+    for (name, tutor), some in rows.groupby(_ARM, sort=False):
+        if some[axis].nunique() < rows[axis].nunique():
+            places = ", ".join(map(str, sorted(some[axis].unique())))
+            fewer.setdefault(places, {}).setdefault((names or {}).get(str(name), str(name)), []).append(str(tutor))
+    thin = [f"at {places} {axis} only: {listed(arms)}" for places, arms in fewer.items()]
+    return "; ".join([f"{', '.join(sizes)}, {rows.seed.nunique()} runs a point", *thin])
+
+
+def listed(arms: Mapping[str, Sequence[str]]) -> str:
+    """Comparators with their tutors, in words."""
+    return ", ".join(f"{name} ({', '.join(tutors)})" for name, tutors in arms.items())
+
+
 def error_rates(frame: pd.DataFrame) -> pd.DataFrame:
     """How often tutors erred, in percent, one row a comparator and tutor who errs: ``reference``, of the comparisons of
     an optimal policy that dominance leaves open, as expected of him, and ``realised``, of the answers that he gave;
@@ -115,6 +137,8 @@ _PAGE = """\
 
 {runs} runs a point, {steps:,} steps each; 95% t-intervals over the runs. Written by `qlearn figures`.
 
+{sizes}
+
 The paper does not say how precise its tutor was. Here he never errs (truthful), or errs as in eq. (6): with c = 1
 where vectors are discounted counts and values those of 0..99 (c=1), or with a precision that makes him err in a
 given share of the comparisons of an optimal policy that dominance leaves open (the reference). What is asked is
@@ -129,8 +153,8 @@ _SAID = """
   queries (tutor or model)". Its section 2.2 eliminates dominated vectors, its Algorithm 2 does not say where: if
   first, queries are the comparisons that dominance leaves open; if not at all, they are all comparisons.
 - figure 4: the loss is lower than 1%. The formula is v - V, the values learned with the model less those without it,
-  so that what the model loses is negative: "holds" where the interval lies within 1% of zero at every size, "does
-  not hold" where it lies beyond on one side at some size, else "not told". The true policy loss, beyond that of
+  so that what the model loses is negative: "holds" where the interval of every size lies within 1% of zero, "does
+  not hold" where that of some size lies wholly beyond, else "not told". The true policy loss, beyond that of
   Q-learning which always asks, is held to the same 1%, of the value range.
 
 """
@@ -168,7 +192,10 @@ def claims_page(frame: pd.DataFrame) -> str:
         )
         for row in error_rates(frame).itertuples()
     ]
-    page = _PAGE.format(runs=frame.seed.nunique(), steps=frame.rounds.max())
+    sizes = "\n".join(
+        fill(f"- Figure{n}: {sizes_of(frame, int(n[-1]))}.", 118, subsequent_indent="  ") for n in (" 2", "s 3 and 4")
+    )
+    page = _PAGE.format(runs=frame.seed.nunique(), steps=frame.rounds.max(), sizes=sizes)
     page += _table(_ANSWERED, answered) + _SAID + _table(("figure", "measured", "comparator", *tutors), verdicts)
     return page + _ALL + _table(_HEAD, [_cells(row) for row in told.itertuples()])
 
