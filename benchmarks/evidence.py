@@ -70,7 +70,6 @@ def notebook(name: str, minutes: float) -> Page:
     return Page(f"notebooks/{name}.ipynb", f"notebooks.execute {name}", minutes)
 
 
-ERRING = "its runs with a tutor who errs are of older code"
 PAGES = (  # a notebook after the tables that it reads
     Page(
         "notebooks/data/figures.csv",
@@ -93,7 +92,7 @@ PAGES = (  # a notebook after the tables that it reads
         30,
     ),
     results("RESULTS-certified", "asking.certificates --journal results/certificates.jsonl", 25),
-    results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 180, awaits=ERRING),
+    results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 70),
     results("RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 40),
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
