@@ -93,7 +93,7 @@ PAGES = (  # a notebook after the tables that it reads
     ),
     results("RESULTS-certified", "asking.certificates --journal results/certificates.jsonl", 25),
     results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 70),
-    results("RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 40),
+    results("RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 10),
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
