@@ -82,7 +82,7 @@ PAGES = (  # a notebook after the tables that it reads
     Page(
         "docs/assumptions.md",
         "benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md",
-        20,
+        60,
     ),
     Page("docs/literal.md", "benchmarks.paper.literal --journal results/literal.jsonl --out docs/literal.md", 25),
     Page("docs/exploration.md", "benchmarks.paper.exploration --out docs/exploration.md", 5),
@@ -101,7 +101,7 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-calibration", "fitting.calibration --journal results/calibration.jsonl", 35),
     results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
     results("RESULTS-bradley-terry", "fitting.fit_cost", 15),
-    results("RESULTS-posteriors", "posteriors.preference_posteriors --journal results/posteriors.jsonl", 30, "peers"),
+    results("RESULTS-posteriors", "posteriors.preference_posteriors --journal results/posteriors.jsonl", 10, "peers"),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
     results("RESULTS-ivi-huge", "learning.value_iteration_cost --states 1000000 --repeats 1 --limit 1200", 60, "peers"),
