@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_whole, require
 from elicit.lp.hit_and_run import Draws
@@ -78,8 +79,8 @@ class Bags:
         if not n:
             return -1, np.empty(0)
         d = (asked.left - asked.right) / self.days
-        chance = says_left(tail_sums(d) @ draws.gaps, draws.precision, lapse)
-        told = information(chance, tail_sums(wanted_signs) @ draws.gaps > 0, draws.weights)
+        chance = says_left(product(tail_sums(d), draws.gaps), draws.precision, lapse)
+        told = information(chance, product(tail_sums(wanted_signs), draws.gaps) > 0, draws.weights)
         told[np.array([int(row) for row in skip], dtype=np.intp)] = 0.0
         if not told.max() > _LEAST:
             return -1, told
@@ -139,13 +140,13 @@ def entropy(chance: Floats) -> Floats:
 def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> Floats:
     """Mutual information (n,), in bits, of an answer with ``chance`` (n, m) under m scales of these weights (m,) and of
     each of ``events`` (c, m), true or false under each scale: the mean over the events."""
-    prior = events @ weights
+    prior = product(events, weights)
     some = (prior > 0) & (prior < 1)
     if not some.any():
         return np.zeros(len(chance))
     true, mass = events[some] * weights, prior[some]
-    overall = chance @ weights
-    if_true = np.clip(chance @ true.T / mass, 0.0, 1.0)
+    overall = product(chance, weights)
+    if_true = np.clip(product(chance, true.T) / mass, 0.0, 1.0)
     if_false = np.clip((overall[:, None] - if_true * mass) / (1.0 - mass), 0.0, 1.0)
     told = entropy(overall)[:, None] - mass * entropy(if_true) - (1.0 - mass) * entropy(if_false)
     return np.asarray(np.maximum(told, 0.0).sum(axis=1) / len(events))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator, rough_bounds
@@ -22,6 +23,7 @@ _APART = 0.97  # cosine: directions closer than that count as one
 _NEAR = 0.3  # cosine: differences in this direction are cut off together
 _SHARES = (0.5, 0.7, 0.85)  # of what is plausible that a cut leaves where the answer is the likely one
 _SLACK = 0.1  # of the bound before, or of the limit: by how much bounds may be too high where cuts are weighed
+_FLAT = 1e-9  # of the longest: directions shorter than that have no room
 _GRAINS = 2.0**30  # of which a mixture of a cut is made
 
 
@@ -50,44 +52,53 @@ def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, l
         return halvings(np.minimum(high, rough_bounds(known, d, slack)))
 
     def worth(asked: Floats) -> float:
-        below = float((tail_sums(asked) @ draws.gaps < 0) @ draws.weights)
+        below = float(product(product(tail_sums(asked), draws.gaps) < 0, draws.weights))
         sides = ((below, Verdict.WORSE), (1.0 - below, Verdict.BETTER))
         return now - sum(share * left(asked, verdict) for share, verdict in sides if share > 0)
 
     now, slack = halvings(high), _SLACK * np.maximum(limit, high)
     own = np.argsort(-high, kind="stable")[:_OWN]
     found = [Cut(d[i], int(i)) for i in own] + [Cut(row, -1) for row in _cuts(draws, d, high, limit)]
-    return max(found, key=lambda cut: worth(cut.d))
+    return max(found, key=lambda cut: round(worth(cut.d), 9))  # of equals the first
 
 
 def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
-    """Differences (k,), below 0 for each of ``_SHARES`` of the draws, in directions towards where d (n, k) are open."""
-    middle = draws.gaps @ draws.weights
-    moments = (draws.gaps - middle[:, None]) * draws.weights @ (draws.gaps - middle[:, None]).T
-    size, axes = np.linalg.eigh(moments)
-    some = size > 1e-10 * size[-1]
-    if not size[-1] > 0:
-        return []
-    # coordinates in which the draws scatter alike to all sides
-    to, back = axes[:, some] * np.sqrt(size[some]), axes[:, some] / np.sqrt(size[some])
-    ways = tail_sums(d) @ to
-    length = np.linalg.norm(ways, axis=1)
+    """Differences (k,), below 0 for each of ``_SHARES`` of the draws, in directions towards where d (n, k) are open.
+
+    A direction is a vector of tail sums. Its length is the standard deviation of d.e over the draws, so that the
+    draws scatter alike to all sides, and the cosine of two directions is their correlation.
+    """
+    spread = draws.gaps - product(draws.gaps, draws.weights)[:, None]
+    covariance = product(spread * draws.weights, spread.T)
+
+    def length(ways: Floats) -> Floats:
+        return np.sqrt(np.maximum((product(ways, covariance) * ways).sum(axis=1), 0.0))
+
+    ways = tail_sums(d)
+    size = length(ways)
     order = np.argsort(-high, kind="stable")
-    order, weight = order[length[order] > 0], np.log2(np.maximum(1.0 + high / limit, 1.0))
-    ways[order] /= length[order, None]
-    chosen: list[Floats] = []
+    order = order[size[order] > _FLAT * size.max()]
+    if not len(order):
+        return []
+    weight = np.log2(np.maximum(1.0 + high / limit, 1.0))
+    ways[order] /= size[order, None]
+    seen = product(ways, covariance)  # the cosine of ways i and j is seen[i] . ways[j]
+    chosen: list[int] = []
     for i in order:
-        if len(chosen) < _WAYS and all(ways[i] @ other < _APART for other in chosen):
-            chosen.append(ways[i])
-    for way in [*chosen[: _WAYS // 2], None]:
-        near = order if way is None else order[ways[order] @ way > _NEAR]
-        mean = weight[near] @ ways[near]
-        if np.linalg.norm(mean) > 1e-9:
-            chosen.append(mean / np.linalg.norm(mean))
+        if len(chosen) == _WAYS:
+            break
+        if all(product(seen[i], ways[j]) < _APART for j in chosen):
+            chosen.append(i)
+    means = []
+    for i in [*chosen[: _WAYS // 2], None]:
+        near = order if i is None else order[product(ways[order], seen[i]) > _NEAR]
+        means.append(product(weight[near], ways[near]))
+    middle = np.array(means)
+    size = length(middle)
+    some = size > 1e-9
     found = []
-    for way in chosen:
-        t = back @ way
-        for height in np.quantile(t @ draws.gaps, _SHARES):  # gaps total 1: a constant in t shifts the cut
+    for t in [*ways[chosen], *(middle[some] / size[some, None])]:
+        for height in np.quantile(product(t, draws.gaps), _SHARES):  # gaps total 1: a constant in t shifts the cut
             found.append(_difference(t - height))
     return found
 

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq, null_space
 from scipy.optimize import linprog
 
+from elicit._support.fixed_order import LeastSquares, null_basis, product, sums_to_zero
 from elicit._support.threads import one_thread
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
 from elicit.lp.region import Region
@@ -83,7 +83,7 @@ def _opposites(shape: _Shape) -> _Hull:
 
 def _inside(g: Floats, shape: _Shape, flat: Flags) -> bool:
     """Whether g satisfies every constraint, those of the flat's own rows to within _FLAT."""
-    slack = (shape.rows @ g - shape.limits) / shape.size
+    slack = (product(shape.rows, g) - shape.limits) / shape.size
     return bool((slack[~flat] > 0).all() and (slack[flat] > -_FLAT).all())
 
 
@@ -104,7 +104,7 @@ def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
     if found.x is None:
         return None
     g: Floats = found.x[:p] / found.x[:p].sum()
-    slack = (shape.rows @ g - shape.limits) / shape.size
+    slack = (product(shape.rows, g) - shape.limits) / shape.size
     return g if slack[free].min(initial=1.0) > _FLAT else None
 
 
@@ -116,19 +116,20 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
     flat = np.zeros(m, dtype=bool)
     for i in range(m):
         mean = (np.sum(corners, axis=0) / len(corners)).astype(np.float64)
-        if shape.rows[i] @ mean - shape.limits[i] > _FLAT * shape.size[i]:
+        if product(shape.rows[i], mean) - shape.limits[i] > _FLAT * shape.size[i]:
             continue
         corner = minimise_exactly(-shape.rows[i], region).g
-        flat[i] = float(shape.rows[i] @ corner.astype(np.float64)) - shape.limits[i] <= _FLAT * shape.size[i]
+        flat[i] = float(product(shape.rows[i], corner.astype(np.float64))) - shape.limits[i] <= _FLAT * shape.size[i]
         if not flat[i]:
             corners.append(corner)
     mean = (np.sum(corners, axis=0) / len(corners)).astype(np.float64)
-    return mean, _Hull(flat, shape.rows[flat], shape.rows[flat] @ mean)
+    return mean, _Hull(flat, shape.rows[flat], product(shape.rows[flat], mean))
 
 
 def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
     """The analytic centre along the affine hull, from a point g of it that has room in all rows that are not flat."""
-    along = null_space(np.concatenate([np.ones((1, len(g))), hull.equal]), rcond=1e-12)
+    p = len(g)
+    along = null_basis(np.concatenate([np.ones((1, p)), hull.equal])) if len(hull.equal) else sums_to_zero(p)
     if along.shape[1] == 0:
         return g
     g = climb(g, shape.rows[~hull.flat], shape.limits[~hull.flat], along)
@@ -136,24 +137,25 @@ def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
 
 
 @one_thread
-def climb(x: Floats, rows: Floats, limits: Floats, along: Floats, driver: str = "gelsd") -> Floats:
+def climb(x: Floats, rows: Floats, limits: Floats, along: Floats) -> Floats:
     """The point of x + span(along), x (n,) and along (n, q), where the product of the slacks of rows x >= limits is
     greatest, from an x of positive slacks: damped Newton steps on the self-concordant barrier (Nesterov and
-    Nemirovskii 1994). ``driver``: LAPACK's for least squares; "gelsy" is faster and less exact."""
+    Nemirovskii 1994)."""
     if not along.size:
         return x
-    moves = rows @ along
+    moves = product(rows, along)
     moving = np.abs(moves).max(axis=1) > 1e-13 * np.abs(rows).max(axis=1)
     rows, limits, moves = rows[moving], limits[moving], moves[moving]
     last = np.inf
     for _ in range(200):
-        slack = rows @ x - limits
+        slack = product(rows, x) - limits
         # least squares on the scaled rows: the Newton step without squaring the condition number
         scaled = moves / slack[:, None]
-        step = lstsq(scaled, np.ones(len(slack)), lapack_driver=driver, check_finite=False)[0]
-        decrement = float(np.linalg.norm(scaled @ step))
+        step = LeastSquares(scaled).solve(np.ones(len(slack)))
+        along_rows = product(scaled, step)
+        decrement = float(np.sqrt((along_rows * along_rows).sum()))
         if decrement < 1e-10 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding lets it
             break
         last = decrement
-        x = x + along @ step / (1.0 + decrement if decrement > 0.25 else 1.0)
+        x = x + product(along, step) / (1.0 + decrement if decrement > 0.25 else 1.0)
     return x

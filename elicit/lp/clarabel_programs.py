@@ -6,6 +6,7 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
+from elicit._support.fixed_order import product
 from elicit.lp.dual_simplex import minimise, minimise_exactly
 from elicit.lp.region import Region, certified_bound, pull_inside, rounding
 from elicit.model.scale import Floats
@@ -62,7 +63,7 @@ class Programs:
         t.g shows how tight the bound is. Where floats cannot show it, the exact optimum is rounded down."""
         for propose in (self.solve, self._vertex):
             low, point = self._proven(t, propose(t), inside)
-            if point is not None and float(t @ point) - low < enough:
+            if point is not None and float(product(t, point)) - low < enough:
                 return low
         value = minimise_exactly(t, self.region).value
         low = float(value)
@@ -74,7 +75,7 @@ class Programs:
         low, point = self._proven(t, self.solve(t), inside)
         if low > 0:
             return 1, None
-        if point is not None and float(t @ point) < -rounding(self.region.p, 4.0 * float(np.abs(t) @ point)):
+        if point is not None and float(product(t, point)) < -rounding(self.region.p, 4.0 * float(product(np.abs(t), point))):
             return -1, point
         return 0, None
 

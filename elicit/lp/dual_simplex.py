@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.fixed_order import product
 from elicit.lp.region import Region, rounding
 from elicit.model.scale import Floats
 
@@ -54,14 +55,14 @@ def minimise(t: Floats, region: Region) -> Vertex:
         goal = t + _NUDGE * np.abs(t).max() * _tie_break(p) if t.any() else _tie_break(p)
         active, inverse = _order_vertex(int(np.argmin(goal)), p, 1.0)
         for _ in range(50 + 10 * p):
-            g = inverse @ np.concatenate([[1.0], limits[active]])
-            relative = (constraints @ g - limits) / scale
+            g = product(inverse, np.concatenate([[1.0], limits[active]]))
+            relative = (product(constraints, g) - limits) / scale
             entering = int(np.argmin(relative))
             if not relative[entering] < -_TOLERANCE:
                 weights = np.zeros(p + m)
-                weights[active] = (t @ inverse)[1:]
-                return Vertex(End.OPTIMAL, t @ g, g, weights[p:], tuple(active))
-            w, y = constraints[entering] @ inverse, goal @ inverse
+                weights[active] = product(t, inverse)[1:]
+                return Vertex(End.OPTIMAL, product(t, g), g, weights[p:], tuple(active))
+            w, y = product(constraints[entering], inverse), product(goal, inverse)
             tolerance = _TOLERANCE * scale[entering]
             ratios = [(max(y[i + 1], 0.0) / w[i + 1], c, i) for i, c in enumerate(active) if w[i + 1] > tolerance]
             if not ratios:
@@ -162,8 +163,8 @@ class _Corner:
         most = 10**300 * unit
         point = np.array([min(max(x, -most), most) / unit for x in g])
         with np.errstate(all="ignore"):
-            slack = self._constraints @ point - self._limits
-            magnitude = np.abs(self._constraints) @ np.abs(point) + np.abs(self._limits)
+            slack = product(self._constraints, point) - self._limits
+            magnitude = product(np.abs(self._constraints), np.abs(point)) + np.abs(self._limits)
             doubtful = np.flatnonzero(~(slack > rounding(len(g), magnitude)))
             if not by_index:
                 size = np.maximum(np.abs(self._constraints[doubtful]).max(axis=1, initial=0.0), 2.0**-1000)

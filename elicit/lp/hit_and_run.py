@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from elicit._support.fixed_order import LeastSquares, product, sums_to_zero
 from elicit._support.hashing import name_code
 from elicit._support.threads import one_thread
 from elicit.lp.region import Region
@@ -39,10 +40,10 @@ def draws_within(region: Region, inside: Floats) -> Draws:
     rng = np.random.Generator(np.random.Philox(_KEY))
     rows, limits = region.constraints
     shape = _ellipsoid(rows, limits, inside)
-    slack = rows @ g - limits[:, None]
+    slack = product(rows, g) - limits[:, None]
     for _ in range(STEPS):
-        way = shape @ rng.standard_normal((p - 1, CHAINS))
-        rate = rows @ way
+        way = product(shape, rng.standard_normal((p - 1, CHAINS)))
+        rate = product(rows, way)
         with np.errstate(all="ignore"):
             reach = -slack / rate  # where each constraint is met
         up = np.where(rate < 0, reach, np.inf).min(axis=0)
@@ -56,9 +57,5 @@ def draws_within(region: Region, inside: Floats) -> Draws:
 def _ellipsoid(rows: Floats, limits: Floats, inside: Floats) -> Floats:
     """A matrix (p, p - 1) that turns standard normals into directions along sum g = 1 with the covariance of the
     Dikin ellipsoid at ``inside``, up to a factor."""
-    p = len(inside)
-    slack = np.maximum(rows @ inside - limits, 1e-300)
-    along = np.linalg.qr(np.concatenate([np.ones((p, 1)), np.eye(p)[:, 1:]], axis=1))[0][:, 1:]
-    scaled = rows @ along / slack[:, None]
-    _, size, axes = np.linalg.svd(scaled, full_matrices=False)
-    return np.asarray(along @ (axes.T / np.maximum(size, 1e-12 * size.max())))
+    along, slack = sums_to_zero(len(inside)), np.maximum(product(rows, inside) - limits, 1e-300)
+    return product(along, LeastSquares(product(rows, along) / slack[:, None], least=1e-12).shape)

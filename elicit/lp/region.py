@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.fixed_order import product
 from elicit._support.jit import compiled
 from elicit.lp.prior_inequalities import Prior
 from elicit.model.query import Answers
@@ -146,9 +147,9 @@ def certified_bound(t: Floats, y: Floats, region: Region) -> float:
     p, used = region.p, np.flatnonzero(y)
     rows, rhs, weights = region.rows[used], region.rhs[used], y[used]
     with np.errstate(all="ignore"):
-        rest = t - weights @ rows
-        size = float((np.abs(t) + weights @ np.abs(rows)).max()) + float(weights @ np.abs(rhs))
-        bound = float(order_bounds(rest, region.margin)[0] + weights @ rhs - 5.0 * rounding(p + len(used), size))
+        rest = t - product(weights, rows)
+        size = float((np.abs(t) + product(weights, np.abs(rows))).max()) + float(product(weights, np.abs(rhs)))
+        bound = float(order_bounds(rest, region.margin)[0] + product(weights, rhs) - 5.0 * rounding(p + len(used), size))
     return bound if np.isfinite(bound) else -np.inf
 
 
@@ -181,8 +182,8 @@ def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
 def _slack(g: Floats, region: Region) -> tuple[Floats, Floats]:
     """By how much g exceeds each limit (p + m,), and more than that number's rounding error."""
     with np.errstate(all="ignore"):
-        slack = np.concatenate([g - region.margin, region.rows @ g - region.rhs])
-        doubt = 4.0 * rounding(region.p, np.abs(region.rows) @ np.abs(g) + np.abs(region.rhs))
+        slack = np.concatenate([g - region.margin, product(region.rows, g) - region.rhs])
+        doubt = 4.0 * rounding(region.p, product(np.abs(region.rows), np.abs(g)) + np.abs(region.rhs))
         # the further terms: the components of g total 1 only to 1e-12
         order = np.full(region.p, 1e-11 * region.margin + 1e-300)
         return slack, np.concatenate([order, doubt + 1e-11 * np.abs(region.rhs)])

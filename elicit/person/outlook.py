@@ -148,7 +148,7 @@ def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Gene
     """One with the scale of these gaps (p,) who errs as much as precision (1,) and lapse say."""
 
     def says(query: Query) -> Verdict:
-        score = tail_sums(query.d[None, :]) @ gaps
+        score = product(tail_sums(query.d[None, :]), gaps)
         if abs(score[0]) <= _NO_DIFFERENCE:
             return Verdict.EQUAL
         left = chance.random() < says_left(score[:, None], precision, lapse)[0, 0]

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
+from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
@@ -148,7 +149,7 @@ def loss_over_draws(
         ):
             break
         block = order[start : start + width]
-        weights, gain = draws.weights[block], np.maximum(t @ draws.gaps[:, block], -1.0) + _ROUNDING
+        weights, gain = draws.weights[block], np.maximum(product(t, draws.gaps[:, block]), -1.0) + _ROUNDING
         room = np.inf if enough is None else spare - beyond
         small = upper_quantile(lower, draws.weights, spare)  # losses up to it do not matter to the quantile
         lower[block], upper[block] = game.losses(gain, target, weights, room, small)
@@ -163,7 +164,7 @@ def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
     or over the scales (axis 1), without all n times m of them in memory."""
     found, step = np.zeros((gaps.shape[1], len(d))[axis]), max(1, NUMBERS // gaps.shape[1])
     for start in range(0, len(d), step):
-        scores = (tail_sums(d[start : start + step]) @ gaps).max(axis=axis)
+        scores = product(tail_sums(d[start : start + step]), gaps).max(axis=axis)
         part = found if axis == 0 else found[start : start + step]
         np.maximum(part, scores, out=part)
     return found

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.fixed_order import principal_axes, product
 from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
@@ -205,7 +206,7 @@ class InteractivePolicyIteration(Learner):
             rows = rows[decide(comparator, over.d[rows]).verdicts == Verdict.UNKNOWN]
         if not len(rows) and drawn_set(comparator) is not None:
             least = limit if self._elicitation.gave_up else 0.0
-            rows = np.flatnonzero((tail_sums(over.d) @ draws_of(comparator).gaps > least).any(axis=1))
+            rows = np.flatnonzero((product(tail_sums(over.d), draws_of(comparator).gaps) > least).any(axis=1))
             rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
         return rows
 
@@ -215,7 +216,7 @@ class InteractivePolicyIteration(Learner):
         plain = not (elicitation.cannot_tell or (elicitation.answers.y == 0).any())
         known = elicitation.comparator
         proven = isinstance(known, BoundsAllAtOnce) and isinstance(known, HasDraws) and drawn_set(known) is None
-        if not (plain and proven) or (scores > candidates.limit).any(axis=0) @ candidates.weights > _UNDECIDED:
+        if not (plain and proven) or product((scores > candidates.limit).any(axis=0), candidates.weights) > _UNDECIDED:
             return None
         high = simultaneous_bounds(known, candidates.d)[0]
         most = np.argsort(-high, kind="stable")[:_CLOSED]
@@ -285,7 +286,7 @@ class _Exactly:
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """The advantages that questions may be about, and a guarantee that is only right about being enough."""
         values, over = best_guess(comparator), self._over
-        if over is None or (over.d @ values > _TIE).any():  # else the last policy is optimal still
+        if over is None or (product(over.d, values) > _TIE).any():  # else the last policy is optimal still
             start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
             over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
         self._over, self.rounds = over, self.rounds + 1
@@ -379,10 +380,10 @@ class _Nearly:
         """Whether too many draws show that some alternative, taken once, gains more than is enough: then no bound can
         be small enough, and these tell what to ask."""
         draws, trusted = draws_of(comparator), drawn_set(comparator)
-        scores = tail_sums(over.d) @ draws.gaps
+        scores = product(tail_sums(over.d), draws.gaps)
         too_much = scores > self._enough
         too_much[scores.min(axis=1) >= 0] = False  # what all agree on, a new policy heeds
-        beyond = too_much.any(axis=0) @ draws.weights
+        beyond = product(too_much.any(axis=0), draws.weights)
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
@@ -411,8 +412,8 @@ def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
     are may depend on how many are asked for, there is no box."""
     if (draws := draws_in(comparator)) is not None:
         gaps, weights = draws[:2]
-        spread = gaps - gaps @ weights[:, None]
-        axes = np.linalg.eigh(spread * weights @ spread.T)[1]  # (p, p), orthonormal
+        spread = gaps - product(gaps, weights)[:, None]
+        axes = principal_axes(product(spread * weights, spread.T))  # (p, p), orthonormal
         ways = np.concatenate([axes.T, -axes.T])
         reach, confidence = simultaneous_bounds(comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0))
         if confidence == 1 and np.isfinite(reach).all():
@@ -428,9 +429,9 @@ def _bounds_by_box(axes: Floats, reach: Floats, d: Floats) -> Floats:
     """Upper bounds (n,) on d.e for scales whose gaps reach at most so far (2p,) along orthonormal axes, the columns
     (p, p), and against them."""
     p, high = len(axes), np.empty(len(d))
-    astray = np.abs(axes @ axes.T - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps  # all of this is rounded
+    astray = np.abs(product(axes, axes.T) - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps  # all of this is rounded
     for start in range(0, len(d), _BLOCK):
         t, some = tail_sums(d[start : start + _BLOCK]), slice(start, start + _BLOCK)
-        along = t @ axes
+        along = product(t, axes)
         high[some] = np.maximum(along * reach[:p], along * -reach[p:]).sum(axis=1) + astray * np.abs(t).sum(axis=1)
     return high

@@ -22,6 +22,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.asking.bags import Bags, entropy, says_left
 from elicit.asking.elicitation import Elicitation, Pair, Place
@@ -55,7 +56,7 @@ class Candidates:
     @cached_property
     def scores(self) -> Floats:
         """d.e (n, m) of each candidate under each of the draws."""
-        return np.asarray(tail_sums(self.d) @ self.draws.gaps)
+        return product(tail_sums(self.d), self.draws.gaps)
 
     @cached_property
     def bounds(self) -> tuple[Floats, Floats]:
@@ -93,20 +94,21 @@ def max_regret(candidates: Candidates) -> Floats:
 
 def most_even_cut(candidates: Candidates) -> Floats:
     """The one whose answer, right or left, takes most of the plausible scales away at the least."""
-    better, worse = (candidates.scores > 0) @ candidates.weights, (candidates.scores < 0) @ candidates.weights
+    weights = candidates.weights
+    better, worse = product(candidates.scores > 0, weights), product(candidates.scores < 0, weights)
     return np.asarray(np.minimum(better, worse))
 
 
 def mutual_information(candidates: Candidates) -> Floats:
     """What the answer is expected to tell of the scale, in bits, by the comparator's own model of the tutor (Houlsby et
     al. 2011; Biyik et al. 2019): the entropy of the answer, less its mean entropy were the scale known."""
-    chance = candidates.agreement
-    return np.asarray(entropy(chance @ candidates.weights) - entropy(chance) @ candidates.weights)
+    chance, weights = candidates.agreement, candidates.weights
+    return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
 
 
 def violated_weight(candidates: Candidates) -> Floats:
     """The probability that the difference matters: the weight of the scales with d.e beyond the limit."""
-    return np.asarray((candidates.scores > candidates.limit) @ candidates.weights)
+    return product(candidates.scores > candidates.limit, candidates.weights)
 
 
 def telling_violation(candidates: Candidates) -> Floats:
@@ -156,7 +158,16 @@ def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[
             f"a strategy must return one number for each of {len(candidates)} candidates, not "
             f"{'nan' if scores.shape == (len(candidates),) else f'shape {scores.shape}'}"
         )
-    return [int(i) for i in np.argsort(-scores, kind="stable")[:how_many]]
+    return [int(i) for i in np.argsort(-_coarse(scores), kind="stable")[:how_many]]
+
+
+def _coarse(scores: Floats) -> Floats:
+    """Scores rounded to a grid that is finer than any that matter and coarser than their rounding errors, so that two
+    that are equal but for those are equal."""
+    some = np.isfinite(scores)
+    _, exponent = np.frexp(np.abs(scores[some]).max(initial=0.0))
+    unit = np.ldexp(1.0, int(exponent) - 32)
+    return np.where(some, np.round(scores / unit), scores)
 
 
 def simple_pair(
@@ -168,7 +179,7 @@ def simple_pair(
     d = asked.left / bags.days - asked.right / bags.days
     may = elicitation.may_ask(d, _own_place)
     if elicitation.gave_up:
-        may &= (np.abs(tail_sums(d) @ draws.gaps) > elicitation.indifference).any(axis=1)
+        may &= (np.abs(product(tail_sums(d), draws.gaps)) > elicitation.indifference).any(axis=1)
     row, _ = bags.best(draws, about, lapse_of(candidates.comparator), np.flatnonzero(~may).tolist())
     if row < 0:
         return None

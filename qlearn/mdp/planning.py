@@ -6,25 +6,20 @@ so v is between 0 and 1 whatever the discount, and a policy's vector value is a 
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from scipy.sparse.linalg import bicgstab, splu
 
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.model.scale import Floats
 from qlearn.mdp.array_checks import Flags, reject
+from qlearn.mdp.linear_systems import discounted_totals
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 Actions = NDArray[np.int64]
 
-_DENSE = 400  # up to this many states LAPACK is faster than an iteration
-_SPARSE = 50_000  # up to this many, factors of a sparse matrix that fills up still fit into memory
 _TIE = 1e-13  # two actions' values differ by less than this through rounding alone
-_RESIDUAL = 1e-14  # leaves an error of at most this over 1 - discount
 _FLOOR = 2.0**-50  # a sweep's change below this is rounding
 
 
@@ -131,7 +126,7 @@ def policy_iteration(
         better = ~mdp.terminal & (q.max(axis=1) > q[rows, policy] + _TIE)
         if not better.any():
             break
-        policy = np.where(better, q.argmax(axis=1), policy)
+        policy = np.where(better, _first_best(q), policy)
     return v, policy
 
 
@@ -146,44 +141,8 @@ def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats)
     which are 0 at the other states."""
     total, live = ends.copy(), ~mdp.terminal
     chain = chain[live]
-    total[live] = _solve(chain[:, live], gain[live] + mdp.discount * (chain @ ends), mdp.discount)
+    total[live] = discounted_totals(chain[:, live], gain[live] + mdp.discount * (chain @ ends), mdp.discount)
     return total
-
-
-def _solve(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """x (n, m) with x = inflow + discount * chain @ x, for a (sub)stochastic chain (n, n)."""
-    n = chain.shape[0]
-    matrix = sparse.eye_array(n, format="csr") - discount * chain
-    if n <= _DENSE:
-        dense: Floats = np.linalg.solve(matrix.toarray(), inflow)
-        return dense
-    # Krylov steps are quick on chains that mix, where factors fill up; factors are quick on the rest
-    step = partial(bicgstab, matrix, rtol=1e-6, maxiter=100)
-    x = inflow.copy()
-    for column in x.T:
-        target = column.copy()
-        for _ in range(6):
-            residual = target - matrix @ column
-            if np.abs(residual).max() <= _RESIDUAL * max(1.0, np.abs(column).max()):
-                break
-            with np.errstate(all="ignore"):  # it may diverge to where numbers overflow: then factors are taken
-                column += step(residual)[0]
-        else:
-            if n > _SPARSE:
-                return _swept(chain, inflow, discount)
-            factors = splu(matrix.tocsc())
-            return np.asarray(factors.solve(inflow), dtype=np.float64)
-    return x
-
-
-def _swept(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """``_solve`` by sweeps, each of which takes the error to ``discount`` times what it was: slow, but in no memory."""
-    x = inflow.copy()
-    for _ in range(int(np.ceil(np.log(_RESIDUAL) / np.log(discount))) if discount > 0 else 1):
-        before, x = x, inflow + discount * (chain @ x)
-        if np.abs(x - before).max() <= _RESIDUAL * max(1.0, np.abs(x).max()):
-            break
-    return x
 
 
 def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:

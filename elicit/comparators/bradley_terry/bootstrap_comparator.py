@@ -22,6 +22,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
@@ -201,7 +202,7 @@ class BradleyTerryComparator:
         draws, t = self.draws, tail_sums(rows)
         if draws is None or not len(rows):
             return order_bounds(t, 0.0)[1], 1.0
-        at = t @ draws.gaps
+        at = product(t, draws.gaps)
         most = np.sort(at.max(axis=0))[-1 - math.floor((1.0 - self.level) * at.shape[1] + 1e-9)]
         return at[:, at.max(axis=0) <= most].max(axis=1), self.confidence
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betaincinv, gammaln, logit, ndtri
 
+from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, fold, key_of
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
@@ -224,7 +225,7 @@ class PosteriorComparator:
         """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the posterior probability of that:
         of the particles, those with the greatest d.e of any row are left out, up to the weight 1 - ``level``."""
         gaps, weights = self._gaps_and_weights
-        at = tail_sums(as_vectors(d, self.k)) @ gaps
+        at = product(tail_sums(as_vectors(d, self.k)), gaps)
         if not len(at):
             return np.empty(0), 1.0
         order = np.argsort(at.max(axis=0), kind="stable")
@@ -236,7 +237,7 @@ class PosteriorComparator:
     def values(self) -> Floats:
         """(k,) the posterior mean of the scale, from 0 to 1; read-only."""
         gaps, weights = self._gaps_and_weights
-        values = values_of(gaps @ weights)
+        values = values_of(product(gaps, weights))
         values /= values[-1]
         values.flags.writeable = False
         return values
@@ -247,12 +248,12 @@ class PosteriorComparator:
         """The precision c: as given, or exp of the posterior mean of log c."""
         if self.given_precision is not None:
             return self.given_precision
-        return float(np.exp(np.log(self.draws.precision) @ self.draws.weights))
+        return float(np.exp(product(np.log(self.draws.precision), self.draws.weights)))
 
     @property
     def lapse(self) -> float:
         """The share of answers given at random: as given, or its posterior mean."""
-        return float(self._slips[0] @ self._gaps_and_weights[1]) if self.given_lapse is None else self.given_lapse
+        return float(product(self._slips[0], self._gaps_and_weights[1])) if self.given_lapse is None else self.given_lapse
 
     @property
     def draws(self) -> Draws:
@@ -325,7 +326,7 @@ class PosteriorComparator:
         nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles
         for stage in range(200):
             theta = np.exp(x - x.max(axis=1, keepdims=True))
-            short = (limits - theta / theta.sum(axis=1, keepdims=True) @ above.T).max(axis=1)
+            short = (limits - product(theta / theta.sum(axis=1, keepdims=True), above.T)).max(axis=1)
             if (short <= 0).all():
                 return x
             gap = max(0.0, float(np.median(short)))

@@ -13,6 +13,7 @@ from itertools import repeat
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.fixed_order import product
 from elicit.decision.comparator_rule import Rule, proven, unaided
 from elicit.decision.verdicts import decide_by
 from elicit.lp.clarabel_programs import TIGHT, Programs
@@ -125,7 +126,7 @@ class PlausibleSet:
         within the slack (n,)."""
         points = self._known.points[:, : self._known.counts[USED]]
         rows = rows[high[rows] > 0]
-        reached = (tail_sums(d[rows]) @ points).max(axis=1, initial=-np.inf)
+        reached = product(tail_sums(d[rows]), points).max(axis=1, initial=-np.inf)
         loose: NDArray[np.bool_] = high[rows] - reached > np.maximum(1e-9 * np.abs(d[rows]).sum(axis=1), slack[rows])
         return rows[loose]
 

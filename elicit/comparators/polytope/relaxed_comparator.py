@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import block_diag, null_space
+from scipy.linalg import block_diag
 
+from elicit._support.fixed_order import null_basis, product
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -231,7 +232,7 @@ class _Sublevel:
         unknown = np.flatnonzero(verdicts == Verdict.UNKNOWN)
         for first in range(0, len(unknown), _BLOCK):
             block = unknown[first : first + _BLOCK]
-            at = _unit_tails(d[block]) @ self.points.T
+            at = product(_unit_tails(d[block]), self.points.T)
             block = block[~((at < -_NEAR).any(axis=1) & (at > _NEAR).any(axis=1))]
             verdicts[block], tiers[block] = self.around.decide(d[block])
             block = block[verdicts[block] == Verdict.UNKNOWN]
@@ -291,7 +292,7 @@ class _Sublevel:
         for step in range(_MOST_CUTS):
             if step == _PATIENCE:
                 self._jump(t)
-            found = float((self.points @ t).min())
+            found = float(product(self.points, t).min())
             if found < enough - _NEAR:
                 return
             self.solves += 1
@@ -349,7 +350,7 @@ def _centre(level: _Sublevel) -> Floats:
     hinges, (rows, limits) = level.hinges, level.order.region.constraints
     m, p = hinges.rows.shape
     flat = rows @ level.middle - limits <= 1e-12 * np.abs(rows).max(axis=1)  # the middle has all the room there is
-    along = null_space(np.concatenate([np.ones((1, p)), rows[flat]]), rcond=1e-12)
+    along = null_basis(np.concatenate([np.ones((1, p)), rows[flat]]))
     s = np.maximum(hinges.lacking(level.inside), 0.0)
     s += (level.budget - s.sum()) / (m + 1)
     none, each = np.zeros((m, p)), np.eye(m)
@@ -360,5 +361,5 @@ def _centre(level: _Sublevel) -> Floats:
         [np.zeros((1, p)), np.full((1, m), -1.0)],
     ])  # fmt: skip
     least = np.concatenate([limits[~flat], hinges.weights * hinges.rhs, np.zeros(m), [-level.budget]])
-    g = climb(np.append(level.inside, s), every, least, block_diag(along, each), "gelsy")[:p]
+    g = climb(np.append(level.inside, s), every, least, block_diag(along, each))[:p]
     return np.asarray(g / g.sum())
