@@ -5,10 +5,12 @@ differ from machine to machine. A choice that depends on them differs too, and s
 What questions are chosen by is computed here instead: element by element, without fused products.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.jit import compiled, compiled_beside, expect
+from elicit._support.jit import compiled_beside, expect
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +37,7 @@ def _product_of_arrays(a: Floats, b: Floats, out: Floats) -> None:
 
 
 @compiled_beside(_product_of_arrays)
-def _product_into(a, b, out):  # type: ignore[no-untyped-def]
+def _product_into(a: Any, b: Any, out: Any) -> None:
     """Add ``a @ b`` to ``out`` (n, m), in the order of the rows of b."""
     n, p = a.shape
     m = b.shape[1]

@@ -2,8 +2,8 @@
 
 ``fold(key, a, b, ...)`` is the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) applied once per counter.
 Numbers drawn this way do not depend on the order of drawing, so two runs that share a key share their exploration and
-their transitions (common random numbers). ``mix``, ``unit`` and ``pair_code`` are ``fold``, ``uniform`` and
-``pair_codes`` for compiled code, one number or one pair at a time.
+their transitions (common random numbers). ``mix`` and ``unit`` are ``fold`` and ``uniform`` for compiled code, one
+number at a time.
 """
 
 import hashlib
@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit._support.jit import compiled, compiled_beside, expect
+from elicit._support.jit import compiled
 
 Seed: TypeAlias = int | np.integer[Any] | np.random.SeedSequence | np.random.Generator
 
@@ -64,48 +64,3 @@ def fold(key: Any, *counters: ArrayLike) -> NDArray[np.uint64]:
         for counter in counters:
             h = np.asarray(_round(h, np.asarray(counter).astype(np.uint64)))
     return h
-
-
-@compiled
-def orientation(t: Any) -> int:
-    """Which way round the pair with tail sums t (p,) is: the sign of the first entry that is not 0; 0 if all are."""
-    for j in range(len(t)):
-        if t[j] != 0.0:
-            return 1 if t[j] > 0.0 else -1
-    return 0
-
-
-def _code_of_arrays(key: Any, t: Any, work: Any) -> Any:
-    """``pair_code`` until it is compiled, all entries at once."""
-    work[:] = t * np.sign(t[(t != 0.0).argmax()]) + 0.0
-    codes = _round(_round(key, np.arange(len(t), dtype=np.uint64)), work.view(np.uint64))
-    return _round(key, codes.sum())
-
-
-@compiled_beside(_code_of_arrays)
-def pair_code(key: Any, t: Any, work: Any) -> Any:
-    """A hash of (key, the unordered pair with tail sums t (p,)): t and -t get the same. ``work`` (p,) is written in."""
-    sign = orientation(t)
-    for j in range(len(t)):
-        work[j] = t[j] * sign + 0.0  # adding 0.0 turns -0.0 into 0.0, whose bits differ
-    bits = work.view(np.uint64)
-    total = np.uint64(0)
-    for j in range(len(t)):
-        total += mix(mix(key, np.uint64(j)), bits[j])
-    return mix(key, total)
-
-
-@compiled
-def _pair_codes(key: Any, t: Any, codes: Any) -> None:
-    work = np.empty(t.shape[1])
-    for i in range(len(t)):
-        codes[i] = pair_code(key, t[i], work)
-
-
-def pair_codes(key: Any, t: NDArray[np.float64]) -> NDArray[np.uint64]:
-    """``pair_code`` (n,) of pairs given by their tail sums t (n, p)."""
-    codes = np.empty(len(t), dtype=np.uint64)
-    expect(_pair_codes, 1e-5 * t.size)
-    with np.errstate(over="ignore"):
-        _pair_codes(np.uint64(key), np.ascontiguousarray(t, dtype=np.float64), codes)
-    return codes

@@ -1,62 +1,68 @@
-"""What the tutor has said of which pairs: a pair is known by its difference, wherever and whichever way round it was
-compared."""
+"""The pairs that the tutor has answered, by value: wherever, and whichever way round, each was compared."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from elicit._support.hashing import pair_codes
+from elicit._support.jit import expect
 from elicit.model.comparator import Verdicts
+from elicit.model.pairs_kernel import NOT_THERE, PairTable, find, find_all, mark_of
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, pair_name, pair_names, tail_sums
-
-Codes = NDArray[np.uint64]
+from elicit.model.scale import Floats, tail_sums
 
 
 class AnsweredPairs:
-    """Answers by pair. Hashes find them, for compiled loops too; where one is to be given again, the pair itself
-    confirms it."""
+    """What the tutor said of each pair, for lookups by value. Two differences within ``pairs.nearness`` are one pair;
+    the latest answer to a pair counts."""
 
-    def __init__(self, key: np.uint64) -> None:
-        self.codes: Codes = np.empty(0, np.uint64)  # sorted: all pairs that were answered
-        self.binding: Codes = np.empty(0, np.uint64)  # sorted: those whose answer no model may overrule
-        self._key = key
-        self._said: dict[bytes, int] = {}  # in the pair's canonical direction
+    def __init__(self, k: int) -> None:
+        nothing = np.empty(0, np.int64)
+        self.table = PairTable(
+            marks=np.empty(0),
+            rows=nothing,
+            sums=np.empty((8, k - 1)),
+            said=np.empty(8, np.int8),
+            binding=np.zeros(8, np.bool_),
+        )
+
+    def __len__(self) -> int:
+        return len(self.table.rows)
+
+    @property
+    def any_binding(self) -> bool:
+        """Whether there is an answer that no model may overrule."""
+        return bool(self.table.binding[: len(self)].any())
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
         """Keep what was said of a difference d (k,)."""
-        t = tail_sums(d)
-        name, sign = pair_name(t)
-        self._said[name] = sign * verdict
-        code = pair_codes(self._key, t[None, :])[0]
-        self.codes = np.insert(self.codes, np.searchsorted(self.codes, code), code)
-        if binding:
-            self.binding = np.insert(self.binding, np.searchsorted(self.binding, code), code)
+        t = np.ascontiguousarray(tail_sums(d))
+        row, way = find(t, self.table)
+        if row == NOT_THERE:
+            self._append(t, verdict, binding)
+        else:
+            self.table.said[row] = way * verdict
+            self.table.binding[row] |= binding
 
     def add_many(self, d: Floats, verdicts: Verdicts) -> None:
         """Keep what was said (n,) of differences d (n, k); what was called equal is binding."""
-        t = tail_sums(d)
-        signs, names = pair_names(t)
-        self._said.update(zip(names, (signs * verdicts).tolist(), strict=True))
-        codes = pair_codes(self._key, t)
-        self.codes = np.sort(np.concatenate([self.codes, codes]))
-        self.binding = np.sort(np.concatenate([self.binding, codes[verdicts == Verdict.EQUAL]]))
+        for row, verdict in zip(d, verdicts.tolist(), strict=True):
+            self.add(row, verdict, binding=verdict == Verdict.EQUAL)
 
     def said(self, t: Floats) -> Verdicts:
-        """What was said (n,) of the very pairs with tail sums t (n, p), whichever way round; UNKNOWN: nothing."""
-        out = np.full(len(t), Verdict.UNKNOWN, np.int8)
-        if len(self.codes):
-            wanted = pair_codes(self._key, t)
-            for i in np.flatnonzero(self.codes[np.searchsorted(self.codes[:-1], wanted)] == wanted):
-                name, sign = pair_name(t[i])
-                out[i] = sign * self._said[name] if name in self._said else Verdict.UNKNOWN
-        return out
+        """Return what was said (n,) of the pairs with tail sums t (n, p); UNKNOWN: nothing."""
+        rows, ways = np.full(len(t), NOT_THERE), np.ones(len(t), np.int64)
+        if len(self):
+            expect(find_all, 1e-5 * t.size)
+            find_all(np.ascontiguousarray(t), self.table, rows, ways)
+        return np.where(rows == NOT_THERE, Verdict.UNKNOWN, ways * self.table.said[rows]).astype(np.int8)
 
-
-def first_of_each_pair(d: Floats, most: int) -> list[int]:
-    """The first rows of d (n, k) that are about different pairs, at most so many."""
-    chosen: dict[bytes, int] = {}
-    for row, t in enumerate(tail_sums(d)):
-        if len(chosen) == most:
-            break
-        chosen.setdefault(pair_name(t)[0], row)
-    return list(chosen.values())
+    def _append(self, t: Floats, verdict: int, binding: bool) -> None:
+        table, row = self.table, len(self)
+        if row == len(table.said):
+            table = table._replace(
+                sums=np.resize(table.sums, (2 * row, len(t))),
+                said=np.resize(table.said, 2 * row),
+                binding=np.resize(table.binding, 2 * row),
+            )
+        table.sums[row], table.said[row], table.binding[row] = t, verdict, binding
+        mark = mark_of(t)
+        at = int(np.searchsorted(table.marks, mark))
+        self.table = table._replace(marks=np.insert(table.marks, at, mark), rows=np.insert(table.rows, at, row))

@@ -141,7 +141,7 @@ def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> F
     """Mutual information (n,), in bits, of an answer with ``chance`` (n, m) under m scales of these weights (m,) and of
     each of ``events`` (c, m), true or false under each scale: the mean over the events."""
     prior = product(events, weights)
-    some = (prior > 0) & (prior < 1)
+    some = (prior > 0) & (prior < 1 - 1e-12)  # what is sure tells nothing
     if not some.any():
         return np.zeros(len(chance))
     true, mass = events[some] * weights, prior[some]

@@ -72,7 +72,7 @@ def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
     covariance = product(spread * draws.weights, spread.T)
 
     def length(ways: Floats) -> Floats:
-        return np.sqrt(np.maximum((product(ways, covariance) * ways).sum(axis=1), 0.0))
+        return np.asarray(np.sqrt(np.maximum((product(ways, covariance) * ways).sum(axis=1), 0.0)))
 
     ways = tail_sums(d)
     size = length(ways)

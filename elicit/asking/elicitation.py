@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from elicit._support import jit
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_number, is_whole, require
-from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
-from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, SAID, AskingRule, Facts, Judgement, settle_rows
+from elicit.asking.answered_pairs import AnsweredPairs
+from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, AskingRule, Facts, Judgement, settle_rows
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
@@ -34,6 +34,7 @@ from elicit.model.comparator import (
     learn,
     tie_of,
 )
+from elicit.model.pairs import first_of_each_pair
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
@@ -147,7 +148,7 @@ class Elicitation:
         self._equal_in_a_row = 0  # answers "equal" to pairs that are no farther apart than that
         self._key = np.uint64(key_of(seed))
         self._number = 0
-        self._answered = AnsweredPairs(self._key)
+        self._answered = AnsweredPairs(comparator.k)
         self._undecided = undecided
         self._labels = labels
         self._unclear: set[Place] = set()  # where the tutor could not tell
@@ -163,8 +164,8 @@ class Elicitation:
         little, and a person must not be asked about each new version of the same pair."""
         n, t = len(d), np.ascontiguousarray(tail_sums(d))
         verdicts, tiers = decide(self.comparator, d)
-        said, unclear, close = np.full((3, n), UNSETTLED)
-        facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), said, unclear, close)
+        unclear, close = np.full((2, n), UNSETTLED)
+        facts = Facts(verdicts.astype(np.int64), tiers.astype(np.int64), unclear, close)
         verdict, tier, needed = np.empty((3, n), np.int8)
         out = Judgement(verdict, tier, np.empty(0, np.bool_), needed)
         asking, rows = self.rule(), np.arange(n)
@@ -173,13 +174,12 @@ class Elicitation:
             with np.errstate(all="ignore"):  # hashes wrap around
                 settle_rows(rows, t, asking, facts, out)
             rows = rows[out.needed[rows] != NO_FACT]
-            of = [rows[out.needed[rows] == fact] for fact in (SAID, PLACE, BOUNDS)]
-            said[of[0]] = self._answered.said(t[of[0]])
-            unclear[of[1]] = [places is not None and places(int(row)) in self._unclear for row in of[1]]
-            if len(of[2]):
-                low, high = bounds_of(self.comparator, d[of[2]])
+            of = [rows[out.needed[rows] == fact] for fact in (PLACE, BOUNDS)]
+            unclear[of[0]] = [places is not None and places(int(row)) in self._unclear for row in of[0]]
+            if len(of[1]):
+                low, high = bounds_of(self.comparator, d[of[1]])
                 near = (low >= -self.indifference) & (high <= self.indifference)
-                close[of[2]] = np.where(near, Verdict.EQUAL, Verdict.UNKNOWN)
+                close[of[1]] = np.where(near, Verdict.EQUAL, Verdict.UNKNOWN)
         if self.signs is not None:
             asked = np.flatnonzero((verdict == Verdict.UNKNOWN) & (tier == Tier.TUTOR))
             verdict[asked] = self.signs(d[asked]) if len(asked) else 0
@@ -192,9 +192,8 @@ class Elicitation:
             indifference=self.indifference if asks else 0.0,
             audit=self._audit if self.audits_left else 0.0,
             key=self._key,
-            binding=self._answered.binding,
-            said=self._answered.codes,
-            plain=self._audit == 0 and not len(self._answered.binding),
+            answered=self._answered.table,
+            plain=not (self._audit or self._answered.any_binding),
             unclear=bool(self._unclear),
             guess=self._gaps() if asks and self.guesses else np.empty(0),
         )

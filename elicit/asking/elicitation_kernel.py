@@ -9,28 +9,28 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import pair_code, unit
+from elicit._support.hashing import unit
 from elicit._support.jit import compiled
 from elicit.decision.comparator_rule import Rule
 from elicit.decision.judge_kernel import judge, within
 from elicit.lp.sign_proofs import BY_DOMINANCE
 from elicit.model.comparator import BY_ANSWERS, Tier
+from elicit.model.pairs_kernel import NOT_THERE, PairTable, find, pair_code
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
 
 KNOWN, INDIFFERENT, GUESS, TUTOR = int(Tier.KNOWN), int(Tier.INDIFFERENT), int(Tier.GUESS), int(Tier.TUTOR)
 FIRST_BY_ANSWERS, LAST_BY_ANSWERS = int(min(BY_ANSWERS)), int(max(BY_ANSWERS))
-NO_FACT, COMPARATOR, SAID, PLACE, BOUNDS = range(5)  # which fact is needed to go on
+NO_FACT, COMPARATOR, PLACE, BOUNDS = range(4)  # which fact is needed to go on
 
 
 class AskingRule(NamedTuple):
-    """How an elicitation stands, as plain arrays. Pairs are named by their hash with its key."""
+    """How an elicitation stands, as plain arrays."""
 
     indifference: float
     audit: float  # share of the pairs settled by answers that the tutor is to confirm
-    key: Any  # np.uint64
-    binding: NDArray[np.uint64]  # sorted: pairs whose answer no model may overrule
-    said: NDArray[np.uint64]  # sorted: all pairs that were answered
-    plain: bool  # no audits and nothing binding: what the comparator says, goes
+    key: Any  # np.uint64, of what is drawn
+    answered: PairTable  # all pairs that were answered
+    plain: bool  # no audits, and no answer that is not to be overruled: a comparator's verdict stands
     unclear: bool  # whether somewhere the tutor could not tell
     guess: NDArray[np.float64]  # (p,) gaps to go by where the tutor is not to be asked; else (0,)
 
@@ -40,7 +40,6 @@ class Facts(NamedTuple):
 
     verdict: Any  # the comparator's own
     tier: Any  # of that verdict
-    said: Any  # what the tutor said of this very pair; UNKNOWN: nothing
     unclear: Any  # 1 where she could not tell at the same place, else 0
     close: Any  # EQUAL where d.e is proven to lie within the indifference, else UNKNOWN
 
@@ -55,24 +54,22 @@ class Judgement(NamedTuple):
 
 
 @compiled
-def settle(t: Any, work: Any, asking: AskingRule, facts: Facts) -> Judgement:
+def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
     """The policy: what settles a pair with tail sums t (p,) whose verdict by the comparator is among the facts, or that
-    the tutor must be asked. Overwrites work (p,)."""
+    the tutor must be asked."""
     verdict, tier = facts.verdict, facts.tier
     if verdict == UNSETTLED:
         return missing(COMPARATOR)
-    if verdict != UNKNOWN and tier <= BY_DOMINANCE:
+    if verdict != UNKNOWN and (tier <= BY_DOMINANCE or asking.plain):
         return judgement(verdict, tier)
-    if facts.said != UNKNOWN and among(asking.key, t, work, asking.binding):
-        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN)
+    row, way = find(t, asking.answered)
+    if row != NOT_THERE and (verdict == UNKNOWN or asking.answered.binding[row]):
+        return judgement(way * asking.answered.said[row], KNOWN)
     if verdict != UNKNOWN:
-        if asking.audit > 0.0 and verdict != EQUAL and FIRST_BY_ANSWERS <= tier <= LAST_BY_ANSWERS:
-            drawn = unit(pair_code(asking.key, t, work)) < asking.audit
-            if drawn and not among(asking.key, t, work, asking.said):
-                return judgement(UNKNOWN, tier)
+        may = row == NOT_THERE and verdict != EQUAL and FIRST_BY_ANSWERS <= tier <= LAST_BY_ANSWERS
+        if may and asking.audit > 0.0 and unit(pair_code(asking.key, t)) < asking.audit:
+            return judgement(UNKNOWN, tier)
         return judgement(verdict, tier)
-    if facts.said != UNKNOWN and among(asking.key, t, work, asking.said):
-        return missing(SAID) if facts.said == UNSETTLED else judgement(facts.said, KNOWN)
     if asking.unclear and facts.unclear != 0:
         return missing(PLACE) if facts.unclear == UNSETTLED else judgement(EQUAL, KNOWN)
     if asking.indifference > 0.0 and facts.close != UNKNOWN:
@@ -88,29 +85,26 @@ def settle(t: Any, work: Any, asking: AskingRule, facts: Facts) -> Judgement:
 @compiled
 def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
     """``settle`` for these rows of tail sums t (n, p), into the arrays (n,) of ``out``."""
-    work = np.empty(t.shape[1])
     for i in rows:
-        known = Facts(facts.verdict[i], facts.tier[i], facts.said[i], facts.unclear[i], facts.close[i])
-        found = settle(t[i], work, asking, known)
+        found = settle(t[i], asking, Facts(facts.verdict[i], facts.tier[i], facts.unclear[i], facts.close[i]))
         out.verdict[i], out.tier[i], out.needed[i] = found.verdict, found.tier, found.needed
 
 
 @compiled
-def judge_pair(d: Any, t: Any, work: Any, certificate: Any, rule: Rule, asking: AskingRule) -> Judgement:
+def judge_pair(d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingRule) -> Judgement:
     """``settle`` of a difference d (k,) on which dominance is silent, as far as compiled code can find out the facts,
-    the comparator going by a rule. Overwrites t and work (2, p); ``certificate`` is as for ``judge``."""
-    sums = work[0]
+    the comparator going by a rule. Overwrites t and sums (p,); ``certificate`` is as for ``judge``."""
     for j in range(len(t)):
         sums[j] = t[j]
     verdict, tier, certified = judge(d, t, 0.0, certificate, rule)
-    if asking.plain and verdict != UNKNOWN and verdict != UNSETTLED:  # then the policy has nothing to add
+    if verdict != UNKNOWN and verdict != UNSETTLED and asking.plain:
         return Judgement(verdict, tier, certified, NO_FACT)
-    found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, UNSETTLED))
+    found = settle(sums, asking, Facts(verdict, tier, UNSETTLED, UNSETTLED))
     if found.needed == BOUNDS:
         for j in range(len(t)):
             t[j] = sums[j]
         close = within(d, t, asking.indifference, rule)
-        found = settle(sums, work[1], asking, Facts(verdict, tier, UNSETTLED, UNSETTLED, close))
+        found = settle(sums, asking, Facts(verdict, tier, UNSETTLED, close))
     certified = certified and found.verdict == verdict
     return Judgement(found.verdict, found.tier, certified, found.needed)
 
@@ -125,13 +119,3 @@ def judgement(verdict: int, tier: int) -> Judgement:
 def missing(fact: int) -> Judgement:
     """Only with this fact can the pair be judged."""
     return Judgement(UNSETTLED, UNSETTLED, False, fact)
-
-
-@compiled
-def among(key: Any, t: Any, work: Any, codes: Any) -> bool:
-    """Whether the pair with tail sums t (p,) is one of those with the sorted ``codes``. Overwrites work (p,)."""
-    if len(codes) == 0:
-        return False
-    code = pair_code(key, t, work)
-    i = np.searchsorted(codes, code)
-    return bool(i < len(codes) and codes[i] == code)

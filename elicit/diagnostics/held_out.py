@@ -14,8 +14,9 @@ from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, pairs_of, read_log
+from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, read_log
 from elicit.model.comparator import Comparator, Foretells, learn
+from elicit.model.pairs import pair_numbers
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dot, tail_sums
 
@@ -107,7 +108,7 @@ def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, ke
             comparator, taken[i : i + 1] = learn(comparator, rows[i : i + 1], one_by_one=True)
         lost.append(int((~taken).sum()))
     else:
-        fold_of = _deal(pairs_of(rows.d), folds, key)
+        fold_of = _deal(pair_numbers(rows.d), folds, key)
         for number in range(folds):
             test = fold_of == number
             train = np.flatnonzero(~test)

@@ -22,8 +22,9 @@ from elicit._support.validation import is_number, require
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
+from elicit.model.pairs import pair_numbers, ways_round
 from elicit.model.query import Answer, Answers
-from elicit.model.scale import Floats, dominance, pair_name, tail_sums
+from elicit.model.scale import dominance, tail_sums
 from elicit.tutors.answer_log import AnswerLog, Entry, entries_of
 
 Told = Answers | Iterable[Entry | Answer]
@@ -159,7 +160,7 @@ def tutor_report(
     answers, n = told.answers, len(told.answers)
     y, decisive = answers.y, answers.y != 0
     couples, repeated = _couples(answers)
-    oriented = y * _orientation(answers.d)
+    oriented = y * ways_round(tail_sums(answers.d))
     agree = oriented[couples[:, 0]] == oriented[couples[:, 1]]
     clear = decisive[couples].all(axis=1)
     differ = exact_share(int((~agree & clear).sum()), int(clear.sum()), level)
@@ -231,20 +232,10 @@ def read_log(log: Told, k: int | None) -> _Record:
     )
 
 
-def _orientation(d: Floats) -> NDArray[np.int8]:
-    """+1 or -1 (n,), opposite for d and -d; 1 for d = 0."""
-    return np.array([pair_name(row)[1] for row in d], dtype=np.int8)
-
-
-def pairs_of(d: Floats) -> NDArray[np.intp]:
-    """A number (n,) for the unordered pair behind each row: the same for d and -d."""
-    return np.unique(d * _orientation(d)[:, None] + 0.0, axis=0, return_inverse=True)[1].ravel()
-
-
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
     """Rows (m, 2) that answer the same pair, no row twice, so that couples are independent; and how many pairs were
     answered more than once. A vector against itself is no question."""
-    pairs, asked = pairs_of(answers.d), np.any(answers.d != 0, axis=1)
+    pairs, asked = pair_numbers(answers.d), np.any(answers.d != 0, axis=1)
     rows = [np.flatnonzero(asked & (pairs == pair)) for pair in dict.fromkeys(pairs[asked].tolist())]
     couples = [mine[: len(mine) // 2 * 2].reshape(-1, 2) for mine in rows]
     return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(len(mine) > 1 for mine in rows)

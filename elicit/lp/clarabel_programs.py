@@ -75,7 +75,9 @@ class Programs:
         low, point = self._proven(t, self.solve(t), inside)
         if low > 0:
             return 1, None
-        if point is not None and float(product(t, point)) < -rounding(self.region.p, 4.0 * float(product(np.abs(t), point))):
+        if point is not None and float(product(t, point)) < -rounding(
+            self.region.p, 4.0 * float(product(np.abs(t), point))
+        ):
             return -1, point
         return 0, None
 

@@ -149,7 +149,9 @@ def certified_bound(t: Floats, y: Floats, region: Region) -> float:
     with np.errstate(all="ignore"):
         rest = t - product(weights, rows)
         size = float((np.abs(t) + product(weights, np.abs(rows))).max()) + float(product(weights, np.abs(rhs)))
-        bound = float(order_bounds(rest, region.margin)[0] + product(weights, rhs) - 5.0 * rounding(p + len(used), size))
+        bound = float(
+            order_bounds(rest, region.margin)[0] + product(weights, rhs) - 5.0 * rounding(p + len(used), size)
+        )
     return bound if np.isfinite(bound) else -np.inf
 
 

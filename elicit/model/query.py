@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit.model.pairs import whole_numbers
 from elicit.model.scale import Floats, as_vectors
 
 if TYPE_CHECKING:
@@ -147,8 +148,9 @@ class Query:
 def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -> str:
     """The id of a query: see ``Query.make``."""
     digest = hashlib.blake2b(f"{fingerprint}/{number}".encode(), digest_size=8)
-    digest.update(np.ascontiguousarray(left, dtype=np.float64).tobytes())
-    digest.update(np.ascontiguousarray(right, dtype=np.float64).tobytes())
+    for vector in (left, right):  # by value: their last bits may differ on another machine
+        numbers, exponent = whole_numbers(np.asarray(vector, dtype=np.float64))
+        digest.update(numbers.astype("<i8").tobytes() + exponent.to_bytes(2, "little"))
     return digest.hexdigest()
 
 

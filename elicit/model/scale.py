@@ -47,20 +47,6 @@ def tail_sums(d: Floats) -> Floats:
     return t[..., ::-1]
 
 
-def pair_name(d: Floats) -> tuple[bytes, int]:
-    """The bytes of a difference (k,), or of its tail sums (p,), in a canonical direction (the first entry that is not 0
-    is positive), and the sign that turns it there: the same pair has the same name, whichever way round."""
-    sign = -1 if d.any() and d[np.flatnonzero(d)[0]] < 0 else 1
-    return (sign * d + 0.0).tobytes(), sign
-
-
-def pair_names(d: Floats) -> tuple[NDArray[np.int8], list[bytes]]:
-    """The signs (n,) and the names of ``pair_name``, of each row of d (n, k)."""
-    first = d[np.arange(len(d)), (d != 0).argmax(axis=1)]
-    signs = np.where(first < 0, -1, 1).astype(np.int8)
-    return signs, [row.tobytes() for row in signs[:, None] * d + 0.0]
-
-
 def dominance(t: Floats) -> NDArray[np.int8]:
     """Eq. (4) on tail sums t (n, k-1): 1 where left dominates, -1 where right does, 0 where they
     are equal, 2 where neither dominates (the codes of ``Verdict``)."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from elicit._support.fixed_order import product
 from elicit._support.hashing import fold, key_of, name_code
 from elicit.asking.bags import says_left
 from elicit.model.comparator import Comparator, TrustsDraws, bounds_of, draws_in, lapse_of

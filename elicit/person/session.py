@@ -16,14 +16,17 @@ from datetime import UTC, datetime
 from os import PathLike
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
+import numpy as np
+
 from elicit._support.closing import Closing
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import OnConflict
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, tie_of
+from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.model.scale import pair_name, tail_sums
+from elicit.model.scale import tail_sums
 from elicit.tutors.answer_log import CONTRADICTS, EXPECTED, REPEATS, AnswerLog, Entry
 
 _AGAIN = " again"  # after the id of a query that is put again
@@ -374,8 +377,9 @@ class Session(Closing):
         asker = self.asker
         if self.instead is None or self._make is None or (isinstance(asker, Audits) and query.id in asker.implied):
             return None
-        said = {pair_name(tail_sums(entry.answer.query.d))[0] for entry in self._log if not entry.retracted}
-        return self.instead(query, lambda other: pair_name(tail_sums(other.d))[0] in said)
+        said = [tail_sums(entry.answer.query.d) for entry in self._log if not entry.retracted]
+        sums = np.array(said).reshape(len(said), -1)
+        return self.instead(query, lambda other: bool(said) and bool(same_pairs(tail_sums(other.d), sums).any()))
 
     def _repeat(self) -> Query | None:
         """The earlier question that is to be put again now, as a query of its own, if one is."""

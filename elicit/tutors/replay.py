@@ -2,8 +2,12 @@
 
 from collections.abc import Iterable
 
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Query
-from elicit.model.scale import pair_name
+from elicit.model.scale import tail_sums
 from elicit.tutors.answer_log import Entry, entries_of
 
 
@@ -12,7 +16,7 @@ class NotInLog(LookupError):
 
 
 class ReplayTutor:
-    """Answers from a log: by query id, else by pair (the same difference to the last bit, or its opposite).
+    """Answers from a log: by query id, else by pair (the same difference but for rounding, or its opposite).
 
     ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
     replayed too, what was retracted is not. A pair answered several times is replayed in the order of the
@@ -22,10 +26,13 @@ class ReplayTutor:
     def __init__(self, log: Iterable[Entry | Answer]) -> None:
         self._answers = [entry.answer for entry in entries_of(log) if not entry.retracted]
         self._by_id: dict[str, list[int]] = {}
-        self._by_pair: dict[bytes, list[int]] = {}
+        levels = np.array([len(answer.query.left) for answer in self._answers])
+        self._rows = {k: np.flatnonzero(levels == k) for k in set(levels.tolist())}
+        self._sums = {
+            k: tail_sums(np.array([self._answers[i].query.d for i in rows])) for k, rows in self._rows.items()
+        }
         for i, answer in enumerate(self._answers):
             self._by_id.setdefault(answer.query.id, []).append(i)
-            self._by_pair.setdefault(pair_name(answer.query.d)[0], []).append(i)
         self._replayed: set[int] = set()
         self._last: dict[str, int] = {}
 
@@ -34,10 +41,10 @@ class ReplayTutor:
 
     def __call__(self, query: Query) -> Answer:
         """The answer that the log holds. Raises NotInLog (a LookupError) where it holds none."""
-        name, sign = pair_name(query.d)
+        ways = self._ways(query)
         own = self._by_id.get(query.id, [])
         last = self._last.get(query.id, own[-1] if own else None)
-        candidates = self._by_pair.get(name, []) if last is None else own
+        candidates = np.flatnonzero(ways).tolist() if last is None else own
         fresh = next((i for i in candidates if i not in self._replayed), last)
         if fresh is None:
             raise NotInLog(
@@ -47,14 +54,20 @@ class ReplayTutor:
                 "replay the run that was recorded, or put this query to a tutor and append the answer to the log"
             )
         found = self._answers[fresh]
-        stored, way = pair_name(found.query.d)
-        if stored != name:
+        if not ways[fresh]:
             raise NotInLog(
                 f"the log's query {query.id} is about other vectors: left {found.query.left}, right "
                 f"{found.query.right}, not left {query.left}, right {query.right}. The log is of another problem"
             )
         self._replayed.add(fresh)
         self._last[query.id] = fresh
-        if way == sign:
+        if ways[fresh] > 0:
             return Answer(query, found.verdict, found.swapped)
         return Answer(query, None if found.verdict is None else found.verdict.flipped, not found.swapped)
+
+    def _ways(self, query: Query) -> NDArray[np.int8]:
+        """Which answers (n,) are about the query's pair: 1, or -1 where it is exchanged, else 0."""
+        found, k = np.zeros(len(self._answers), np.int8), len(query.left)
+        if k in self._rows:
+            found[self._rows[k]] = same_pairs(tail_sums(query.d), self._sums[k])
+        return found

@@ -77,13 +77,13 @@ class _Simulated:
         The same as n calls, but faster. Raises ValueError on a wrong shape or numbers that are not finite.
         """
         t = np.ascontiguousarray(tail_sums(as_vectors(d, self.k)))
-        answers, work = np.empty(len(t), dtype=np.int8), np.empty(t.shape[1])
+        answers = np.empty(len(t), dtype=np.int8)
         jit.expect(kernel.respond_all, 1e-5 * t.size)
         with np.errstate(all="ignore"):  # the hash wraps around
-            row = kernel.respond_all(t, 0, answers, work, self._respondent())
+            row = kernel.respond_all(t, 0, answers, self._respondent())
             while row < len(t):
-                answers[row] = kernel.answer(t[row], *_truth(t[row], self._g), work, self._respondent())
-                row = kernel.respond_all(t, row + 1, answers, work, self._respondent())
+                answers[row] = kernel.answer(t[row], *_truth(t[row], self._g), self._respondent())
+                row = kernel.respond_all(t, row + 1, answers, self._respondent())
         return answers
 
     @property

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import mix, orientation, pair_code, unit
+from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
+from elicit.model.pairs_kernel import pair_code, way_round
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import UNSETTLED
 
@@ -83,13 +84,13 @@ def chance(size: float, precision: float) -> float:
 
 
 @compiled
-def answer(t: Any, sign: int, size: float, work: Any, tutor: Respondent) -> int:
+def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
     """What the tutor says of a pair with tail sums t (p,), of which the truth is this sign and size; counted as one
-    asking. There must be room in the table. ``work`` (p,) is written in."""
+    asking. There must be room in the table."""
     tutor.tally[GIVEN] += 1
     if tutor.kind == TRUTHFUL:
         return sign if size > tutor.tie else 0
-    code = pair_code(tutor.key, t, work)
+    code = pair_code(tutor.key, t)
     i = place_of(code, tutor.pairs)
     if tutor.pairs[i] == np.uint64(0):
         tutor.pairs[i] = code
@@ -100,7 +101,7 @@ def answer(t: Any, sign: int, size: float, work: Any, tutor: Respondent) -> int:
         if tutor.kind == FLIPPING:
             return 0
         either = chance(tutor.tie, tutor.rate)
-        return orientation(t) * (1 if u < either else -1 if u < 2.0 * either else 0)
+        return way_round(t) * (1 if u < either else -1 if u < 2.0 * either else 0)
     if tutor.kind == FLIPPING and size <= tutor.tie:
         return 0
     if u < (tutor.rate if tutor.kind == FLIPPING else chance(size + tutor.tie, tutor.rate)):
@@ -112,24 +113,24 @@ def answer(t: Any, sign: int, size: float, work: Any, tutor: Respondent) -> int:
 
 
 @compiled
-def respond(t: Any, work: Any, tutor: Respondent) -> int:
+def respond(t: Any, tutor: Respondent) -> int:
     """The answer to a pair with tail sums t (p,); UNSETTLED, and nothing counted, where the truth needs exact
-    arithmetic or the table room. ``work`` (p,) is written in."""
+    arithmetic or the table room."""
     sign, size = truth(t, tutor.gaps)
     if sign == UNSETTLED or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
         return UNSETTLED
     if tutor.kind == TRUTHFUL:  # without handing all of the tutor on
         tutor.tally[GIVEN] += 1
         return sign if size > tutor.tie else 0
-    return answer(t, sign, size, work, tutor)
+    return answer(t, sign, size, tutor)
 
 
 @compiled
-def respond_all(t: Any, first: int, answers: Any, work: Any, tutor: Respondent) -> int:
+def respond_all(t: Any, first: int, answers: Any, tutor: Respondent) -> int:
     """Answers (n,) to pairs with tail sums t (n, p), from row ``first`` on; returns the first row left UNSETTLED, or
     n."""
     for i in range(first, len(t)):
-        said = respond(t[i], work, tutor)
+        said = respond(t[i], tutor)
         if said == UNSETTLED:
             return i
         answers[i] = said

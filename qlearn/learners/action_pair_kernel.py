@@ -17,7 +17,6 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from elicit._support.hashing import orientation, pair_code
 from elicit._support.jit import compiled
 from elicit.asking.elicitation import Elicitation
 from elicit.asking.elicitation_kernel import AskingRule, Judgement
@@ -25,13 +24,14 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
 from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
+from elicit.model.pairs_kernel import apart, mark_of, marks_within, near_to
 from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance
-from elicit.tutors.simulated_kernel import NOBODY, TRUTHFUL, WRONG, Respondent, nobody, place_of, respond
+from elicit.tutors.simulated_kernel import NOBODY, TRUTHFUL, WRONG, Respondent, nobody, respond
 
 BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
-_TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most: a power of two
+_TOLD_AT_ONCE = 1024  # answers handed to the elicitation at once, at most
 USED, ROOM = 0, 1  # what ``Told.fill`` holds
 
 
@@ -58,10 +58,8 @@ class Told(NamedTuple):
 
     vectors: Floats  # (c, 2, k) left and right
     verdicts: NDArray[np.int8]  # (c,)
-    sums: Floats  # (c, p) tail sums of left - right, the way round that a pair's hash has them
-    ways: NDArray[np.int8]  # (c,) 1, or -1 where that is the other way round
-    codes: NDArray[np.uint64]  # (2 c,) hash table of the pairs, 0 where it is free
-    rows: NDArray[np.int64]  # (2 c,) the row of each
+    sums: Floats  # (c, p) tail sums of left - right
+    marks: Floats  # (c,) the marks of these, by which a pair is found again
     fill: NDArray[np.int64]  # (2,) how many there are, and how many there may be
 
 
@@ -97,14 +95,12 @@ class PairJudge:
         self._unwatched, self._watched = (
             Kept(np.empty((c, k)), np.empty(c, np.int8), np.empty(c, np.int8), np.zeros(1, np.int64)) for c in (0, room)
         )
-        c, words = _TOLD_AT_ONCE, 2 * _TOLD_AT_ONCE
+        c = _TOLD_AT_ONCE
         self._told = Told(
             vectors=np.empty((c, 2, k)),
             verdicts=np.empty(c, np.int8),
             sums=np.empty((c, k - 1)),
-            ways=np.empty(c, np.int8),
-            codes=np.zeros(words, np.uint64),
-            rows=np.empty(words, np.int64),
+            marks=np.empty(c),
             fill=np.zeros(2, np.int64),
         )
         self.tutor: AnswersInLoops | None = None  # who is asked within the loop, where the elicitation has room for it
@@ -153,7 +149,7 @@ class PairJudge:
         n = int(told.fill[USED])
         if n:
             self._elicitation.take(told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy())
-            told.codes[:], told.fill[:] = 0, 0
+            told.fill[:] = 0
             self.take_answers()
         return n > 0
 
@@ -201,35 +197,32 @@ def full(judging: Judging) -> bool:
 
 
 @compiled
-def put(q: Any, s: int, a: int, b: int, t: Any, work: Any, judging: Judging) -> tuple[int, int]:
+def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, int]:
     """Put a pair with tail sums t (p,) that is left open to the tutor: verdict and tier. UNKNOWN where Python has to
     ask. UNSETTLED where what was kept must be handed over first, for whoever watches may want to know what was decided
-    before the tutor's first error. Overwrites work (p,)."""
-    kept, tutor, told, key = judging.kept, judging.tutor, judging.told, judging.asking.key
-    fill, way = told.fill, orientation(t)
+    before the tutor's first error."""
+    kept, tutor, told = judging.kept, judging.tutor, judging.told
+    fill = told.fill
     if fill[ROOM] == 0:
         return UNKNOWN, BY_TUTOR
-    code = pair_code(key, t, work)
-    at = place_of(code, told.codes)
-    if told.codes[at] == code:
-        row = told.rows[at]
-        for j in range(len(t)):
-            if told.sums[row, j] != work[j]:
-                return UNKNOWN, BY_TUTOR  # another pair that has the same hash
-        return told.verdicts[row] * told.ways[row] * way, BY_KNOWN
+    mark, near = mark_of(t), near_to(t)
+    reach = marks_within(near, len(t))
+    for row in range(fill[USED]):
+        for way in (1, -1):
+            if abs(way * mark - told.marks[row]) <= reach and apart(t, way, told.sums[row]) <= near:
+                return way * told.verdicts[row], BY_KNOWN
     if tutor.kind != TRUTHFUL and tutor.tally[WRONG] == 0 and len(kept.tiers) > 0 and kept.used[0] > 0:
         return UNSETTLED, BY_TUTOR
     row = fill[USED]
-    for j in range(len(t)):
-        told.sums[row, j] = work[j]
-    verdict = respond(t, work, tutor)
+    verdict = respond(t, tutor)
     if verdict == UNSETTLED:
         return UNKNOWN, BY_TUTOR
     for j in range(q.shape[2]):
         told.vectors[row, 0, j] = q[s, a, j]
         told.vectors[row, 1, j] = q[s, b, j]
-    told.verdicts[row], told.ways[row] = verdict, way
-    told.codes[at], told.rows[at] = code, row
+    for j in range(len(t)):
+        told.sums[row, j] = t[j]
+    told.verdicts[row], told.marks[row] = verdict, mark
     fill[USED] = row + 1
     if verdict == EQUAL:  # binding, which the rule to ask by has to say from now on
         fill[ROOM] = row + 1

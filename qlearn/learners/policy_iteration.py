@@ -429,7 +429,9 @@ def _bounds_by_box(axes: Floats, reach: Floats, d: Floats) -> Floats:
     """Upper bounds (n,) on d.e for scales whose gaps reach at most so far (2p,) along orthonormal axes, the columns
     (p, p), and against them."""
     p, high = len(axes), np.empty(len(d))
-    astray = np.abs(product(axes, axes.T) - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps  # all of this is rounded
+    astray = (
+        np.abs(product(axes, axes.T) - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps
+    )  # all of this is rounded
     for start in range(0, len(d), _BLOCK):
         t, some = tail_sums(d[start : start + _BLOCK]), slice(start, start + _BLOCK)
         along = product(t, axes)

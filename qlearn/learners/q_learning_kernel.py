@@ -77,7 +77,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     limits, verdict_of, tier_of = certificates
     best, cursor, decided = state.best, state.cursor, state.decided
     m, k = state.q.shape[1:]
-    d, t, work, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
+    d, t, work, least = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1)
     while True:
         if cursor[POSITION] == IDLE:
             if cursor[STEP] >= model.steps:
@@ -96,7 +96,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                         if full(judging):
                             return FULL
                         if oracle.kind != NOBODY:
-                            verdict, tier = respond(t, work[0], oracle), BY_TUTOR
+                            verdict, tier = respond(t, oracle), BY_TUTOR
                         elif asking.plain and verdict_of[row] != 0 and certifies(limits[row], verdict_of[row], t):
                             verdict, tier = verdict_of[row], tier_of[row]
                         else:
@@ -104,7 +104,7 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                             verdict, tier = certify(judged, least, row, certificates)
                             if verdict == UNKNOWN:
                                 difference(state.q, s, challenger, incumbent, d, t)
-                                verdict, tier = put(state.q, s, challenger, incumbent, t, work[0], judging)
+                                verdict, tier = put(state.q, s, challenger, incumbent, t, judging)
                                 if verdict == UNSETTLED:
                                     return FULL
                         if verdict in (UNSETTLED, UNKNOWN):

@@ -72,7 +72,7 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
     arrays, discount = (model.successors, model.probabilities, ends, model.levels), model.discount
     plain, turns = asking.plain, oracle.kind != NOBODY
     m, k = model.n_actions, v.shape[1]
-    d, t, scratch, least = np.empty(k), np.empty(k - 1), np.empty((2, k - 1)), np.empty(k - 1)
+    d, t, scratch, least = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1)
     vectors = np.empty((1, m, k))
     q = vectors[0]
     low, high = out.change[0], out.change[1]
@@ -96,7 +96,7 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                 if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
                     tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                 elif turns:
-                    verdict, tier = respond(t, scratch[0], oracle), BY_TUTOR
+                    verdict, tier = respond(t, oracle), BY_TUTOR
                 elif plain and verdict_of[row] != 0 and certifies(limits[row], verdict_of[row], t):
                     verdict, tier = verdict_of[row], tier_of[row]
                 else:

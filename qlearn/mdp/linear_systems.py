@@ -28,10 +28,7 @@ Solver = Callable[[Floats], Floats]
 
 
 def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """Return x (n, m) with x = inflow + discount * chain @ x, for a (sub)stochastic chain (n, n), rounded once.
-
-    Beyond ``_SPARSE`` states, where the chain mixes slowly, x is only as near as sweeps come.
-    """
+    """Return x (n, m) with x = inflow + discount * chain @ x, for a (sub)stochastic chain (n, n), rounded once."""
     flows = (discount * chain).tocsr()
     solve = _dense(flows) if len(inflow) <= _DENSE else _sparse(flows, discount)
     x = solve(inflow)

@@ -253,7 +253,9 @@ class PosteriorComparator:
     @property
     def lapse(self) -> float:
         """The share of answers given at random: as given, or its posterior mean."""
-        return float(product(self._slips[0], self._gaps_and_weights[1])) if self.given_lapse is None else self.given_lapse
+        if self.given_lapse is not None:
+            return self.given_lapse
+        return float(product(self._slips[0], self._gaps_and_weights[1]))
 
     @property
     def draws(self) -> Draws:

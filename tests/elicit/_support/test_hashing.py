@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from elicit._support import hashing
-from elicit._support.hashing import fold, key_of, mix, name_code, orientation, pair_code, pair_codes, uniform, unit
-from elicit._support.jit import compiling
+from elicit._support.hashing import fold, key_of, mix, name_code, uniform, unit
 
 
 def test_keys() -> None:
@@ -47,23 +45,3 @@ def test_uniform_numbers() -> None:
     counts = np.histogram(u, 20, (0, 1))[0]
     assert abs(counts - 5000).max() < 400
     assert uniform(np.array([0, 2**64 - 1], dtype=np.uint64)).tolist() == [0, 1 - 2**-53]
-
-
-def test_an_unordered_pair_has_one_code() -> None:
-    key = key_of(5)
-    t = np.random.default_rng(2).normal(size=(50, 4)) * np.random.default_rng(3).integers(0, 2, (50, 4))
-    codes = pair_codes(key, t)
-    assert (codes == pair_codes(key, -t)).all()
-    assert (codes == pair_codes(key, np.where(t == 0, -0.0, t))).all()
-    assert (codes == pair_codes(key, np.asfortranarray(t))).all()
-    some = np.unique(t * np.array([orientation(row) for row in t])[:, None] + 0.0, axis=0)
-    assert len(np.unique(codes)) == len(some) > 40
-    assert (codes != pair_codes(key + 1, t)).all()
-    assert len(np.unique(pair_codes(key, np.array([[1.0, 2, 0], [2, 1, 0], [1, 0, 2]])))) == 3
-    with np.errstate(over="ignore"):
-        for row, code in zip(t, codes, strict=True):
-            with compiling():
-                assert pair_code(np.uint64(key), row, np.empty(4)) == code
-            assert hashing._code_of_arrays(np.uint64(key), row, np.empty(4)) == code
-    assert [orientation(np.array(row)) for row in ([0.0, -2, 1], [0.0, 3, -1], [0.0, -0.0, 0])] == [-1, 1, 0]
-    assert pair_codes(key, t[:0]).shape == (0,)

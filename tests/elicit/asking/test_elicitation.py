@@ -95,15 +95,17 @@ def policy(
     return (UNKNOWN, Tier.TUTOR) if guess == UNKNOWN else (guess, Tier.GUESS)
 
 
-def asking(audit: float = 0.0, guess: int = UNKNOWN, said: bool = False, bound: bool = False) -> AskingRule:
+def asking(audit: float = 0.0, guess: int = UNKNOWN, said: int = UNKNOWN, bound: bool = False) -> AskingRule:
     """A rule under which the pair OPEN was answered, or not."""
     rule = elicitation(audit=audit, indifference=1e-6).rule()
     told = elicitation()
     put(told, EQUAL)
-    codes, none = told.rule().binding, rule.said
     gaps = {UNKNOWN: np.empty(0), BETTER: np.eye(K - 1)[3], WORSE: np.eye(K - 1)[0], EQUAL: np.zeros(K - 1)}[guess]
-    binding, answered = codes if bound else none, codes if said or bound else none
-    return rule._replace(key=told.rule().key, unclear=True, guess=gaps, binding=binding, said=answered)
+    table = told.rule().answered
+    if said != UNKNOWN or bound:
+        table.said[:1], table.binding[:1] = EQUAL if said == UNKNOWN else said, bound
+        rule = rule._replace(answered=table)
+    return rule._replace(key=told.rule().key, unclear=True, guess=gaps, plain=not (audit or bound))
 
 
 def test_what_settles_a_pair_and_in_which_order() -> None:
@@ -112,10 +114,12 @@ def test_what_settles_a_pair_and_in_which_order() -> None:
     truths = (False, True)
     for (verdict, tier), bound, said in product(by_comparator, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
         for drawn, unclear, close, guess in product(truths, truths, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
-            rule = asking(float(drawn), guess, said != UNKNOWN, bound)
-            facts = Facts(int(verdict), int(tier), int(said), int(unclear), int(EQUAL if close else UNKNOWN))
+            if bound and said == UNKNOWN:
+                continue  # what is binding was said
+            rule = asking(float(drawn), guess, said, bound)
+            facts = Facts(int(verdict), int(tier), int(unclear), int(EQUAL if close else UNKNOWN))
             with np.errstate(all="ignore"):
-                found = settle(tail_sums(OPEN).copy(), np.empty(K - 1), rule, facts)
+                found = settle(tail_sums(OPEN).copy(), rule, facts)
             wanted = policy(verdict, tier, bound, said, drawn and not bound, unclear, close, guess)
             assert (found.verdict, found.tier) == wanted
             assert found.needed == NO_FACT
@@ -161,7 +165,7 @@ def test_arrays_single_pairs_and_loops_agree(
         if dominance(t) != UNKNOWN:
             continue
         with np.errstate(all="ignore"):
-            found = judge_pair(d[i], t, np.empty((2, K - 1)), np.empty(K - 1), rule, asks)
+            found = judge_pair(d[i], t, np.empty(K - 1), np.empty(K - 1), rule, asks)
         if found.verdict != UNSETTLED:
             assert found.verdict == verdict
             assert same(found.tier, tier)

@@ -14,8 +14,6 @@ from elicit.model.scale import (
     gaps,
     normalise,
     order_bounds,
-    pair_name,
-    pair_names,
     tail_sums,
     values_of,
 )
@@ -160,12 +158,3 @@ def test_normalise_extremes(values):
 def test_bad_values(values, complaint):
     with pytest.raises(ValueError, match=complaint):
         normalise(values)
-
-
-def test_a_pair_has_one_name_whichever_way_round_it_is():
-    rows = np.array([[0.0, -1.0, 2.0], [-0.0, 1.0, -2.0], [0.0, 0.0, 0.0], [-3.0, 0.0, -0.0], [3.0, -0.0, 0.0]])
-    signs, names = pair_names(rows)
-    assert [(name, sign) for name, sign in zip(names, signs.tolist(), strict=True)] == [pair_name(row) for row in rows]
-    assert names[0] == names[1]
-    assert names[3] == names[4]
-    assert signs.tolist() == [-1, 1, 1, -1, 1]
