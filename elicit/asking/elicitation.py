@@ -54,8 +54,9 @@ no more. With one tie in place of two, value iteration asked such tutors three t
 Watch = Callable[[Floats, Decisions], None]
 OnConflict: TypeAlias = Literal["raise", "drop"]
 
-Place: TypeAlias = Hashable
-"""Where a pair is compared, such as a state and two of its actions: there its vectors may still change a little."""
+Place: TypeAlias = tuple[Hashable, ...]
+"""Names of where a pair is compared, such as a state and two of its actions: there its vectors may still change a
+little. The sentence that asks about it is one, for a log keeps it; the same with left and right exchanged another."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Pair(NamedTuple):
     left: Floats
     right: Floats
     about: str
-    place: Place | None = None
+    place: Place = ()
     tier: int = int(Tier.TUTOR)
 
 
@@ -151,7 +152,7 @@ class Elicitation:
         self._answered = AnsweredPairs(comparator.k)
         self._undecided = undecided
         self._labels = labels
-        self._unclear: set[Place] = set()  # where the tutor could not tell
+        self._unclear: set[Hashable] = set()  # names of where the tutor could not tell
         self._untold = False  # whether there are pairs known as such that she could not tell
         self._guess: tuple[Comparator, Floats] | None = None
         self._learn_known(known)
@@ -175,7 +176,7 @@ class Elicitation:
                 settle_rows(rows, t, asking, facts, out)
             rows = rows[out.needed[rows] != NO_FACT]
             of = [rows[out.needed[rows] == fact] for fact in (PLACE, BOUNDS)]
-            unclear[of[0]] = [places is not None and places(int(row)) in self._unclear for row in of[0]]
+            unclear[of[0]] = [places is not None and self._is_unclear(places(int(row))) for row in of[0]]
             if len(of[1]):
                 low, high = bounds_of(self.comparator, d[of[1]])
                 near = (low >= -self.indifference) & (high <= self.indifference)
@@ -247,8 +248,8 @@ class Elicitation:
             self.cannot_tell += answer.verdict is None
             if expected is None:
                 self.asked += 1
-                if answer.verdict is None and pair.place is not None:
-                    self._unclear.add(pair.place)
+                if answer.verdict is None:
+                    self._unclear.update(pair.place)
             else:
                 self.audits.append(Audit(query, expected, answer.verdict))
             said = verdict if answer.verdict is None else answer.verdict
@@ -328,8 +329,11 @@ class Elicitation:
         not tell."""
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:
-            new &= np.array([places(i) not in self._unclear for i in range(len(d))], dtype=np.bool_)
+            new &= ~np.array([self._is_unclear(places(i)) for i in range(len(d))], dtype=np.bool_)
         return new
+
+    def _is_unclear(self, place: Place) -> bool:
+        return not self._unclear.isdisjoint(place)
 
     def next_batch(self, d: Floats) -> list[int]:
         """Which of the differences d (n, k), judged UNKNOWN, to ask about now: the first ones, as many as batch
@@ -357,11 +361,22 @@ class Elicitation:
         if new:
             try:
                 untold = Answers(told.d[new], told.y[new], [told.ids[i] for i in new])
-                self.comparator, _ = learn(self.comparator, untold, one_by_one=False)
+                self._learn_in_order(untold)
             except InconsistentAnswers as error:
                 error.add_note("They are among what was known: leave one out of known=, of a log by log.retract(id)")
                 raise
         self.answers = told
+
+    def _learn_in_order(self, told: Answers) -> None:
+        """Have the comparator learn these answers, and count those that called equal what is near, as if they had been
+        told one by one."""
+        done = 0
+        for i, y in enumerate(told.y if self._tie else ()):
+            if y == 0 or self._equal_in_a_row:
+                self.comparator, _ = learn(self.comparator, told[done:i], one_by_one=False)
+                done = i
+                self._equal_in_a_row = self._counted(told.d[i], bool(y == 0), self._equal_in_a_row)
+        self.comparator, _ = learn(self.comparator, told[done:], one_by_one=False)
 
     def _enter(self, known: Answer | Entry) -> Answer | None:
         """Keep what was said of one pair; the answer itself where the comparator is to learn it."""
@@ -381,7 +396,9 @@ class Elicitation:
         if entry.repeat:  # the first answer stands
             return None
         said = self._undecided if answer.verdict is None else answer.verdict
-        self._untold |= answer.verdict is None
+        if answer.verdict is None:
+            self._untold = True
+            self._unclear.update({answer.query.about} - {""})
         self._answered.add(answer.query.d, said, binding=not entry.used or said == Verdict.EQUAL)
         return answer if entry.used and answer.verdict is not None else None
 
@@ -391,10 +408,14 @@ class Elicitation:
         for answer in answers if self._tie else ():
             equal = answer.verdict is Verdict.EQUAL
             if equal or (count and answer.verdict is not None):
-                low, high = bounds_of(self.comparator, answer.query.d[None, :])
-                if max(-low[0], high[0]) <= self._near * (1.0 + 1e-9):
-                    count = count + 1 if equal else 0
+                count = self._counted(answer.query.d, equal, count)
         return count
+
+    def _counted(self, d: Floats, equal: bool, count: int) -> int:
+        """The count after another answer, to a difference d (k,): only those to pairs that are certainly near count."""
+        low, high = bounds_of(self.comparator, d[None, :])
+        near = max(-low[0], high[0]) <= self._near * (1.0 + 1e-9)
+        return (count + 1 if equal else 0) if near else count
 
     def _act_on(self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator) -> Verdict:
         """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an audit's answer that the

@@ -57,12 +57,8 @@ def analytic_centre(region: Region) -> Floats:
 
 
 def _canonical(region: Region) -> _Shape:
-    rows, limits = region.constraints
-    size = np.abs(rows).max(axis=1)
-    used = np.flatnonzero(size > 0)
-    _, first = np.unique(np.column_stack([limits, rows])[used], axis=0, return_index=True)
-    order = used[first]  # sorted, and each constraint once
-    return _Shape(rows[order], limits[order], size[order])
+    rows, limits = region.constraints_in_order
+    return _Shape(rows, limits, np.abs(rows).max(axis=1))
 
 
 def _opposites(shape: _Shape) -> _Hull:

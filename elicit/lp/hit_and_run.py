@@ -31,14 +31,14 @@ class Draws(NamedTuple):
 @one_thread
 def draws_within(region: Region, inside: Floats) -> Draws:
     """Draws from a region, one a chain, for a point ``inside`` (p,) strictly inside it; that point alone where the
-    region is too flat for the chains to move. A function of its arguments alone."""
+    region is too flat for the chains to move. They depend on the region as a set, not on the order of its rows."""
     p = region.p
     weights, never = np.full(CHAINS, 1.0 / CHAINS), np.full(CHAINS, np.inf)
     g = np.repeat(inside[:, None], CHAINS, axis=1)
     if p == 1:
         return Draws(g, weights, never)
     rng = np.random.Generator(np.random.Philox(_KEY))
-    rows, limits = region.constraints
+    rows, limits = region.constraints_in_order
     shape = _ellipsoid(rows, limits, inside)
     slack = product(rows, g) - limits[:, None]
     for _ in range(STEPS):

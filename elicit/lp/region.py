@@ -52,6 +52,15 @@ class Region:
         limits = np.concatenate([np.full(self.p, self.margin), self.rhs])
         return np.concatenate([np.eye(self.p), self.rows]), limits
 
+    @cached_property
+    def constraints_in_order(self) -> tuple[Floats, Floats]:
+        """The constraints (m, p) and limits (m,) that say anything, each once, in an order that depends on their set
+        only: what is computed from them does not depend on the order in which answers came."""
+        rows, limits = self.constraints
+        used = np.flatnonzero(np.abs(rows).max(axis=1) > 0)
+        _, first = np.unique(np.column_stack([limits, rows])[used], axis=0, return_index=True)
+        return rows[used[first]], limits[used[first]]
+
     def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
         """The same region with only some of its rows, and perhaps another margin."""
         return Region(self.margin if margin is None else margin, self.rows[keep], self.rhs[keep], self.owner[keep])

@@ -58,18 +58,22 @@ class Status(Enum):
     SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
 
 
-def place(state: int, a: int, b: int) -> tuple[int, int, int]:
-    """Where two actions are compared, whichever is left."""
-    return int(state), int(min(a, b)), int(max(a, b))
+def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str]:
+    """Return the two sentences that ask about actions a and b: with a left, and with b left."""
+    return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a)
+
+
+def _sentence(mdp: OrdinalMDP, state: int, a: int, b: int) -> str:
+    other = f"action {b}" if mdp.action_names is None else mdp.action_names[b]
+    return f"state {mdp.state_name(state)}: action {mdp.action_name(a)} (left) or {other} (right)?"
 
 
 def pair_of(
     mdp: OrdinalMDP, left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR)
 ) -> Pair:
     """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
-    other = f"action {b}" if mdp.action_names is None else mdp.action_names[b]
-    about = f"state {mdp.state_name(state)}: action {mdp.action_name(a)} (left) or {other} (right)?"
-    return Pair(left, right, about, place(state, a, b), tier)
+    sentences = place(mdp, state, a, b)
+    return Pair(left, right, sentences[0], sentences, tier)
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:

@@ -213,7 +213,7 @@ class InteractivePolicyIteration(Learner):
     def _cut(self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates) -> Pair | None:
         """What closes most of the advantages in these rows, in a proof; None where that is not what is wanted."""
         elicitation, scores = self._elicitation, candidates.scores
-        plain = not (elicitation.cannot_tell or (elicitation.answers.y == 0).any())
+        plain = not (elicitation.unsure or elicitation.cannot_tell or (elicitation.answers.y == 0).any())
         known = elicitation.comparator
         proven = isinstance(known, BoundsAllAtOnce) and isinstance(known, HasDraws) and drawn_set(known) is None
         if not (plain and proven) or product((scores > candidates.limit).any(axis=0), candidates.weights) > _UNDECIDED:
@@ -224,7 +224,7 @@ class InteractivePolicyIteration(Learner):
         if found.row >= 0:
             return self._pair(over, int(rows[most[found.row]]))
         left, right = np.maximum(found.d, 0.0), np.maximum(-found.d, 0.0)
-        pair = Pair(left, right, "two mixtures of levels: left or right?", ("cut", elicitation.asked))
+        pair = Pair(left, right, "two mixtures of levels: left or right?")
         return pair if elicitation.may_ask(found.d[None], lambda _: pair.place).all() else None
 
     def _settled_by(self, over: Advantages) -> NDArray[np.int8]:
@@ -262,9 +262,9 @@ class InteractivePolicyIteration(Learner):
         left = q_of(np.array([s]), over.v, model_of(self._mdp))[0, a]
         return pair_of(self._mdp, left, over.v[s], s, a, int(over.policy[s]), int(tier))
 
-    def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
-        state = over.states[row]
-        return place(state, over.actions[row], over.policy[state])
+    def _place(self, over: Advantages, row: int) -> tuple[str, str]:
+        state = int(over.states[row])
+        return place(self._mdp, state, int(over.actions[row]), int(over.policy[state]))
 
 
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
@@ -286,11 +286,18 @@ class _Exactly:
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """The advantages that questions may be about, and a guarantee that is only right about being enough."""
         values, over = best_guess(comparator), self._over
-        if over is None or (product(over.d, values) > _TIE).any():  # else the last policy is optimal still
+        if over is None or self._changes(over, values):
             start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
             over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
         self._over, self.rounds = over, self.rounds + 1
         return self.look_further(comparator)
+
+    @staticmethod
+    def _changes(over: Advantages, values: Floats) -> bool:
+        """Whether ``optimal_policy`` would give another policy for this scale: there is a better action, or one that is
+        as good and comes first."""
+        gain = product(over.d, values)
+        return bool(((gain > _TIE) | ((gain >= -_TIE) & (over.actions < over.policy[over.states]))).any())
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """The same, without solving again: there is no more to be seen."""

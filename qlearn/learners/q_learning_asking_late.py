@@ -86,7 +86,9 @@ class LateQLearning(InteractiveQLearning):
         own = policy[states]
         d = q[states, actions] - q[states, own]
         unsettled = elicitation.indifference + self._moving(states, actions, own)
-        rows = worth_asking(elicitation, d, lambda i: place(states[i], actions[i], own[i]), unsettled)
+        rows = worth_asking(
+            elicitation, d, lambda i: place(self._mdp, int(states[i]), int(actions[i]), int(own[i])), unsettled
+        )
         self._refused |= bool(len(rows)) and elicitation.spent
         if not len(rows) or elicitation.spent:
             return ()

@@ -174,18 +174,14 @@ def simple_pair(
     elicitation: Elicitation, bags: Bags, candidates: Candidates, about: Floats, labels: Sequence[str]
 ) -> Pair | None:
     """A question of simple bags that tells of the signs of ``about`` (c, k); None where none tells anything. Bags are
-    about no state: each question has a place of its own."""
+    about no state: the sentence alone is their place."""
     asked, draws = bags.questions(len(labels)), candidates.draws
     d = asked.left / bags.days - asked.right / bags.days
-    may = elicitation.may_ask(d, _own_place)
+    may = elicitation.may_ask(d, lambda _: ())
     if elicitation.gave_up:
         may &= (np.abs(product(tail_sums(d), draws.gaps)) > elicitation.indifference).any(axis=1)
     row, _ = bags.best(draws, about, lapse_of(candidates.comparator), np.flatnonzero(~may).tolist())
     if row < 0:
         return None
     sentence = bags.sentence(asked.left[row], asked.right[row], labels)
-    return Pair(asked.left[row] / bags.days, asked.right[row] / bags.days, sentence, _own_place(row))
-
-
-def _own_place(row: int) -> tuple[int, int, int]:
-    return -1, row, row
+    return Pair(asked.left[row] / bags.days, asked.right[row] / bags.days, sentence)

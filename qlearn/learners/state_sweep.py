@@ -161,7 +161,11 @@ class StateSweep:
             return states
         left, right, challengers, incumbents = self.pairs(states)
         d = left - right
-        verdicts, tiers = self._elicitation.judge(d, lambda row: place(states[row], challengers[row], incumbents[row]))
+
+        def where(row: int) -> tuple[str, str]:
+            return place(self._mdp, int(states[row]), int(challengers[row]), int(incumbents[row]))
+
+        verdicts, tiers = self._elicitation.judge(d, where)
         needs = verdicts == Verdict.UNKNOWN
         self.judged.update(zip(states[needs].tolist(), tiers[needs].tolist(), strict=True))
         self._elicitation.commit(d[~needs], Decisions(verdicts[~needs], tiers[~needs]))

@@ -131,9 +131,13 @@ def policy_iteration(
 
 
 def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
-    """An optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1, found from ``start`` (S,), whose actions are
-    kept where they are as good."""
-    return policy_iteration(mdp, *rewarded(mdp, np.asarray(values)), start)[1]
+    """Return an optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1; of equally good actions the first.
+
+    The search begins at ``start`` (S,), which changes how long it takes, but not what it finds.
+    """
+    gain, ends = rewarded(mdp, np.asarray(values))
+    v, _ = policy_iteration(mdp, gain, ends, start)
+    return _first_best(backed_up(mdp, gain, ends, v))
 
 
 def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:

@@ -344,13 +344,13 @@ class InteractiveTraining:
         """The best policy against another, the row-th of the others."""
         other = row + (row >= at)
         about = f"policy {other + 1} (left) or policy {at + 1}, the best so far (right)?"
-        place = ("policies", min(at, other), max(at, other))
+        place = (("policies", min(at, other), max(at, other)),)
         return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
 
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
         """The best policy against a row of vectors (n, k) that no policy is known to have."""
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
-        place = ("unseen", at, np.round(unseen[row], 2).tobytes())
+        place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)
 
     def _audit(self, shares: Floats, at: int) -> bool:

@@ -135,7 +135,7 @@ class PolytopeComparator:
     @cached_property
     def draws(self) -> Draws:
         """Scales drawn from K_t, about uniformly, for questions that go by probability; no proof rests on them."""
-        return draws_within(self._set.region, np.diff(self.values))
+        return draws_within(self.region, np.diff(self.values))
 
     def explain(self, d: ArrayLike, labels: Sequence[str] | None = None) -> Explanation:
         """Why the tutor need not be asked about d (k,): a smallest set of answers and prior inequalities, and the

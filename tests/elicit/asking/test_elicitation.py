@@ -153,12 +153,12 @@ def test_arrays_single_pairs_and_loops_agree(
     budget = len(answers) if spent else None
     asked_by = elicitation(TAUGHT[name], audit=audit, indifference=indifference, max_queries=budget)
     for row, verdict in enumerate(answers):
-        put(asked_by, verdict, d[row], drop=True, place=row)
+        put(asked_by, verdict, d[row], drop=True, place=(row,))
     d = np.concatenate([d, -d[:6]])
-    together = asked_by.judge(d, lambda row: row % 7)
+    together = asked_by.judge(d, lambda row: (row % 7,))
     rule, asks = rule_of(asked_by.comparator), asked_by.rule()
     for i, (verdict, tier) in enumerate(zip(*together, strict=True)):
-        alone = asked_by.judge(d[i : i + 1], lambda row, i=i: i % 7)  # type: ignore[misc]
+        alone = asked_by.judge(d[i : i + 1], lambda row, i=i: (i % 7,))  # type: ignore[misc]
         assert alone.verdicts[0] == verdict
         assert same(alone.tiers[0], tier)
         t = tail_sums(d[i]).copy()
@@ -245,7 +245,7 @@ def test_a_model_may_overrule_an_answer_but_no_tie(tie: Verdict | None) -> None:
 @pytest.mark.parametrize("undecided", [EQUAL, BETTER])
 def test_where_the_tutor_cannot_tell_the_user_says_what_holds(undecided: Verdict) -> None:
     asked_by = elicitation(undecided=undecided)
-    put(asked_by, None, place="here")
+    put(asked_by, None, place=("here",))
     near = OPEN + np.array([0.0, 1e-3, -1e-3, 0.0, 0.0])
     assert judged(asked_by, OPEN, -OPEN)[0][:2] == (undecided, Tier.KNOWN)
     at = asked_by.judge(np.stack([near, near]), lambda row: ("here", "there")[row])
