@@ -225,7 +225,10 @@ class BradleyTerryComparator:
         point = np.clip(dot(tail_sums(as_vectors(d, self.k)), np.diff(model.values)), lo, hi)
         if model.region is None:
             return np.where(lo < 0, 0.0, 0.5), np.where(hi > 0, 1.0, 0.5), sigmoid(self.precision * point)
-        return sigmoid(model.top * lo), sigmoid(model.top * hi), sigmoid(model.top * point)
+        # the logistic function rises, but its last bit need not
+        ends = sigmoid(model.top * lo), sigmoid(model.top * hi)
+        low, high = np.minimum(*ends), np.maximum(*ends)
+        return low, high, np.clip(sigmoid(model.top * point), low, high)
 
     @cached_property
     def _model(self) -> _Model:
