@@ -1,6 +1,8 @@
 """What the tutor has said of which pairs: a pair is known by its difference, wherever and whichever way round it was
 compared."""
 
+from copy import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,12 @@ class AnsweredPairs:
         self.binding: Codes = np.empty(0, np.uint64)  # sorted: those whose answer no model may overrule
         self._key = key
         self._said: dict[bytes, int] = {}  # in the pair's canonical direction
+
+    def copy(self) -> "AnsweredPairs":
+        """Return a copy, which more can be added to while this one stays as it is."""
+        other = copy(self)
+        other._said = dict(self._said)
+        return other
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:
         """Keep what was said of a difference d (k,)."""

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.hashing import Seed
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
-from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
+from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
@@ -70,6 +70,12 @@ def pair_of(
     other = f"action {b}" if mdp.action_names is None else mdp.action_names[b]
     about = f"state {mdp.state_name(state)}: action {mdp.action_name(a)} (left) or {other} (right)?"
     return Pair(left, right, about, place(state, a, b), tier)
+
+
+def state_of(pair: Pair) -> int:
+    """The state at which the actions of a pair that ``pair_of`` made are compared."""
+    assert isinstance(pair.place, tuple), "a pair without a state"
+    return int(pair.place[0])
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
@@ -161,14 +167,17 @@ class Learner:
     @one_thread
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
+        self._act()
         return self._elicitation.ask() or self._go_on()
 
     @one_thread
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
-        then such an answer settles its own pair only, and is returned."""
-        verdicts, dropped = self._elicitation.tell(answers, on_conflict)
-        self._take(verdicts)
+        then such an answer settles its own pair only, and is returned. Where it raises, nothing has changed; where it
+        is interrupted (Ctrl+C), either nothing has, or the answers were taken: ``ask`` then goes on from them."""
+        self._act()
+        _, dropped = self._elicitation.tell(answers, on_conflict)
+        self._act()
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
@@ -198,8 +207,14 @@ class Learner:
         """Go on to the next queries, or to the end."""
         raise NotImplementedError
 
-    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
-        """Act on the verdicts, by query id."""
+    def _act(self) -> None:
+        """Act on what was told, once; after an interruption, act on all of it again."""
+        if self._elicitation.told:
+            self._take(self._elicitation.told)
+            self._elicitation.told = ()
+
+    def _take(self, told: Sequence[Told]) -> None:
+        """Act on the verdicts. To do so twice must come to the same as once."""
 
     def _certified(self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None) -> bool:
         """Whether no plausible scale lets the policy (S,) lose more than ``max_loss``; False also where that was asked
