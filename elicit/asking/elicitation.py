@@ -8,6 +8,7 @@ question budget, audits, "cannot tell", "about equal", never asking a pair twice
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from elicit._support import jit
 from elicit._support.hashing import Seed, key_of
-from elicit._support.validation import is_number, is_whole, require
+from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs, first_of_each_pair
 from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, SAID, AskingRule, Facts, Judgement, settle_rows
 from elicit.comparators.baselines import AlwaysAsk
@@ -134,6 +135,8 @@ class Elicitation:
         require(is_number(audit, 0, 1), "audit, the share of settled pairs to ask about,", "in 0..1", audit)
         require(is_whole(max_audits, 0), "max_audits", "a whole number of at least 0", max_audits)
         require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
+        k = comparator.k
+        require(labels is None or is_list(labels, k), "labels", f"None or {k} names, one a level", labels)
         self.comparator = comparator
         self.batch = int(batch)
         self.answers = Answers.none(comparator.k)
@@ -366,6 +369,11 @@ class Elicitation:
     def _learn_known(self, known: Known) -> None:
         """Take in what was answered before."""
         k = self.comparator.k
+        if isinstance(known, str | bytes | PathLike):
+            raise TypeError(
+                f"known takes answers, not the path of a file: open it, known=elicit.AnswerLog({known!r}), or only "
+                f"read it, known=elicit.AnswerLog.read({known!r})"
+            )
         if isinstance(known, Answers):
             told = check_answers(known, k)
             for d, y in zip(known.d, known.y, strict=True):

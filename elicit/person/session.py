@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from inspect import Parameter, signature
 from os import PathLike
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
@@ -27,6 +28,7 @@ from elicit.model.scale import pair_name, tail_sums
 from elicit.tutors.answer_log import CONTRADICTS, EXPECTED, REPEATS, AnswerLog, Entry
 
 _AGAIN = " again"  # after the id of a query that is put again
+_ANY_NUMBER = Parameter.VAR_POSITIONAL  # of arguments
 _NOT_ITS_QUESTIONS = (
     "this asker does not ask what the log answers: it was told something already, has another comparator or other "
     "settings, or an answer was withdrawn. Give Session a function known -> asker in its place, such as lambda known: "
@@ -153,6 +155,8 @@ class Session(Closing):
             audit,
         )
         self._audit, self._key = float(audit), fold(key_of(seed), name_code("questions put again"))
+        if isinstance(asker, type):
+            _check_makes(asker)
         self._given = asker if isinstance(asker, Asker) and not isinstance(asker, type) else None
         self._make = asker if self._given is None and callable(asker) else None
         if self._given is None and self._make is None:
@@ -523,6 +527,21 @@ class Session(Closing):
         if isinstance(known, PolytopeComparator):
             return known.retract(*known.answers.ids)
         return PolytopeComparator(k, tie=tie_of(known))
+
+
+def _check_makes(asker: type) -> None:
+    """Raise TypeError for a class that cannot be called with the known answers alone."""
+    try:
+        takes = list(signature(asker).parameters.values())
+        signature(asker).bind([])
+    except (TypeError, ValueError):
+        takes = []
+    if not takes or (isinstance(asker, Asker) and takes[0].name != "known" and takes[0].kind is not _ANY_NUMBER):
+        name = asker.__name__
+        raise TypeError(
+            f"a session takes an asker, or a function known -> asker, but {name} is a class: make one, "
+            f"{name}(...), or give a function that does, lambda known: {name}(..., known=known)"
+        )
 
 
 def tell(asker: Asker, answer: Answer) -> list[str] | None:

@@ -332,3 +332,10 @@ def test_an_oracle_answers_what_is_left_without_limit() -> None:
     assert (found.tiers[open_rows] == Tier.TUTOR).all()
     asked_by.commit(d, Decisions(found.verdicts, found.tiers))
     assert asked_by.asked == open_rows.sum()
+
+
+@pytest.mark.parametrize("labels", ["abcd", b"abcd", ["a", "b", "c"], 4])
+def test_labels_are_a_list_of_names(labels: Any) -> None:
+    with pytest.raises(ValueError, match="labels must be None or 4 names, one a level, not"):
+        Elicitation(Dominance(4), "a run", labels=labels)
+    assert Elicitation(Dominance(4), "a run", labels=list("abcd")).ask() == ()

@@ -313,8 +313,8 @@ def test_interrupted_where_an_answer_contradicts_it_is_marked_once(tmp_path):
 
 def test_interrupted_an_answer_was_taken_back_or_stands():
     def three_told() -> Session:
-        session = Session(make, AnswerLog())
-        answer(session, 3)
+        session = Session(lambda known: choose(VECTORS[:6], PolytopeComparator(K), True, known=known), AnswerLog())
+        assert len(answer(session, 3)) == 3
         return session
 
     undisturbed = three_told()
@@ -548,3 +548,16 @@ def test_answers_out_of_order(path):
         assert session.question() is None
         assert session.log.restarted == 0
         assert len(session.log) == 4
+
+
+def test_a_class_in_place_of_an_asker_is_refused():
+    class Asks:
+        def __init__(self, problem: Any, comparator: Any, *, known: Any = ()) -> None:
+            pass
+
+        ask = tell = result = __init__
+
+    for wrong in (Asks, type("One", (Asks,), {"__init__": lambda self, problem: None}), type("None", (), {})):
+        with pytest.raises(TypeError, match=f"but {wrong.__name__} is a class: make one, {wrong.__name__}"):
+            Session(wrong, AnswerLog())
+    assert Session(Ring, AnswerLog()).question() is not None  # which takes what is known
