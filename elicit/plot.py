@@ -264,6 +264,8 @@ def preference_graph(
     """
     import networkx as nx
 
+    if isinstance(labels, str):
+        raise ValueError(f"labels must be a list or a dict with a text for each node, not the one text {labels!r}")
     ax = _axes(ax, (7.0, 6.0))
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
@@ -386,8 +388,9 @@ def _unit(k: int) -> str:
 def _labels(labels: Sequence[str] | None, k: int) -> list[str]:
     """The levels' names. Raises ValueError unless there are k."""
     names = [f"$e_{{{j + 1}}}$" for j in range(k)] if labels is None else [str(label) for label in labels]
-    if len(names) != k:
-        raise ValueError(f"labels must name {k} levels, worst first, but there are {len(names)}: {names}")
+    if isinstance(labels, str) or len(names) != k:
+        found = f"they are the text {labels!r}" if isinstance(labels, str) else f"there are {len(names)}: {names}"
+        raise ValueError(f"labels must name {k} levels, worst first, but {found}")
     return names
 
 

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import fold, uniform
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator
+from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.model.tutor import Tutor
@@ -44,20 +45,23 @@ class Learned(NamedTuple):
 
 @dataclass
 class Told:
-    """The set B of the paper: the answers so far, and the verdict on each pair, in both directions."""
+    """The set B of the paper: the answers so far, and the verdict on each pair, known by its tail sums."""
 
     answers: list[Answer] = field(default_factory=list)
-    verdicts: dict[bytes, Verdict] = field(default_factory=dict)
+    pairs: list[tuple[Floats, Verdict]] = field(default_factory=list)
 
     def add(self, answer: Answer) -> None:
         """One more answer. A tutor who cannot tell leaves the pair as it is, which is what EQUAL does."""
         self.answers.append(answer)
-        verdict, t = answer.verdict or Verdict.EQUAL, tail_sums(answer.query.d)
-        self.verdicts[_bits(t)], self.verdicts[_bits(-t)] = verdict, verdict.flipped
+        self.pairs.append((tail_sums(answer.query.d), answer.verdict or Verdict.EQUAL))
 
     def about(self, d: Floats) -> Verdict | None:
-        """What the tutor said of this very pair; None if it was not asked."""
-        return self.verdicts.get(_bits(tail_sums(d)))
+        """What the tutor said of this pair, whichever way round; None if it was not asked."""
+        t = tail_sums(d)
+        for sums, verdict in reversed(self.pairs):
+            if way := int(same_pairs(t, sums[None])[0]):
+                return verdict if way > 0 else verdict.flipped
+        return None
 
 
 def get_best(
@@ -218,7 +222,3 @@ def draw(probabilities: NDArray[np.float64], key: int, *counters: int) -> int:
         if total > u:
             return i
     return int(np.flatnonzero(probabilities)[-1])  # rounding: they sum to a little less than 1
-
-
-def _bits(t: Floats) -> bytes:
-    return (t + 0.0).tobytes()  # + 0.0 turns -0.0 into 0.0

@@ -49,7 +49,7 @@ def runs() -> Iterator[Run]:
             yield Run(f"grid, tie {tie:g}{name}", make, elicit.TruthfulTutor(values, tie=tie))
     mdp, values = qlearn.random_mdp(15, 3, 5, seed=1)
     posterior = elicit.PosteriorComparator(5, seed=1)
-    sweeps = partial(qlearn.InteractiveValueIteration, mdp, posterior, tolerance=0.01)
+    sweeps = partial(qlearn.InteractiveValueIteration, mdp, posterior, tolerance=0.01, max_queries=20)
     yield Run("value iteration", sweeps, elicit.BradleyTerryTutor(values, 40.0, seed=3))
     steps = partial(qlearn.InteractiveQLearning, mdp, posterior, steps=1500, max_queries=20)
     yield Run("Q-learning", steps, elicit.FlippingTutor(values, 0.1, seed=3))

@@ -14,8 +14,9 @@ from threadpoolctl import LibController, OpenBLASController, ThreadpoolControlle
 class _Depth(local):
     """How many blocks this thread is in, and what it has to set back where the limit is a thread's own."""
 
-    blocks = 0
-    own: dict[LibController, int]
+    def __init__(self) -> None:
+        self.blocks = 0
+        self.own: dict[LibController, int] = {}
 
 
 class _OneThread(ContextDecorator):
@@ -37,13 +38,16 @@ class _OneThread(ContextDecorator):
         return own, shared
 
     def __enter__(self) -> None:
-        self._depth.blocks += 1
-        if self._depth.blocks == 1:
+        if self._depth.blocks == 0:
             with self._lock:
                 own, shared = self._libraries
-                self._depth.own = _limited(own)
-                self._inside += 1
+                # the block counts as entered last: after an interruption (Ctrl+C) before that, the next one sets limits
+                # again, and knows what to set back
+                self._depth.own = _limited(own) | self._depth.own
                 self._before = _limited(shared) | self._before
+                self._inside, self._depth.blocks = self._inside + 1, 1
+        else:
+            self._depth.blocks += 1
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -53,6 +57,7 @@ class _OneThread(ContextDecorator):
             with self._lock:
                 self._inside -= 1
                 _restore(self._depth.own)
+                self._depth.own = {}
                 if self._inside == 0:
                     _restore(self._before)
                     self._before = {}

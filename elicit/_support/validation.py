@@ -1,5 +1,6 @@
 """Checks of settings, which raise nothing raw whatever they are given: a text, None, nan, or a number without end."""
 
+from collections.abc import Sized
 from math import inf, isfinite
 from numbers import Real
 from typing import Any
@@ -27,6 +28,11 @@ def is_range(value: Any, least: float = -inf, most: float = inf) -> bool:
     except (TypeError, ValueError):
         return False
     return is_number(low, least, most) and is_number(high, low, most)
+
+
+def is_list(value: Any, n: int) -> bool:
+    """Whether a setting is n items, one behind the other; a text is none, though it has letters."""
+    return isinstance(value, Sized) and not isinstance(value, str | bytes) and len(value) == n
 
 
 def require(holds: bool, name: str, wanted: str, value: object) -> None:

@@ -1,5 +1,7 @@
 """The pairs that the tutor has answered, by value: wherever, and whichever way round, each was compared."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from elicit._support.jit import expect
@@ -25,6 +27,12 @@ class AnsweredPairs:
 
     def __len__(self) -> int:
         return len(self.table.rows)
+
+    def copy(self) -> AnsweredPairs:
+        """A table of its own: what is added to it leaves this one as it is."""
+        new = object.__new__(AnsweredPairs)
+        new.table = self.table._replace(said=self.table.said.copy(), binding=self.table.binding.copy())
+        return new  # rows behind the last are free, and whoever adds one overwrites them
 
     @property
     def any_binding(self) -> bool:

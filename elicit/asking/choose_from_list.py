@@ -14,6 +14,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.validation import is_list, require
 from elicit.asking.elicitation import Elicitation, Known, OnConflict, Pair
 from elicit.model.comparator import (
     Comparator,
@@ -116,8 +117,7 @@ def choose(
     n = len(rows)
     if n == 0:
         raise ValueError("there is nothing to choose from: vectors has no rows")
-    if labels is not None and len(labels) != n:
-        raise ValueError(f"labels must name each of the {n} vectors, but there are {len(labels)}")
+    require(labels is None or is_list(labels, n), "labels", f"None or {n} names, one for each of the vectors", labels)
     if check_totals:
         totals = rows.sum(axis=1)
         off = np.abs(totals - totals[0])

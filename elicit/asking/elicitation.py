@@ -8,14 +8,15 @@ question budget, audits, "cannot tell", "about equal", never asking a pair twice
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias, cast
+from os import PathLike
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support import jit
 from elicit._support.hashing import Seed, key_of
-from elicit._support.validation import is_number, is_whole, require
+from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs
 from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, AskingRule, Facts, Judgement, settle_rows
 from elicit.comparators.baselines import AlwaysAsk
@@ -92,6 +93,13 @@ class Pending(NamedTuple):
     expected: Verdict | None
 
 
+class Told(NamedTuple):
+    """A query that was answered, and the verdict to act on."""
+
+    pending: Pending
+    verdict: Verdict
+
+
 class Elicitation:
     """Settles differences for one user, such as a learner, and keeps the answers and the counts.
 
@@ -129,6 +137,8 @@ class Elicitation:
         require(is_number(audit, 0, 1), "audit, the share of settled pairs to ask about,", "in 0..1", audit)
         require(is_whole(max_audits, 0), "max_audits", "a whole number of at least 0", max_audits)
         require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
+        k = comparator.k
+        require(labels is None or is_list(labels, k), "labels", f"None or {k} names, one a level", labels)
         self.comparator = comparator
         self.batch = int(batch)
         self.answers = Answers.none(comparator.k)
@@ -139,6 +149,7 @@ class Elicitation:
         self.watch: Watch | None = None
         self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
         self.pending: tuple[Pending, ...] = ()
+        self.told: tuple[Told, ...] = ()  # last; a user who empties it after acting sees what is still to be acted on
         self.puts_off = False  # whether undecided pairs go by the best guess for now, to be asked about later
         self._fingerprint = fingerprint
         self._indifference = float(indifference)
@@ -211,13 +222,13 @@ class Elicitation:
 
     def open(self, pairs: Sequence[Pair]) -> tuple[Query, ...]:
         """Make the pending queries of pairs judged UNKNOWN."""
-        pending = []
+        pending, number = [], self._number
         for pair in pairs:
-            query = Query.make(self._fingerprint, self._number, pair.left, pair.right, pair.about, self._labels)
-            self._number += 1
+            query = Query.make(self._fingerprint, number, pair.left, pair.right, pair.about, self._labels)
+            number += 1
             expected = None if pair.tier == Tier.TUTOR else _implied(self.comparator, query.d)
             pending.append(Pending(query, pair, expected))
-        self.pending = tuple(pending)
+        self._publish(pending=tuple(pending), _number=number)
         return self.ask()
 
     def ask(self) -> tuple[Query, ...]:
@@ -227,7 +238,8 @@ class Elicitation:
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
         """Take answers to pending queries: the verdict by query id (of "cannot tell" it is ``undecided``;
         of an audit then what the answers imply), and the answers dropped as contradictory. Where it
-        raises, nothing has changed."""
+        raises, nothing has changed. Where it is interrupted (Ctrl+C), nothing has changed, or everything: then the
+        verdicts are in ``told``."""
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
         answers = match(answers, self.ask())
@@ -239,30 +251,46 @@ class Elicitation:
         dropped = tuple(answer for answer, took in zip(told, taken, strict=True) if not took)
         settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
         verdicts = [self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled]
-        # from here on nothing can fail but the watcher, which comes last
-        self.comparator, self.answers = comparator, self.answers + used
-        self._equal_in_a_row = equal_in_a_row
+        # copies, for an interruption may come at any line: they replace what is there all at once
+        answered, unclear, audits = self._answered.copy(), set(self._unclear), list(self.audits)
+        counts, asked_so_far, cannot_tell = self.counts.copy(), self.asked, self.cannot_tell
         seen = []
         for (answer, (query, pair, expected), unused), verdict in zip(settled, verdicts, strict=True):
             del waiting[query.id]
-            self.cannot_tell += answer.verdict is None
+            cannot_tell += answer.verdict is None
             if expected is None:
-                self.asked += 1
+                asked_so_far += 1
                 if answer.verdict is None:
-                    self._unclear.update(pair.place)
+                    unclear.update(pair.place)
             else:
-                self.audits.append(Audit(query, expected, answer.verdict))
+                audits.append(Audit(query, expected, answer.verdict))
             said = verdict if answer.verdict is None else answer.verdict
-            self._answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
+            answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
             overruled = expected is not None and verdict != expected  # by the audit's answer
             tier = int(Tier.KNOWN) if overruled else pair.tier
-            self.counts[tier] += 1
+            counts[tier] += 1
             seen.append((query.d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8))))
-        self.pending = tuple(waiting.values())
-        if self.watch is not None:
+        self._publish(
+            comparator=comparator,
+            answers=self.answers + used,
+            audits=audits,
+            asked=asked_so_far,
+            cannot_tell=cannot_tell,
+            counts=counts,
+            pending=tuple(waiting.values()),
+            told=tuple(Told(asked, verdict) for (_, asked, _), verdict in zip(settled, verdicts, strict=True)),
+            _answered=answered,
+            _equal_in_a_row=equal_in_a_row,
+            _unclear=unclear,
+        )
+        if self.watch is not None:  # last, for it may fail
             for d, decisions in seen:
                 self.watch(d[None, :], decisions)
         return {answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)}, dropped
+
+    def _publish(self, **state: Any) -> None:
+        """Set several attributes at once: no interruption, such as Ctrl+C, comes between them."""
+        vars(self).update(state)
 
     @property
     def room(self) -> int:
@@ -344,6 +372,11 @@ class Elicitation:
     def _learn_known(self, known: Known) -> None:
         """Take in what was answered before."""
         k = self.comparator.k
+        if isinstance(known, str | bytes | PathLike):
+            raise TypeError(
+                f"known takes answers, not the path of a file: open it, known=elicit.AnswerLog({known!r}), or only "
+                f"read it, known=elicit.AnswerLog.read({known!r})"
+            )
         if isinstance(known, Answers):
             told = check_answers(known, k)
             for d, y in zip(known.d, known.y, strict=True):

@@ -18,6 +18,7 @@ from unicodedata import normalize
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elicit._support.validation import is_list, require
 from elicit.model.comparator import check_levels
 from elicit.model.scale import Floats, as_vectors
 from elicit.model.scale_variable import is_constraint, linear_rows
@@ -188,8 +189,7 @@ def _bounds(b: ArrayLike, count: int, name: str = "an inequality's bound") -> Fl
 def _levels(k: int, labels: Sequence[str] | None) -> dict[str, int]:
     """Level numbers from 0 by every name that an expression may use."""
     levels = {f"e{i + 1}": i for i in range(k)}
-    if labels is not None and len(labels) != k:
-        raise ValueError(f"labels must be {k} names, one a level, not {list(labels)!r}")
+    require(labels is None or is_list(labels, k), "labels", f"{k} names, one a level", labels)
     for i, label in enumerate(labels or ()):
         word = normalize("NFKC", str(label))  # as the parser does with every name it reads
         if word.isidentifier() and levels.setdefault(word, i) != i:

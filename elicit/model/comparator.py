@@ -134,10 +134,15 @@ def best_guess(comparator: Comparator) -> Floats:
 
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
     """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
-    comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan."""
+    comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan. None lies beyond
+    the bounds that the order of levels gives, but for rounding."""
     rows = as_vectors(d, comparator.k)
     if isinstance(comparator, BoundsAllAtOnce):
-        return _checked_bounds(comparator.simultaneous_bounds(d), type(comparator).__name__, len(rows))
+        found = comparator.simultaneous_bounds(d)
+        high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
+        # what lies beyond the order's bounds, such as inf, says no more than these do; rounding stays as it is
+        most, t = order_bounds(tail_sums(rows), 0.0)[1], np.abs(rows).sum(axis=1)
+        return np.where(high > most + 1e-9 * t, most, high), confidence
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
 
 

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from inspect import Parameter, signature
 from os import PathLike
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
@@ -30,6 +31,12 @@ from elicit.model.scale import tail_sums
 from elicit.tutors.answer_log import CONTRADICTS, EXPECTED, REPEATS, AnswerLog, Entry
 
 _AGAIN = " again"  # after the id of a query that is put again
+_ANY_NUMBER = Parameter.VAR_POSITIONAL  # of arguments
+_NOT_ITS_QUESTIONS = (
+    "this asker does not ask what the log answers: it was told something already, has another comparator or other "
+    "settings, or an answer was withdrawn. Give Session a function known -> asker in its place, such as lambda known: "
+    "choose(vectors, comparator, known=known)"
+)
 
 
 @runtime_checkable
@@ -76,6 +83,17 @@ class Told(NamedTuple):
 
     asker: Asker
     contradicts: list[str] | None
+
+
+class _Standing(NamedTuple):
+    """An asker, and how many entries of the log it knows. An interruption may come at any line, so these are exchanged
+    together."""
+
+    asker: Asker
+    known: int
+    telling: bool = False  # whether it may have been told the next entry already
+    contradicts: list[str] | None = None  # what the next entry contradicts, where it is known to
+    unmarked: list[str] | None = None  # what the last entry known contradicts, until the log says so
 
 
 Instead: TypeAlias = Callable[[Query, Callable[[Query], bool]], Query | None]
@@ -140,6 +158,8 @@ class Session(Closing):
             audit,
         )
         self._audit, self._key = float(audit), fold(key_of(seed), name_code("questions put again"))
+        if isinstance(asker, type):
+            _check_makes(asker)
         self._given = asker if isinstance(asker, Asker) and not isinstance(asker, type) else None
         self._make = asker if self._given is None and callable(asker) else None
         if self._given is None and self._make is None:
@@ -150,14 +170,13 @@ class Session(Closing):
         self._log = log if isinstance(log, AnswerLog) else AnswerLog(log)
         self._clock = clock
         self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
-        self._untold: Answer | None = None  # logged, but telling it failed
         self._put_at: dict[str, float] = {}  # when a pending question was put, by a clock that only goes forwards
         self.instead: Instead | None = None
         """What is put in place of the queries that the asker waits for, of a session that makes its askers: after the
         answer a new one is made, which knows it."""
-        self._asker: Asker | None = None  # None: to be made from the log
+        self._stands: _Standing | None = None  # None: the asker is to be made from the log
         try:
-            self._asker = self._resumed()
+            self._know(self._resumed())
         except BaseException:
             self.close()
             raise
@@ -171,11 +190,13 @@ class Session(Closing):
     def asker(self) -> Asker:
         """Who asks now, told all that is in the log: another one after ``undo`` and ``withdraw``, and after an answer
         that was looked ahead to."""
-        if self._asker is None:
-            self._asker = self._resumed()
-        if self._untold is not None:
-            self._take(Told(self._asker, tell(self._asker, self._untold)))
-        return self._asker
+        if self._stands is None:
+            self._know(self._resumed())
+        self._mark_contradiction()
+        while (now := self._standing_now).known < len(self._log):  # logged, but to tell it failed or was interrupted
+            self._tell_next(now)
+            self._mark_contradiction()
+        return self._standing_now.asker
 
     @property
     def makes_askers(self) -> bool:
@@ -259,13 +280,9 @@ class Session(Closing):
         audited = {EXPECTED: int(implied[id])} if id in implied else {}
         self._log.append(answer, **{**self._now(), **latency, **audited, **metadata})
         self._put_at.pop(id, None)
-        if id not in self._pending():  # in place of one that is
-            self._asker = None
-            self._asker = self._restarted()
-            return answer
-        self._untold = answer
-        if ahead is not None and self.makes_askers and (told := ahead(asker, answer)) is not None:
-            self._take(told)
+        pending = id in {query.id for query in asker.ask()}  # else it is in place of one that is
+        if pending and ahead is not None and self.makes_askers and (told := ahead(asker, answer)) is not None:
+            self._stands = _Standing(told.asker, len(self._log), unmarked=told.contradicts)
         _ = self.asker  # which is told
         return answer
 
@@ -290,14 +307,18 @@ class Session(Closing):
             )
         known = {entry.answer.query.id for entry in self._standing()[0]}
         repeat = any(entry.repeat for entry in self._log if entry.answer.query.id == id)
-        self._log.retract(id, **{**self._now(), **metadata})
-        if repeat:  # the asker knows nothing of it
-            self._put_at.clear()
-            return
-        self._asker, self._untold = None, None
+        before = self._stands
+        if not repeat:  # of which the asker knows nothing
+            self._stands = None  # now, for an interruption may come when the answer is taken back already
+        try:
+            self._log.retract(id, **{**self._now(), **metadata})
+        except Exception:
+            self._stands = before
+            raise
         self._put_at.clear()
-        # after the last answer what came before is told again, and its question comes back
-        self._asker = self._restarted() if id in known else self._resumed()
+        if not repeat:
+            # after the last answer what came before is told again, and its question comes back
+            self._know(self._restarted() if id in known else self._resumed())
 
     def conflicts(self) -> tuple[tuple[Entry, ...], ...]:
         """Sets of answers that do not go together, whatever the scale: if any one of a set were withdrawn, the others
@@ -341,13 +362,47 @@ class Session(Closing):
         if self._mine:
             self._log.close()
 
-    def _take(self, told: Told) -> None:
-        """Go on with an asker that was told what was not told yet."""
-        assert self._untold is not None
-        id = self._untold.query.id
-        self._asker, self._untold = told.asker, None
-        if told.contradicts is not None:
-            self._mark_unused(id, told.contradicts)
+    @property
+    def _standing_now(self) -> _Standing:
+        assert self._stands is not None
+        return self._stands
+
+    def _know(self, asker: Asker) -> None:
+        """Go on with an asker that knows all that is in the log."""
+        self._stands = _Standing(asker, len(self._log))
+
+    def _tell_next(self, now: _Standing) -> None:
+        """Tell the asker the next entry of the log that it does not know. After an interruption this is called again:
+        a query that the asker waits for no more was told."""
+        entry, asker = self._log[now.known], now.asker
+        if entry.repeat or entry.retracted:
+            self._stands = _Standing(asker, now.known + 1)
+            return
+        if any(query.id == entry.answer.query.id for query in asker.ask()):
+            self._stands = now = now._replace(telling=True)
+            if now.contradicts is None:
+                try:
+                    asker.tell([entry.answer])
+                except InconsistentAnswers as error:
+                    self._stands = now = now._replace(contradicts=[name for _, name in error.answers])
+            if now.contradicts is not None:
+                asker.tell([entry.answer], "drop")
+        elif not now.telling and _counts(entry):  # it was in place of a query, or comes from elsewhere
+            if self._make is None:
+                raise ValueError(_NOT_ITS_QUESTIONS)
+            self._stands = None
+            self._know(self._restarted())
+            return
+        self._stands = _Standing(asker, now.known + 1, unmarked=now.contradicts)
+
+    def _mark_contradiction(self) -> None:
+        """Mark the last entry that the asker knows unused, where it had to be dropped."""
+        now = self._standing_now
+        if now.unmarked is not None:
+            last = self._log[now.known - 1]
+            if last.used:
+                self._mark_unused(last.answer.query.id, now.unmarked)
+            self._stands = now._replace(unmarked=None)
 
     def _pending(self) -> dict[str, Query]:
         return {query.id: query for query in self.asker.ask()}
@@ -414,11 +469,7 @@ class Session(Closing):
             assert self._given is not None
             if not before and self._told_again(self._given, since):
                 return self._given
-            raise ValueError(
-                "this asker does not ask what the log answers: it was told something already, has another comparator "
-                "or other settings, or an answer was withdrawn. Give Session a function known -> asker in its place, "
-                "such as lambda known: choose(vectors, comparator, known=known)"
-            )
+            raise ValueError(_NOT_ITS_QUESTIONS)
         try:
             asker = self._made(before)
         except InconsistentAnswers:  # with another comparator, perhaps
@@ -480,6 +531,21 @@ class Session(Closing):
         if isinstance(known, PolytopeComparator):
             return known.retract(*known.answers.ids)
         return PolytopeComparator(k, tie=tie_of(known))
+
+
+def _check_makes(asker: type) -> None:
+    """Raise TypeError for a class that cannot be called with the known answers alone."""
+    try:
+        takes = list(signature(asker).parameters.values())
+        signature(asker).bind([])
+    except (TypeError, ValueError):
+        takes = []
+    if not takes or (isinstance(asker, Asker) and takes[0].name != "known" and takes[0].kind is not _ANY_NUMBER):
+        name = asker.__name__
+        raise TypeError(
+            f"a session takes an asker, or a function known -> asker, but {name} is a class: make one, "
+            f"{name}(...), or give a function that does, lambda known: {name}(..., known=known)"
+        )
 
 
 def tell(asker: Asker, answer: Answer) -> list[str] | None:

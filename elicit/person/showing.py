@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from elicit._support.validation import is_whole, require
+from elicit._support.validation import is_list, is_whole, require
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 
@@ -190,7 +190,7 @@ def show(
         )
     scale, counts, exact = _whole(both, of, shares=abs(total - 1.0) <= 1e-9)
     names = query.labels or labels or [f"level {i + 1}" for i in range(both.shape[1])]
-    require(len(names) == both.shape[1], "labels", f"{both.shape[1]} names, one a level", labels)
+    require(is_list(names, both.shape[1]), "labels", f"{both.shape[1]} names, one a level", labels)
     digest = hashlib.blake2b(f"{seed}/{query.id}".encode(), digest_size=1).digest()
     left, right = (tuple(int(n) for n in side) for side in counts)
     return Shown(query.id, left, right, tuple(map(printable, names)), words, scale, exact, bool(digest[0] & 1))

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import index
 from pathlib import Path
-from typing import Any, Self, SupportsIndex, overload
+from typing import Any, NamedTuple, Self, SupportsIndex, TypeVar, overload
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Answers, Query, Verdict
@@ -39,6 +39,8 @@ from elicit.tutors.log_lines import (
     sealed,
     with_check,
 )
+
+T = TypeVar("T")
 
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 _RETRACT = "retract"  # in a log of version 1, what names the id of the answer that is withdrawn
@@ -80,6 +82,14 @@ class Asked:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
+class _Doing(NamedTuple):
+    """An event under way: what it changes, and the header and the lines of the file once it is on the disk."""
+
+    change: Callable[[], None]
+    header: dict[str, Any]
+    lines: Lines
+
+
 def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
     """The entries of a log, of some of its entries, or of Answers to queries. Raises TypeError for anything else, such
     as ``Answers``, which do not say what was shown left and right."""
@@ -119,6 +129,7 @@ class AnswerLog(Closing):
         self._read_only = False
         self._file: LogFile | None = None
         self._lines = Lines()  # of the file: where the next one goes
+        self._doing: _Doing | None = None
         if self._path is None:
             return
         self._file = LogFile(self._path)  # what cannot be written must show before the first question
@@ -151,35 +162,41 @@ class AnswerLog(Closing):
     @property
     def k(self) -> int | None:
         """Number of levels; None as long as nothing says so."""
+        self._finish()
         return self._header.get("k")
 
     @property
     def header(self) -> dict[str, Any]:
         """The fields of the header line (a copy)."""
+        self._finish()
         return dict(self._header)
 
     @property
     def asked(self) -> tuple[Asked, ...]:
         """The questions that were put, in order; one that was put again is there again."""
+        self._finish()
         return tuple(self._asked)
 
     @property
     def restarted(self) -> int:
         """How many entries there were when whoever asks last began anew, knowing what stands of them."""
+        self._finish()
         return self._restarted
 
     @property
     def checksum(self) -> str | None:
         """That of the last line on the disk; None where it has none."""
+        self._finish()
         return self._lines.check
 
     @property
     def checked(self) -> bool:
         """Whether checksums cover all of it: not so of a file of version 1 before it is continued."""
-        return self._lines.check is not None
+        return self.checksum is not None
 
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
-        """Add an answer; when this returns it is on the disk, and when it raises nothing has changed.
+        """Add an answer; when this returns it is on the disk, and when it raises nothing has changed. Only an
+        interruption (Ctrl+C) may come after it was added.
 
         used=False records an answer that comparators are not to learn from. metadata: any JSON, such as a time. Raises
         ValueError on another number of levels or metadata that is no JSON, BadLog if someone else wrote to the file,
@@ -219,12 +236,14 @@ class AnswerLog(Closing):
         Raises ValueError for an empty log that does not know its number of levels."""
         if self.k is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
-        return Answers.of([entry.answer for entry in self._entries if entry.used], self.k)
+        return Answers.of([entry.answer for entry in self if entry.used], self.k)
 
     def __len__(self) -> int:
+        self._finish()
         return len(self._entries)
 
     def __iter__(self) -> Iterator[Entry]:
+        self._finish()
         return iter(tuple(self._entries))
 
     @overload
@@ -234,6 +253,7 @@ class AnswerLog(Closing):
     def __getitem__(self, rows: slice) -> tuple[Entry, ...]: ...
 
     def __getitem__(self, rows: SupportsIndex | slice) -> Entry | tuple[Entry, ...]:
+        self._finish()
         if isinstance(rows, slice):
             return tuple(self._entries[rows])
         try:
@@ -242,13 +262,14 @@ class AnswerLog(Closing):
             raise IndexError(f"there is no answer {index(rows)}: the log has {len(self)}, counted from 0") from None
 
     def __repr__(self) -> str:
-        back = sum(entry.retracted for entry in self._entries)
+        back = sum(entry.retracted for entry in self)
         parts = [f"{len(self)} answers{f', {back} of them retracted' if back else ''}", f"k={self.k}"]
         parts += [] if self._path is None else [f"path={str(self._path)!r}"]
         return f"AnswerLog({', '.join([*parts, *(['read only'] if self._read_only else [])])})"
 
     def _put(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> None:
         """An event at the end of the log, after the header if there is none in the file."""
+        self._finish()
         if self._read_only:
             raise ValueError(f"this log was opened for reading: AnswerLog({str(self._path)!r}) continues the file")
         if not metadata.keys().isdisjoint((*_FIELDS, EVENT, CHECK)):
@@ -258,30 +279,38 @@ class AnswerLog(Closing):
         header = self._header
         if self.k is None and "left" in fields:
             header = {"format": FORMAT, "version": VERSION, "k": len(fields["left"]), **header}
-        lines = self._lines if self._file is None else self._written(self._file, header, text)
-        self._header = header
-        change()
-        self._lines = lines
+        try:
+            if self._file is None:
+                self._doing = _Doing(change, header, self._lines)
+            else:
+                data, lines = self._appended(self._file, header, text)
+                self._doing = _Doing(change, header, lines)
+                self._file.append(data)
+        finally:
+            self._finish()
 
-    def _written(self, file: LogFile, header: dict[str, Any], text: bytes) -> Lines:
-        """What the file holds once an event is on the disk."""
-        if file.kept != self._lines.kept:
-            raise BadLog(
-                f"an append to {self._path} was interrupted when its line was on the disk already: open the log again "
-                "to continue from what is there"
-            )
-        lines, data, check = self._lines, self._lines.joint, self._lines.check
+    def _finish(self) -> None:
+        """Take in the event under way once it is on the disk. To do so twice comes to the same as once, for an
+        interruption may come at any line: so whoever reads what the log holds does this first."""
+        doing = self._doing
+        if doing is not None and (self._file is None or self._file.kept == doing.lines.kept):
+            doing.change()
+            self._header, self._lines = doing.header, doing.lines
+            self._doing = None
+
+    def _appended(self, file: LogFile, header: dict[str, Any], text: bytes) -> tuple[bytes, Lines]:
+        """What an event adds to the file, and what the file holds then."""
+        data, check = self._lines.joint, self._lines.check
         if header.get("k") is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
-        if not lines.kept:
+        if not self._lines.kept:
             first, check = with_check(json_of(header, "header"), "")
             data += first
         elif check is None:
-            seal, check = sealed(file.content[: lines.kept] + lines.joint)
+            seal, check = sealed(file.content[: self._lines.kept] + self._lines.joint)
             data += seal
         line, check = with_check(text, check or "")
-        file.append(data + line)
-        return Lines(kept=lines.kept + len(data) + len(line), check=check)
+        return data + line, Lines(kept=self._lines.kept + len(data) + len(line), check=check)
 
     def _load(self, path: Path, data: bytes, faults: list[BadLog] | None) -> None:
         found: list[BadLog] = []
@@ -302,8 +331,8 @@ class AnswerLog(Closing):
         self._lines = lines
 
     def _event(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> Callable[[], None]:
-        """What a parsed event does to this log, to be called once it is on the disk. Raises ValueError, TypeError or
-        KeyError where it is none, or cannot come next."""
+        """What a parsed event does to this log, to be called once it is on the disk; to call it twice does no harm.
+        Raises ValueError, TypeError or KeyError where it is none, or cannot come next."""
         if event == "restarted":
             return self._restart
         if event == "withdrawn":
@@ -319,8 +348,8 @@ class AnswerLog(Closing):
         if self.k not in (None, len(query.left)):
             raise ValueError(f"this log is about {self.k} levels, but query {query.id} is about {len(query.left)}")
         if event == "asked":
-            return partial(self._asked.append, Asked(query, fields["swapped"], metadata))
-        return partial(self._entries.append, _entry(query, fields, metadata))
+            return partial(_end_with, self._asked, len(self._asked), Asked(query, fields["swapped"], metadata))
+        return partial(_end_with, self._entries, len(self._entries), _entry(query, fields, metadata))
 
     def _exchange(self, changed: dict[int, Entry]) -> None:
         for i, entry in changed.items():
@@ -328,6 +357,11 @@ class AnswerLog(Closing):
 
     def _restart(self) -> None:
         self._restarted = len(self._entries)
+
+
+def _end_with(items: list[T], n: int, last: T) -> None:
+    """Put an item behind the first n; twice comes to the same as once."""
+    items[n:] = [last]
 
 
 def _fields_of(query: Query) -> dict[str, Any]:

@@ -89,13 +89,13 @@ class LogFile:
                     f"only {written} of {len(data)} bytes could be written to {self._path}: is the disk full?"
                 )
             os.fsync(self._file.fileno())
+            self._size = self._kept = self._kept + len(data)
         except BaseException:
             # half a line in the middle would spoil the file for good; what cannot be taken out now goes next time
             with suppress(OSError):
                 self._file.truncate(self._kept)
             self._size = os.fstat(self._file.fileno()).st_size
             raise
-        self._size = self._kept = self._kept + len(data)
 
     def _check_mine(self) -> None:
         """Raise BadLog where the file is not as it was left: not every program asks for the lock."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.hashing import Seed
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
-from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Watch
+from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
@@ -35,8 +35,8 @@ class Status(Enum):
     DONE = "finished: all steps are done"
     CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
     BOUNDED = (
-        "finished: the policy is within the tolerance by the comparator's bounds, which it does not say hold for all "
-        "pairs at once: with what confidence is unknown"
+        "finished: the policy is within the tolerance (or max_loss) by the comparator's bounds, which it does not say "
+        "hold for all pairs at once: with what confidence is unknown"
     )
     CALLED_EQUAL = (
         "finished: what the answers leave open, the tutor calls equal, or may call so by the comparator's tie; "
@@ -58,9 +58,10 @@ class Status(Enum):
     SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
 
 
-def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str]:
-    """Return the two sentences that ask about actions a and b: with a left, and with b left."""
-    return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a)
+def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
+    """Return the names of where actions a and b are compared: the sentences that ask about them, with a left and with b
+    left, and the numbers of the state and of the actions."""
+    return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a), (state, min(a, b), max(a, b))
 
 
 def _sentence(mdp: OrdinalMDP, state: int, a: int, b: int) -> str:
@@ -76,6 +77,12 @@ def pair_of(
     return Pair(left, right, sentences[0], sentences, tier)
 
 
+def state_of(pair: Pair) -> int:
+    """Return the state at which the actions of a pair that ``pair_of`` made are compared."""
+    _, _, numbers = pair.place
+    return cast(tuple[int, int, int], numbers)[0]
+
+
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
     """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels differ in number."""
     if not isinstance(mdp, OrdinalMDP):
@@ -85,10 +92,19 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
         raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
 
 
+_SHARE = "a share of the value range, above 0 and below 1 (0.01: a policy may lose 1% of the range)"
+
+
+def check_tolerance(tolerance: float) -> float:
+    """Return ``tolerance`` as a float. Raises ValueError unless it is a share of the value range, below 1."""
+    require(is_number(tolerance) and 0 < tolerance < 1, "tolerance", _SHARE, tolerance)
+    return float(tolerance)
+
+
 def check_max_loss(max_loss: float | None) -> float | None:
-    """``max_loss``, None or a positive share of the value range; raises ValueError."""
-    holds = max_loss is None or (is_number(max_loss) and max_loss > 0)
-    require(holds, "max_loss", "None or a positive share of the value range", max_loss)
+    """Return ``max_loss``. Raises ValueError unless it is None or a share of the value range, below 1."""
+    holds = max_loss is None or (is_number(max_loss) and 0 < max_loss < 1)
+    require(holds, "max_loss", f"None or {_SHARE}", max_loss)
     return max_loss
 
 
@@ -165,14 +181,17 @@ class Learner:
     @one_thread
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
+        self._act()
         return self._elicitation.ask() or self._go_on()
 
     @one_thread
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
         """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
-        then such an answer settles its own pair only, and is returned."""
-        verdicts, dropped = self._elicitation.tell(answers, on_conflict)
-        self._take(verdicts)
+        then such an answer settles its own pair only, and is returned. Where it raises, nothing has changed; where it
+        is interrupted (Ctrl+C), either nothing has, or the answers were taken: ``ask`` then goes on from them."""
+        self._act()
+        _, dropped = self._elicitation.tell(answers, on_conflict)
+        self._act()
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
@@ -202,8 +221,14 @@ class Learner:
         """Go on to the next queries, or to the end."""
         raise NotImplementedError
 
-    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
-        """Act on the verdicts, by query id."""
+    def _act(self) -> None:
+        """Act on what was told, once; after an interruption, act on all of it again."""
+        if self._elicitation.told:
+            self._take(self._elicitation.told)
+            self._elicitation.told = ()
+
+    def _take(self, told: Sequence[Told]) -> None:
+        """Act on the verdicts. To do so twice must come to the same as once."""
 
     def _certified(self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None) -> bool:
         """Whether no plausible scale lets the policy (S,) lose more than ``max_loss``; False also where that was asked
@@ -284,10 +309,12 @@ def drive(
 ) -> R_co:
     """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be trained.
 
-    Every answer goes to ``log`` before the learner is told; one that contradicts the others is then marked unused
-    there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is
-    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor asks so much that
-    only counts are kept. Raises StaleAnswer, before anything is logged, where the tutor answers what was not asked.
+    Every answer goes to ``log`` before the learner is told. One that contradicts the others is then marked unused
+    there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. Where the tutor
+    raises, or is interrupted, at one of several questions (``batch``), the answers to those before are logged and told
+    all the same. ``progress`` is called with the Result so far after every round of questions. AlwaysAsk with a
+    simulated tutor asks so much that only counts are kept. Raises StaleAnswer, before any answer of the round is
+    logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
     check_tutor_made(tutor, learner.comparator.k)
@@ -328,17 +355,35 @@ def _driven(
     on_conflict: OnConflict,
 ) -> R_co:
     while queries := learner.ask():
-        answers = match([tutor(query) for query in queries], queries)
-        _append(log, answers, learner.implied)
+        given: list[Answer] = []
         try:
-            dropped = learner.tell(answers, on_conflict)
-        except InconsistentAnswers:
-            _mark_unused(log, answers)
+            for query in queries:
+                given.append(tutor(query))
+        except BaseException as error:  # also Ctrl+C: what she said before is kept
+            try:
+                _log_and_tell(learner, match(given, queries), log, on_conflict)
+            except InconsistentAnswers as conflict:
+                error.add_note(f"The answers given before were logged, but not learned: {conflict}")
             raise
-        _mark_unused(log, dropped)
+        _log_and_tell(learner, match(given, queries), log, on_conflict)
         if progress is not None:
             progress(learner.result())
     return learner.result()
+
+
+def _log_and_tell(
+    learner: Drivable[Any], answers: Sequence[Answer], log: AnswerLog | None, on_conflict: OnConflict
+) -> None:
+    """Log answers, then tell them to the learner."""
+    if not answers:
+        return
+    _append(log, answers, learner.implied)
+    try:
+        dropped = learner.tell(answers, on_conflict)
+    except InconsistentAnswers:
+        _mark_unused(log, answers)
+        raise
+    _mark_unused(log, dropped)
 
 
 def _append(log: AnswerLog | None, answers: Sequence[Answer], implied: Mapping[str, Verdict]) -> None:

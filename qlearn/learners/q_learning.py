@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ from elicit._support import jit
 from elicit._support.hashing import Seed, fold, key_of, uniform
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair, Told
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.query import Query, Verdict
@@ -169,10 +169,10 @@ class InteractiveQLearning(Learner):
     def _go_on(self) -> tuple[Query, ...]:
         return self.run_to(self.model.steps)
 
-    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
+    def _take(self, told: Sequence[Told]) -> None:
         """The tutor's verdict is on the pair at the cursor, if the question was about that."""
         if self.state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
-            for verdict in verdicts.values():
+            for _, verdict in told:
                 self._verdict = int(verdict)
         self._pairs.take_answers()
 

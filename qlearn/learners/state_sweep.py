@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.asking.elicitation import Elicitation
+from elicit.asking.elicitation import Elicitation, Place
 from elicit.decision.comparator_rule import ASKING, NOTHING, PROOFS, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.query import Verdict
@@ -162,7 +162,7 @@ class StateSweep:
         left, right, challengers, incumbents = self.pairs(states)
         d = left - right
 
-        def where(row: int) -> tuple[str, str]:
+        def where(row: int) -> Place:
             return place(self._mdp, int(states[row]), int(challengers[row]), int(incumbents[row]))
 
         verdicts, tiers = self._elicitation.judge(d, where)

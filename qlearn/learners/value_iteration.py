@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -12,12 +12,21 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
-from elicit._support.validation import is_number, is_whole, require
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known
+from elicit._support.validation import is_whole, require
+from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Told
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of
+from qlearn.learners.learner import (
+    Learner,
+    Result,
+    Status,
+    check_max_loss,
+    check_problem,
+    check_tolerance,
+    pair_of,
+    state_of,
+)
 from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
 from qlearn.learners.state_sweep import StateSweep
@@ -32,7 +41,7 @@ class InteractiveValueIteration(Learner):
     """Value iteration on share vectors: each sweep backs up Q(s, a) = (1 - discount) r(s, a) + discount P V
     and compares every state's actions, starting from the last sweep's best.
 
-    ``tolerance``: with right answers and verdicts the policy loses at most this share of the value range.
+    ``tolerance``: with right answers and verdicts the policy loses at most this share of the value range, below 1.
     ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose bounds lie within it
     counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
     UNSURE in place of CONVERGED; so does what she calls equal, which may be farther apart (the comparator's ``tie``):
@@ -78,7 +87,7 @@ class InteractiveValueIteration(Learner):
     ) -> None:
         check_problem(mdp, comparator)
         self.seed = seed_of(seed)
-        require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
+        check_tolerance(tolerance)
         holds = max_sweeps is None or is_whole(max_sweeps, 1)
         require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
         require(isinstance(partial_sweeps, bool), "partial_sweeps", "True or False", partial_sweeps)
@@ -108,7 +117,6 @@ class InteractiveValueIteration(Learner):
         self._guessed = 0  # comparisons that went by the best guess, but need not count
         self._end: Status | None = None
         self._answered: dict[int, Verdict] = {}  # by state, for the pair at its cursor
-        self._asking: dict[str, int] = {}  # query id to state
 
     def result(self) -> Result:
         """The policy and the counts so far."""
@@ -128,9 +136,9 @@ class InteractiveValueIteration(Learner):
             self._finish_sweep()
         return ()
 
-    def _take(self, verdicts: Mapping[str, Verdict]) -> None:
-        for name, verdict in verdicts.items():
-            self._answered[self._asking.pop(name)] = verdict
+    def _take(self, told: Sequence[Told]) -> None:
+        for (_, pair, _), verdict in told:
+            self._answered[state_of(pair)] = verdict
 
     def _act_on_answers(self) -> None:
         while self._answered:
@@ -149,9 +157,7 @@ class InteractiveValueIteration(Learner):
         for i in chosen:
             s, a, b = int(heads[i]), int(challengers[i]), int(incumbents[i])
             pairs.append(pair_of(self._mdp, left[i], right[i], s, a, b, self._states.judged[s]))
-        queries = self._elicitation.open(pairs)
-        self._asking = {query.id: int(heads[i]) for query, i in zip(queries, chosen, strict=True)}
-        return queries
+        return self._elicitation.open(pairs)
 
     def _in_order(self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]) -> list[int]:
         """The rows of d (n, k), those to ask about first in front."""
@@ -207,9 +213,9 @@ class LateValueIteration(InteractiveValueIteration):
 
     def _act_on_answers(self) -> None:
         if self._answered:
-            self._answered.clear()  # the comparator knows, or the elicitation does
             self._patience_from = self._sweeps if self._patient else 0
             self._put_off(True)
+            self._answered.clear()  # the comparator knows, or the elicitation does
 
     def _in_order(self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]) -> list[int]:
         limit, comparator = self._elicitation.indifference, self._elicitation.comparator

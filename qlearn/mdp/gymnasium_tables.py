@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit.model.scale import Floats
+from qlearn.mdp import array_checks as checks
 
 Node: TypeAlias = tuple[int, int]
 """A state of the new MDP: the environment's state (or _END), and the level counted there (_ANY: the action's)."""
@@ -73,14 +74,14 @@ def _scale(
 ) -> tuple[dict[float, int], tuple[str, ...]]:
     """The level of each reward, and the levels' names, worst first."""
     if isinstance(levels, Mapping):
-        names = tuple(labels) if labels is not None else tuple(dict.fromkeys(levels.values()))
+        names = checks.labels(labels) if labels is not None else tuple(dict.fromkeys(levels.values()))
         stray = next((name for name in levels.values() if name not in names), None)
         if stray is not None:
             raise ValueError(f"levels maps to {stray!r}, which is not among the labels {names}")
         level_of = {float(reward): names.index(name) for reward, name in levels.items()}
     else:
         order = sorted(rewards) if levels is None else [float(reward) for reward in levels]
-        names = tuple(f"reward {reward:g}" for reward in order) if labels is None else tuple(labels)
+        names = tuple(f"reward {reward:g}" for reward in order) if labels is None else checks.labels(labels)
         if len(names) != len(order):
             raise ValueError(f"labels must name {len(order)} levels, one for each of the rewards {order}, not {names}")
         level_of = {reward: level for level, reward in enumerate(order)}

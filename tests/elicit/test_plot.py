@@ -205,6 +205,8 @@ def test_each_line_is_where_its_answer_changes_side():
         (lambda: plot.scale_intervals({}), "at least one"),
         (lambda: plot.scale_intervals({"a": Dominance(3), "b": Dominance(4)}), "b is about 4 levels, but a is about 3"),
         (lambda: plot.scale_intervals(Dominance(3), labels="abcd"), "3 levels"),
+        (lambda: plot.scale_intervals(Dominance(4), labels="abcd"), "4 levels, .* but they are the text 'abcd'"),
+        (lambda: plot.preference_graph(preference_graph([]), labels="abcd"), "not the one text 'abcd'"),
         (lambda: plot.scale_intervals(Dominance(3), values=[0, 1]), "each of 3 levels"),
     ],
 )

@@ -21,6 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.validation import is_list, require
 from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
 from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
@@ -57,9 +58,8 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
     rows = as_vectors(d, comparator.k)
     if len(rows) != 1:
         raise ValueError(f"explain takes one difference of shape ({comparator.k},), not {len(rows)} of them")
+    require(labels is None or is_list(labels, comparator.k), "labels", f"{comparator.k} names, one a level", labels)
     names = tuple(f"level {i + 1}" for i in range(comparator.k)) if labels is None else tuple(map(str, labels))
-    if len(names) != comparator.k:
-        raise ValueError(f"labels must be {comparator.k} names, one a level, not {list(names)!r}")
     one, region = rows[0].copy(), comparator.region
     one.flags.writeable = False
     verdict, t = Verdict(int(comparator.compare(one)[0])), _order_one(tail_sums(one))

@@ -248,10 +248,10 @@ def test_where_the_tutor_cannot_tell_the_user_says_what_holds(undecided: Verdict
     put(asked_by, None, place=("here",))
     near = OPEN + np.array([0.0, 1e-3, -1e-3, 0.0, 0.0])
     assert judged(asked_by, OPEN, -OPEN)[0][:2] == (undecided, Tier.KNOWN)
-    at = asked_by.judge(np.stack([near, near]), lambda row: ("here", "there")[row])
+    at = asked_by.judge(np.stack([near, near]), lambda row: [("here",), ("there",)][row])
     assert at.verdicts.tolist() == [EQUAL, UNKNOWN]
     assert at.tiers.tolist() == [Tier.KNOWN, Tier.TUTOR]
-    assert asked_by.may_ask(np.stack([near, near]), lambda row: ("here", "there")[row]).tolist() == [False, True]
+    assert asked_by.may_ask(np.stack([near, near]), lambda row: [("here",), ("there",)][row]).tolist() == [False, True]
     assert judged(asked_by, near) == [(UNKNOWN, Tier.TUTOR, False)], "of no place"
 
 
@@ -336,3 +336,10 @@ def test_an_oracle_answers_what_is_left_without_limit() -> None:
     assert (found.tiers[open_rows] == Tier.TUTOR).all()
     asked_by.commit(d, Decisions(found.verdicts, found.tiers))
     assert asked_by.asked == open_rows.sum()
+
+
+@pytest.mark.parametrize("labels", ["abcd", b"abcd", ["a", "b", "c"], 4])
+def test_labels_are_a_list_of_names(labels: Any) -> None:
+    with pytest.raises(ValueError, match="labels must be None or 4 names, one a level, not"):
+        Elicitation(Dominance(4), "a run", labels=labels)
+    assert Elicitation(Dominance(4), "a run", labels=list("abcd")).ask() == ()

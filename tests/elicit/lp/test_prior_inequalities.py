@@ -101,6 +101,8 @@ def test_the_number_of_levels_and_the_labels_are_checked():
         inequality("e2 >= 0.5")
     with pytest.raises(ValueError, match="labels must be 4 names"):
         inequality("e2 >= 0.5", k=4, labels=LABELS)
+    with pytest.raises(ValueError, match="labels must be 4 names, one a level, not 'abcd'"):
+        inequality("b >= 0.5", labels="abcd")
     with pytest.raises(ValueError, match='"e1" of level 2 is also a name of level 1'):
         inequality("e2 >= 0.5", labels=["low", "e1", "high"])
     with pytest.raises(ValueError, match='"mid" of level 3 is also a name of level 2'):

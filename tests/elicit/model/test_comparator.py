@@ -275,3 +275,17 @@ def test_broken_parts_are_named_where_a_learner_meets_them():
     bad = type("Mine", (OneScale,), {"simultaneous_bounds": lambda self, d: None})()
     with pytest.raises(TypeError, match=r"Mine\.simultaneous_bounds\(d\) must return .* but of 1 differences .* None"):
         simultaneous_bounds(bad, [1, -2, 1, 0])
+
+
+def test_simultaneous_bounds_lie_within_those_of_the_order():
+    d = np.array([[-1.0, 0, 0, 1], [1, -2, 1, 0], [0, 0, 0, 0], [1, 0, 0, -1]])
+    for said in (np.inf, 1e300):
+        loose = type(
+            "Mine", (OneScale,), {"simultaneous_bounds": lambda self, d, said=said: (np.full(len(d), said), 1.0)}
+        )
+        high, confidence = simultaneous_bounds(loose(), d)
+        assert high.tolist() == [1, 1, 0, -1]
+        assert confidence == 1
+    tight = np.array([1 + 1e-12, -0.25, 0.0, -1.0])  # rounding is left as it is
+    mine = type("Mine", (OneScale,), {"simultaneous_bounds": lambda self, d: (tight, 1.0)})()
+    assert simultaneous_bounds(mine, d)[0].tobytes() == tight.tobytes()

@@ -4,6 +4,7 @@ import errno
 import os
 from collections.abc import Sequence
 from datetime import datetime
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from elicit import (
 )
 from elicit.asking.elicitation import Elicitation, Pair
 from elicit.tutors.answer_log import CONTRADICTS
+from tests.interruptions import interrupted_at_each_line
 
 K = 5
 VECTORS = np.random.default_rng(0).dirichlet(np.ones(K), 14)
@@ -285,6 +287,49 @@ def _all_answers(entries: Any) -> Any:
     return log.answers()
 
 
+def test_interrupted_where_an_answer_contradicts_it_is_marked_once(tmp_path):
+    number = count()
+
+    def two_told() -> Session:
+        session = Session(Ring, tmp_path / f"{next(number)}.jsonl")
+        for _ in range(2):
+            session.answer(session.question().id, Verdict.BETTER)
+        session.question()  # for this asker forgets a pair where it is interrupted while it asks
+        return session
+
+    third = two_told().question()
+    folders = ("elicit/person", "elicit/tutors", "elicit/asking")
+    for session in interrupted_at_each_line(two_told, lambda one: one.answer(third.id, Verdict.BETTER), folders):
+        session.answer(third.id, Verdict.BETTER)
+        assert session.question() is None
+        assert [row[2] for row in told(session.log)] == [True, True, False]
+        assert len(session.log[-1].metadata[CONTRADICTS]) == 2
+        assert session.asker.result().answers.ids == session.log.answers().ids
+        session.close()
+        read = AnswerLog.read(session.log.path)
+        assert told(read) == told(session.log)
+        assert read.restarted == 0
+
+
+def test_interrupted_an_answer_was_taken_back_or_stands():
+    def three_told() -> Session:
+        session = Session(lambda known: choose(VECTORS[:6], PolytopeComparator(K), True, known=known), AnswerLog())
+        assert len(answer(session, 3)) == 3
+        return session
+
+    undisturbed = three_told()
+    before = undisturbed.question().id
+    undisturbed.undo()
+    after, outcomes = undisturbed.question().id, set()
+    for session in interrupted_at_each_line(three_told, Session.undo, ("elicit/person", "elicit/tutors")):
+        back = session.log[-1].retracted
+        outcomes.add(back)
+        assert session.question().id == (after if back else before)
+        assert session.status().answered == (2 if back else 3)
+        assert len(session.result().answers) == (2 if back else 3)
+    assert outcomes == {True, False}
+
+
 def test_a_crash_before_a_contradiction_was_marked(path):
     with Session(Ring, path) as session:
         for _ in range(2):
@@ -503,3 +548,16 @@ def test_answers_out_of_order(path):
         assert session.question() is None
         assert session.log.restarted == 0
         assert len(session.log) == 4
+
+
+def test_a_class_in_place_of_an_asker_is_refused():
+    class Asks:
+        def __init__(self, problem: Any, comparator: Any, *, known: Any = ()) -> None:
+            pass
+
+        ask = tell = result = __init__
+
+    for wrong in (Asks, type("One", (Asks,), {"__init__": lambda self, problem: None}), type("None", (), {})):
+        with pytest.raises(TypeError, match=f"but {wrong.__name__} is a class: make one, {wrong.__name__}"):
+            Session(wrong, AnswerLog())
+    assert Session(Ring, AnswerLog()).question() is not None  # which takes what is known

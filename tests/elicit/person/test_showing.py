@@ -181,3 +181,5 @@ def test_an_answer_in_words() -> None:
     assert shown.sentence(None) == "cannot tell 7 well from 6 ill and 1 died"
     with pytest.raises(ValueError, match="labels must be 3 names"):
         show(Query("a", [0, 0, 1], [1, 0, 0]), labels=("one",))
+    with pytest.raises(ValueError, match="labels must be 3 names"):
+        show(Query("a", [0, 0, 1], [1, 0, 0]), labels="abc")

@@ -6,6 +6,7 @@ import stat
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import count
 from subprocess import PIPE
 from unittest.mock import MagicMock
 
@@ -18,6 +19,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.tutors import log_file
 from elicit.tutors.answer_log import AnswerLog, Asked
 from elicit.tutors.log_lines import BadLog, with_check
+from tests.interruptions import interrupted_at_each_line
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [1 / 3, 1 / 3, 1 / 3]
 
@@ -712,7 +714,7 @@ def test_a_log_is_read_like_a_list(path):
     assert repr(AnswerLog()) == "AnswerLog(0 answers, k=None)"
 
 
-def test_interrupted_when_the_line_was_on_the_disk_the_log_does_not_go_on(tmp_path, monkeypatch):
+def test_interrupted_when_the_line_was_on_the_disk_the_log_goes_on(tmp_path, monkeypatch):
     """As by Ctrl+C in a notebook, whose session stays."""
     path, answers = tmp_path / "log.jsonl", [Answer(Query(f"q{i}", [0, 1], [1, 0]), 1) for i in range(3)]
     append = log_file.LogFile.append
@@ -727,8 +729,37 @@ def test_interrupted_when_the_line_was_on_the_disk_the_log_does_not_go_on(tmp_pa
             patch.setattr(log_file.LogFile, "append", interrupted)
             with pytest.raises(KeyboardInterrupt):
                 log.append(answers[1])
-        with pytest.raises(BadLog, match="open the log again"):
-            log.append(answers[2])
-    with AnswerLog(path) as log:
+        assert len(log) == 2
         log.append(answers[2])
+        assert [entry.answer.query.id for entry in log] == ["q0", "q1", "q2"]
     assert [entry.answer.query.id for entry in AnswerLog.read(path)] == ["q0", "q1", "q2"]
+
+
+def test_interrupted_at_any_line_an_append_is_in_the_log_and_the_file_or_in_neither(tmp_path):
+    answers = [Answer(Query(f"q{i}", [0, 1], [1, 0]), 1) for i in range(3)]
+    acts = [
+        lambda log: log.append(answers[1], used=False),
+        lambda log: log.append_asked(answers[1].query),
+        lambda log: log.retract("q0"),
+        lambda log: log.mark_restart(),
+    ]
+    for n, act in enumerate(acts):
+        number = count()
+
+        def new(n=n, number=number):
+            log = AnswerLog(tmp_path / f"{n}-{next(number)}.jsonl")
+            log.append(answers[0])
+            return log
+
+        outcomes = set()
+        for log in interrupted_at_each_line(new, act):
+            found = list(log), log.asked, log.restarted
+            outcomes.add(repr(found))
+            log.append(answers[2])
+            assert log[-1].answer.query.id == "q2"
+            assert len(log) == len(found[0]) + 1
+            log.close()
+            read = AnswerLog.read(log.path)
+            assert repr((list(read)[:-1], read.asked, read.restarted)) == repr(found)
+            assert repr(read[-1]) == repr(log[-1])
+        assert len(outcomes) == 2, n

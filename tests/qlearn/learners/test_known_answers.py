@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -137,6 +138,8 @@ def test_audits_have_a_limit(name, batch):
         ([Answer(Query("q", [1.0, 0.0], [0.0, 1.0]), Verdict.BETTER)], ValueError, "other levels"),
         (Answers.none(3), ValueError, "3 levels"),
         (7, TypeError, "known"),
+        ("answers.jsonl", TypeError, r"not the path of a file: open it, known=elicit.AnswerLog\('answers.jsonl'\)"),
+        (Path("answers.jsonl"), TypeError, r"or only read it, known=elicit.AnswerLog.read\(.*'answers.jsonl'\)"),
     ],
 )
 def test_what_is_no_answer_is_refused(known, error, says):

@@ -21,13 +21,15 @@ def test_an_older_processor_asks_the_same() -> None:
     assert sum(int(re.findall(r": (\d+) ", line)[0]) for line in here) > 150
 
 
-@pytest.mark.parametrize("case", [case for case in runs() if not re.search("batch|audit|Q-learning", case.name)], ids=str)
-def test_a_run_that_is_resumed_asks_what_it_would_have_asked(case: Run) -> None:
-    """Batches are left out, for half of them may cut one in two, and Q-learning, which begins its steps anew."""
+PLANNED = [
+    case for case in runs() if "iteration" not in case.name and not re.search("batch|audit|Q-learning", case.name)
+]
+
+
+@pytest.mark.parametrize("case", PLANNED, ids=lambda case: case.name)
+def test_a_policy_iteration_that_is_resumed_asks_what_it_would_have_asked(case: Run) -> None:
+    """Half of the answers of a batch or an audit would leave the other half open, so runs of these are left out."""
     undisturbed, rest = resumed(case)
-    if "value iteration" in case.name:  # it begins its sweeps anew: it may ask less, but nothing twice
-        assert len(rest) <= len(undisturbed)
-        return
     assert len(rest) == len(undisturbed) > 1
     for one, other in zip(undisturbed, rest, strict=True):
         assert same_pairs(tail_sums(one.query.d), tail_sums(other.query.d)[None]) == [1]

@@ -202,6 +202,7 @@ def test_the_caller_orders_the_rewards() -> None:
         (wrapped(fork()), {"levels": [-1.0, 1.0]}, ValueError, r"no level for the rewards \[0.0\]"),
         (wrapped(fork()), {"levels": [0.0, 1.0, -1.0, 1.0]}, ValueError, "each reward once"),
         (wrapped(fork()), {"labels": ("a", "b")}, ValueError, "labels must name 3 levels"),
+        (wrapped(fork()), {"labels": "abc"}, TypeError, "labels must be a sequence of strings, .* not 'abc'"),
         (wrapped(fork()), {"levels": {0.0: "x", 1.0: "y", -1.0: "z"}, "labels": ("x", "y")}, ValueError, "'z'"),
         (wrapped(fork()), {"initial": [1.0]}, ValueError, r"initial must have shape \(2,\)"),
         (wrapped({0: {0: [(1.0, 4, 0.0, False)]}}), {}, ValueError, "leads to state 4"),

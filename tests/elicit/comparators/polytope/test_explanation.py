@@ -352,6 +352,8 @@ def test_shares_of_a_table_and_its_row_are_taken_and_other_shapes_refused() -> N
     with pytest.raises(ValueError, match="finite"):
         explain([0.0, np.nan, 1.0], comparator)
     with pytest.raises(ValueError, match="labels must be 3 names"):
+        PolytopeComparator(3).explain([1, -2, 1], labels="abc")
+    with pytest.raises(ValueError, match="labels must be 3 names"):
         explain(HALF, comparator, ["bad", "good"])
 
 

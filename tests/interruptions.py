@@ -1,0 +1,55 @@
+"""Ctrl+C at any line of a call: what the call leaves behind must be usable."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+_ROOT = Path(__file__).parents[1]
+
+
+def interrupted_at_each_line(
+    make: Callable[[], T], act: Callable[[T], Any], folders: Sequence[str] = ("elicit", "qlearn")
+) -> Iterator[T]:
+    """Yield what ``make`` returns after a KeyboardInterrupt broke off ``act`` on it, for each line of the code in these
+    folders that ``act`` runs: before that line runs for the first time, and before it runs for the last time."""
+    code = tuple(str(_ROOT / folder) + "/" for folder in folders)
+    _traced(make(), act, code, None)  # so that nothing is loaded or made for the first time below
+    lines = _traced(make(), act, code, None)
+    last = {line: i for i, line in enumerate(lines)}
+    first = {line: i for i, line in reversed([*enumerate(lines)])}
+    wanted = sorted({*first.values(), *last.values()})
+    assert wanted, "no line of these folders was run"
+    for i in wanted:
+        made = make()
+        try:
+            _traced(made, act, code, i)
+        except KeyboardInterrupt:
+            yield made
+
+
+def _traced(made: T, act: Callable[[T], Any], code: tuple[str, ...], at: int | None) -> list[tuple[str, int]]:
+    """Call ``act``, to be interrupted at the line of this number; the lines that it ran of files whose paths begin with
+    one of ``code``."""
+    lines: list[tuple[str, int]] = []
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        if not frame.f_code.co_filename.startswith(code):
+            return None
+        if event == "line":
+            lines.append((frame.f_code.co_filename, frame.f_lineno))
+            if len(lines) - 1 == at:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        act(made)
+    finally:
+        sys.settrace(before)
+    return lines
