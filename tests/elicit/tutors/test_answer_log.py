@@ -11,13 +11,14 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit.model.query import Answer, Query, Verdict
 from elicit.tutors import log_file
 from elicit.tutors.answer_log import AnswerLog, Asked
 from elicit.tutors.log_lines import BadLog, with_check
+from tests.thoroughness import examples
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [1 / 3, 1 / 3, 1 / 3]
 
@@ -109,7 +110,7 @@ def test_an_empty_log_does_not_guess_k():
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=6, max_size=6))
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_floats_survive_to_the_last_bit(numbers):
     log = AnswerLog()
     log.append(answer(left=numbers[:3], right=numbers[3:]))
@@ -540,7 +541,7 @@ def test_readers_that_know_no_retractions_cannot_misread_one(path):
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from([-1, 0, 1, None, "retract"])), max_size=12))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_retractions_against_a_list(tmp_path_factory, history):
     """Any history, also after a restart at each step, against the plain list of what stands."""
     path = tmp_path_factory.mktemp("log") / "log.jsonl"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import null_space
 
@@ -32,6 +32,7 @@ from tests.lp_cases import (
     tie_with,
     verdict,
 )
+from tests.thoroughness import examples
 
 BETTER, WORSE, EQUAL, UNKNOWN = Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, Verdict.UNKNOWN
 Floats = np.ndarray[Any, Any]
@@ -80,7 +81,7 @@ def test_closed_gaps_make_no_difference() -> None:
     assert c.values[1] == pytest.approx(c.values[2])
 
 
-@settings(max_examples=12, deadline=None)
+@examples(12)
 @given(st.integers(0, 2**32), st.integers(3, 9), st.integers(0, 40))
 def test_verdicts_depend_on_nothing_else(seed: int, k: int, n: int) -> None:
     case = setting(seed, k, n, asks=40)
