@@ -121,6 +121,7 @@ def test_a_gaussian_process_learns_what_it_is_told(name):
     assert bench.score(problem, believed)["loss"] < np.log(2) - 0.03
 
 
+@pytest.mark.slow
 def test_the_quick_run_writes_its_page(tmp_path):
     text = quick_report("benchmarks.posteriors.preference_posteriors", tmp_path, "--seeds", "1")
     assert "## a tutor by eq. (6), k = 5, 20 answers" in text

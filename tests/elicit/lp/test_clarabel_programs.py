@@ -15,7 +15,7 @@ from elicit.lp.clarabel_programs import Programs, Solved
 from elicit.lp.region import Region, certified_bound, pull_inside, strictly_inside
 from elicit.model.scale import Floats, tail_sums
 from tests.lp_cases import Oracle, cases, exact, exactly, least_from_scratch, region, shares
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 
 def truthful(k: int, n: int, seed: int = 0, margin: float = 1e-4) -> tuple[PolytopeComparator, Floats]:
@@ -115,7 +115,7 @@ def test_an_objective_can_be_replaced_after_a_failure() -> None:
 def test_strictly_inside_is_a_proof() -> None:
     rng = np.random.default_rng(8)
     inside = 0
-    for case in cases(22, 84, asks=1, most_levels=9):
+    for case in cases(22, scaled(28, 84), asks=1, most_levels=9):
         r, e = case.known().region, case.region()
         for _ in range(10):
             g = rng.dirichlet(np.full(r.p, 3.0)) if rng.random() < 0.5 else np.array([float(x) for x in case.truth])

@@ -18,7 +18,7 @@ from elicit.model.query import Answer, Query, Verdict
 from elicit.tutors import log_file
 from elicit.tutors.answer_log import AnswerLog, Asked
 from elicit.tutors.log_lines import BadLog, with_check
-from tests.thoroughness import examples
+from tests.thoroughness import examples, thorough
 
 LEFT, RIGHT = [0.1, 0.2, 0.7], [1 / 3, 1 / 3, 1 / 3]
 
@@ -397,12 +397,12 @@ def short_1(path):
 
 @pytest.mark.parametrize("write", [short, short_1, everything])
 def test_every_flipped_bit_is_noticed(path, write):
-    """Of what was acknowledged; of a log of version 1 once it was continued."""
+    """Of what was acknowledged; of a log of version 1 once it was continued. A quick run flips one bit of each byte."""
     write(path)
     whole, unseen = path.read_bytes(), []
     with open(path, "r+b", buffering=0) as file:
         for place, byte in enumerate(whole):
-            for bit in range(8):
+            for bit in range(8) if thorough() else [place % 8]:
                 file.seek(place)
                 file.write(bytes([byte ^ 1 << bit]))
                 try:

@@ -111,7 +111,7 @@ FIGURE_FILES = ["claims.csv", "claims.md", *(f"figure{i}.{kind}" for i in (2, 3,
     ("command", "files", "keys", "rows", "said"),
     [
         (ABLATE, ["ablation.png"], KEYS, 5, "random MDP (10 states, 3 actions, 5 levels), Q-learning"),
-        (FIGURES, FIGURE_FILES, series.KEYS, 28, "| holds ("),
+        pytest.param(FIGURES, FIGURE_FILES, series.KEYS, 28, "| holds (", marks=pytest.mark.slow),
     ],
     ids=["ablate", "figures"],
 )
@@ -282,6 +282,7 @@ def test_what_a_factory_returned_is_said_in_one_line(tmp_path: Path, capsys: pyt
         assert f"qlearn: 'mine': the factory, called with k = 5, seed = 0, {said}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_quick_has_enough_seeds_for_its_picture_to_tell_the_comparators_apart(tmp_path: Path) -> None:
     assert cli.main(["ablate", "--quick", "--jobs", "1", "--out", str(tmp_path)]) == 0
     times = pd.read_csv(tmp_path / "times.csv")

@@ -273,7 +273,7 @@ def test_at_the_end_the_keys_of_the_end_are_said(
 
 def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> None:
     numbers = []
-    with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.002", "--audit", "0") as teach:
+    with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.02", "--audit", "0") as teach:
         teach.prompted()
         assert "To try the keys." in teach.say("w")
         text = teach.say("a")

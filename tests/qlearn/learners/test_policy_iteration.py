@@ -392,6 +392,7 @@ def test_a_learner_whose_values_are_rough_promises_no_more_than_it_keeps(monkeyp
         assert losses_under(mdp, result.policy, result.comparator.draws.gaps[:, ::16]).max() <= result.loss_bound <= 1
 
 
+@pytest.mark.slow
 def test_a_large_model_is_solved_nearly_and_asks_no_more(monkeypatch):
     asked = {True: 0, False: 0}
     monkeypatch.setattr(policy_iteration, "_SAMPLE", 100)

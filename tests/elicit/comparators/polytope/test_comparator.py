@@ -172,7 +172,7 @@ def decrement(rows: Floats, slack: Floats, flat: Floats) -> float:
     return float(np.linalg.norm(scaled @ step))
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
 def test_the_centre_is_the_barriers_optimum(seed: int) -> None:
     checked = 0
     for case in cases([51, seed], 42, asks=1, most_answers=150):
@@ -454,7 +454,7 @@ def test_huge_and_tiny_in_one_difference() -> None:
         c.update(Answers([odd], [1]))
 
 
-@pytest.mark.parametrize(("k", "flat"), [(10, 0), (25, 0), (12, 4)])
+@pytest.mark.parametrize(("k", "flat"), [(10, 0), pytest.param(25, 0, marks=pytest.mark.slow), (12, 4)])
 def test_five_hundred_answers(k: int, flat: int) -> None:
     """With ties, nothing lies strictly inside: every doubtful sign is settled exactly."""
     rng = np.random.default_rng(13)

@@ -143,7 +143,7 @@ def check(case: Case, d: Any, oracle: Oracle | None = None) -> Explanation:
     return explanation
 
 
-@pytest.mark.parametrize("part", range(2))
+@pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_every_proof_holds_and_every_listed_answer_is_needed(part: int) -> None:
     seen: Counter[str] = Counter()
     for i, case in enumerate(cases([32, part], 7 * len(KINDS), asks=2, most_levels=12, most_answers=60)):
