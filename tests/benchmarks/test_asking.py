@@ -61,7 +61,9 @@ def test_the_report_says_how_many_questions():
     assert "11 ± 13" in text  # t = 12.7 of two seeds
 
 
-def test_a_line_on_certificates_counts_questions_and_kept_bounds():
+def test_a_line_on_certificates_counts_questions_and_kept_bounds(monkeypatch):
+    monkeypatch.setattr(certified, "problem", lambda name, seed: random_mdp(scaled(20, 100), 5, 5, rng=seed))
+
     def line(who, errs):
         runs = [certified.plan("k = 5", who, errs, seed) for seed in range(2)]
         return certified.line(runs[0], [certified.certify(cell) for cell in runs])

@@ -12,7 +12,7 @@ from elicit import AlwaysAsk, Dominance, FlippingTutor, PolytopeComparator, Tier
 from elicit.asking.choose_from_list import ChoiceStatus, choose
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import dot, gaps, tail_sums
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 K = 5
 HIDDEN = np.array([0, 8, 20, 25, 80])
@@ -97,7 +97,7 @@ def test_what_every_scale_orders_needs_no_question(vectors, comparator, order, d
 
 
 def test_the_number_of_questions():
-    for seed in range(5):
+    for seed in range(scaled(2, 5)):
         vectors = shares(seed, 30)
         tutor = TruthfulTutor(HIDDEN)
         always = run(choose(vectors, AlwaysAsk(K)), tutor)

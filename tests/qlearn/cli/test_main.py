@@ -245,13 +245,15 @@ def test_a_partial_table_and_picture_say_what_is_incomplete(
     assert titles[1].splitlines()[-1] == "means over 3 seeds, with 95% intervals"
 
 
-def test_parts_of_the_users_go_in_from_the_current_directory(tmp_path: Path) -> None:
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_parts_of_the_users_go_in_from_the_current_directory(jobs: int, tmp_path: Path) -> None:
     (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef exact(k, seed):\n"
                                            "    return Exact(tiny(seed)[1])\n")  # fmt: skip
     options = (
         "ablate --learners ivi certified=tests.own_cases:certified --error-rates 0 --tutors tests.own_cases:careless"
     )
-    options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1 --jobs 2"
+    options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1"
+    options += f" --jobs {jobs}"
     options += " --tolerance 0.05 --audit 0"
     start = "import sys; sys.path = [p for p in sys.path if p]; from qlearn.cli.main import main; "
     lines = run(
