@@ -17,6 +17,7 @@ from elicit import PolytopeComparator, TruthfulTutor
 from qlearn import InteractivePolicyIteration, drive, random_mdp
 from qlearn.experiments.metrics import reference_differences
 from tests.report_cases import table_rows
+from tests.thoroughness import scaled
 
 
 @pytest.fixture
@@ -60,7 +61,9 @@ def test_the_report_says_how_many_questions():
     assert "11 ± 13" in text  # t = 12.7 of two seeds
 
 
-def test_a_line_on_certificates_counts_questions_and_kept_bounds():
+def test_a_line_on_certificates_counts_questions_and_kept_bounds(monkeypatch):
+    monkeypatch.setattr(certified, "problem", lambda name, seed: random_mdp(scaled(20, 100), 5, 5, rng=seed))
+
     def line(who, errs):
         runs = [certified.plan("k = 5", who, errs, seed) for seed in range(2)]
         return certified.line(runs[0], [certified.certify(cell) for cell in runs])
@@ -92,7 +95,7 @@ def test_the_tutors_of_equation_6_have_the_precision_that_the_page_says():
 
 
 def test_hindsight_needs_no_more_than_greed_and_no_less_than_what_is_necessary():
-    for seed in range(3):
+    for seed in range(scaled(1, 3)):
         mdp, values = random_mdp(40, 3, 5, rng=seed)
         few = hindsight.hindsight(mdp, values, 1e-4)
         assert 0 < few["necessary"] <= few["pruned"] <= few["greedy"]
@@ -114,6 +117,7 @@ def test_bits_are_the_share_of_scales_that_agree():
 
 
 def test_the_page_on_certificates_is_made_in_parts_and_goes_on(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(certified, "problem", lambda name, seed: random_mdp(scaled(20, 100), 5, 5, rng=seed))
     made = []
     certify = certified.certify
     monkeypatch.setattr(certified, "certify", functools.wraps(certify)(lambda cell: made.append(cell) or certify(cell)))

@@ -22,6 +22,7 @@ def stream() -> Stream:
     return record("Q-learning", 4, seed=1, steps=1500)
 
 
+@pytest.mark.slow
 def test_the_quick_run_times_every_method_on_both_streams_without_disagreement(tmp_path):
     text = quick_report("benchmarks.comparing.comparison_cost", tmp_path)
     assert re.findall(r"^## (.*, k = \d+)$", text, re.MULTILINE) == ["Q-learning, k = 5", "IVI, k = 5"]

@@ -46,6 +46,7 @@ def separable() -> Data:
     return Data(answers, tail_sums(answers.d), counts, d[12:], signs[12:], 10.0, 0.0)
 
 
+@pytest.mark.slow
 def test_the_quick_run_has_every_method_and_small_errors(tmp_path):
     text = quick_report("benchmarks.fitting.fit_cost", tmp_path, "--seed", "1")
     assert re.findall(r"^## (.*)$", text, re.MULTILINE) == ["k = 5, 30 answers"]

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from benchmarks.learning import growth_by_size as growth
+from tests.thoroughness import scaled
 
 pytest.importorskip("matplotlib")
 
@@ -36,8 +37,14 @@ def test_a_cell_that_fails_is_said_to(monkeypatch):
     assert growth.series("answers", "box", (10, 20), 0, 1.0).left_out == "10 answers: out of memory"
 
 
-@pytest.mark.parametrize("who", growth.LEARNERS)
-def test_every_learner_is_measured(who):
+COSTLY = ("Q-learning, box", "Q-learning, posterior")
+
+
+@pytest.mark.parametrize(
+    "who", [pytest.param(who, marks=[pytest.mark.slow] if who in COSTLY else []) for who in growth.LEARNERS]
+)
+def test_every_learner_is_measured(who, monkeypatch):
+    monkeypatch.setattr(growth, "PROBLEMS", scaled(1, growth.PROBLEMS))
     found = growth.learned(who, 6, 3)
     assert all(seconds > 0 for seconds in found["seconds"])
     assert ("asked" in found) == ("known" not in who)

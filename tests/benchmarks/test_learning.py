@@ -148,7 +148,7 @@ def test_the_measurements_beside_the_loop_that_knows():
     assert found["asked"][0] > 0
 
 
-@pytest.mark.parametrize("rival", ["programs", "careful", "box", "ensemble"])
+@pytest.mark.parametrize("rival", ["programs", "careful", "box", pytest.param("ensemble", marks=pytest.mark.slow)])
 def test_the_measurements_beside_a_rival(rival, few_resamples):
     noisy = {"comparator": "posterior", "particles": 50, "error": 0.1, "epsilon": 1.0}
     at = Setting(k=4, states=8, actions=3, steps=STEPS, repeats=1, fits=2, rival=rival, prefix=4)

@@ -44,14 +44,22 @@ def test_a_loss_is_that_of_the_run():
     assert np.isnan(exploration.measure(problem, EXPLORATIONS["uniform"], 10, 3, False)[2])
 
 
-def test_assumptions_changes_one_choice_a_line(capsys, tmp_path):
+FEW = ("default", "m = 20", "tutor never errs", "start at zero (line 4)")
+
+
+@pytest.mark.parametrize("chosen", [FEW, pytest.param((), id="all", marks=pytest.mark.slow)])
+def test_assumptions_changes_one_choice_a_line(chosen, capsys, tmp_path, monkeypatch):
+    every, etas = assumptions.choices(), assumptions.etas()
+    if chosen:
+        monkeypatch.setattr(assumptions, "choices", lambda: {name: every[name] for name in chosen})
+        monkeypatch.setattr(assumptions, "etas", lambda: dict(list(etas.items())[:2]))
     out = tmp_path / "assumptions.md"
     assumptions.main(["--quick", "--out", str(out)])
     text = out.read_text()
     assert capsys.readouterr().out.rstrip() == text.rstrip()
-    (head, *table), (_, *etas) = quotes.tables(text)
+    (head, *table), (_, *polytope) = quotes.tables(text)
     assert [row[0] for row in table] == list(assumptions.choices())
-    assert [row[0] for row in etas] == list(assumptions.etas())
+    assert [row[0] for row in polytope] == list(assumptions.etas())
     assert all(cell[:1] in "+-" for row in table[1:] for cell in [row[2], *row[4:]])
     # what only the comparator is told does not touch the oracle
     untouched = {row[0]: row[head.index("oracle's loss")] for row in table}
@@ -114,7 +122,14 @@ def test_an_answer_is_what_the_interval_tells():
     assert paired_runs.answer(np.array([1.0]), 5.0) == "not told"
 
 
-def test_the_literal_reading_is_held_to_the_default_and_the_others_to_it(capsys, tmp_path):
+@pytest.mark.parametrize(
+    "chosen",
+    [("fits at 20% more answers",), pytest.param((), id="all", marks=pytest.mark.slow)],
+)
+def test_the_literal_reading_is_held_to_the_default_and_the_others_to_it(chosen, capsys, tmp_path, monkeypatch):
+    every = literal.put_back
+    if chosen:
+        monkeypatch.setattr(literal, "put_back", lambda *of: {name: every(*of)[name] for name in chosen})
     out, journal = tmp_path / "literal.md", tmp_path / "runs.jsonl"
     literal.main(["--quick", "--out", str(out), "--journal", str(journal)])
     text = out.read_text()

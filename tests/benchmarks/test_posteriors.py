@@ -9,6 +9,7 @@ from benchmarks.posteriors import preference_posteriors as bench
 from elicit import Answers, Verdict
 from elicit.model.scale import dominance, tail_sums
 from tests.report_cases import quick_report, table_rows
+from tests.thoroughness import scaled
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def test_without_answers_the_chains_find_the_prior():
 
 
 def test_hamiltonian_ensemble_and_particles_agree(problem):
-    long = bench.by_hamiltonian(problem, 0, 300, 600)[0]
+    long = bench.by_hamiltonian(problem, 0, *scaled((150, 300), (300, 600)))[0]
     others = {"particles": bench.particles(problem, 1)[0], "short": bench.by_hamiltonian(problem, 1)[0]}
     if "emcee, same posterior" in bench.methods():
         others["emcee"] = bench.by_ensemble(problem, 1)[0]
@@ -121,6 +122,7 @@ def test_a_gaussian_process_learns_what_it_is_told(name):
     assert bench.score(problem, believed)["loss"] < np.log(2) - 0.03
 
 
+@pytest.mark.slow
 def test_the_quick_run_writes_its_page(tmp_path):
     text = quick_report("benchmarks.posteriors.preference_posteriors", tmp_path, "--seeds", "1")
     assert "## a tutor by eq. (6), k = 5, 20 answers" in text

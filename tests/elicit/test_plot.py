@@ -7,7 +7,7 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import pyplot as plt
 from matplotlib.collections import LineCollection
@@ -28,6 +28,7 @@ from elicit.diagnostics.preference_graph import cycles, preference_graph
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import dominance, tail_sums
 from tests.noisy_cases import differences
+from tests.thoroughness import examples
 
 matplotlib.use("Agg")
 LEVELS = ["critical", "stable", "well", "recovered"]
@@ -102,7 +103,7 @@ small = st.lists(st.integers(-8, 8), min_size=4, max_size=4).map(lambda d: np.ar
 
 
 @given(st.lists(st.tuples(small, st.booleans()), max_size=6), small, st.sampled_from([0.0, 1e-6, 0.125]))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_the_corners_span_what_the_bounds_say(told, d, margin):
     """The least and greatest d.e are reached at corners: against the linear programs."""
     known = PolytopeComparator(4, margin=margin)

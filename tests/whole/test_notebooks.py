@@ -23,6 +23,7 @@ REFERENCE = execute.HERE.parent / "docs" / "reference"
 NOTEBOOKS = sorted(execute.HERE.glob("*.ipynb"))
 assert NOTEBOOKS
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+QUICK = "07_you_are_the_tutor"  # the one that runs in the least time
 READS_THE_SETTING = 'import os\nprint(os.environ.get("NOTEBOOK_SETTING", "full"))'
 
 
@@ -66,7 +67,10 @@ def put(folder, name, *sources):
     return path
 
 
-@each_notebook
+@pytest.mark.parametrize(
+    "path",
+    [pytest.param(path, id=path.stem, marks=[] if path.stem == QUICK else pytest.mark.slow) for path in NOTEBOOKS],
+)
 def test_it_runs_at_the_small_setting_without_a_warning(path, tmp_path):
     committed = path.read_bytes()
     copy = Path(shutil.copy(path, tmp_path))

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from elicit import Answers, BradleyTerryTutor, FlippingTutor, PolytopeComparator, decide
 from elicit._support import jit
@@ -65,6 +66,7 @@ def caller(x):
 """
 
 
+@pytest.mark.slow
 def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
     """numba keeps ``caller`` as it was compiled while its own file stays the same."""
     (tmp_path / "caller.py").write_text(CALLER)
@@ -75,6 +77,7 @@ def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
     assert len({path.parent for path in (tmp_path / "kept").rglob("caller*.nbi")}) == 2
 
 
+@pytest.mark.slow
 def test_what_else_was_imported_before_makes_no_difference_to_where_ours_is_kept(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text(HELPER.format(1))
     code = "from elicit._support.hashing import mix; import numpy as np; mix(np.uint64(1), np.uint64(2))"
@@ -116,6 +119,7 @@ def test_the_first_call_on_a_machine_says_what_it_waits_for_and_that_it_is_over(
     assert run(code + "; helper.helper(1j)", tmp_path, NUMBA_CACHE_DIR=kept) == []
 
 
+@pytest.mark.slow
 def test_that_it_is_over_is_said_while_the_process_goes_on(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text(HELPER.format(1))
     code = """

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import AlwaysAsk, Dominance, FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
 from elicit.asking.choose_from_list import ChoiceStatus, choose
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import dot, gaps, tail_sums
+from tests.thoroughness import examples, scaled
 
 K = 5
 HIDDEN = np.array([0, 8, 20, 25, 80])
@@ -62,7 +63,7 @@ def test_a_truthful_tutor_leads_to_the_truth(comparator, order, n):
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), min_size=1, max_size=9), st.booleans(), st.booleans())
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_ties_keep_the_order_of_the_list(counts, order, guessed):
     """Small integer vectors on a scale whose gaps are exact: ties and copies everywhere."""
     vectors = np.array(counts, dtype=float)
@@ -96,7 +97,7 @@ def test_what_every_scale_orders_needs_no_question(vectors, comparator, order, d
 
 
 def test_the_number_of_questions():
-    for seed in range(5):
+    for seed in range(scaled(2, 5)):
         vectors = shares(seed, 30)
         tutor = TruthfulTutor(HIDDEN)
         always = run(choose(vectors, AlwaysAsk(K)), tutor)

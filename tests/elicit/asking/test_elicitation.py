@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import Dominance, PolytopeComparator
@@ -21,6 +21,7 @@ from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from tests.noisy_cases import COMPARATORS
+from tests.thoroughness import examples
 
 K = 5
 VALUES = np.array([0, 8, 20, 25, 80])
@@ -145,7 +146,7 @@ TAUGHT["of your own"] = Convinced(K).update(Answers(OPEN, [1]))
     answers=st.lists(st.sampled_from([None, EQUAL, BETTER, WORSE]), max_size=4),
     spent=st.booleans(),
 )
-@settings(max_examples=12, deadline=None)
+@examples(12)
 def test_arrays_single_pairs_and_loops_agree(
     name: str, seed: int, audit: float, indifference: float, answers: list[Verdict | None], spent: bool
 ) -> None:

@@ -5,11 +5,12 @@ import itertools
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import Answer, AnswerLog, Answers, PolytopeComparator, Query, TruthfulTutor, Verdict
 from elicit.diagnostics.preference_graph import Cycle, Implied, Step, cycles, follows, preference_graph
+from tests.thoroughness import examples
 
 # neither of two dominates the other: what the middle level gains, both ends lose
 A, B, C, D = [0.5, 0.0, 0.5], [0.4375, 0.125, 0.4375], [0.375, 0.25, 0.375], [0.25, 0.5, 0.25]
@@ -168,7 +169,7 @@ def holds(step, graph, answers, name):
 
 
 @given(pairs, st.booleans())
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_what_follows_is_the_transitive_closure(told, dominance):
     graph, name, answers = graph_of(told, dominance)
     nodes, good, strict = plain_relation(told, dominance)
@@ -259,7 +260,7 @@ def all_circles(graph):
 
 
 @given(pairs, st.booleans())
-@settings(max_examples=300, deadline=None)
+@examples(300)
 def test_circles_against_all_there_are(told, dominance):
     graph, name, answers = graph_of(told, dominance)
     if len(graph) > 9:

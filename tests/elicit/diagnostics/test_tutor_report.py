@@ -44,7 +44,9 @@ TUTORS = {
 }
 
 
-@pytest.mark.parametrize("name", TUTORS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "flips 20%" else []) for name in TUTORS]
+)
 def test_intervals_cover_what_simulated_tutors_are(name):
     make, lapse, precision = TUTORS[name]
     logs, covered, estimates = 30, np.zeros(4), []

@@ -6,7 +6,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import Answers, PolytopeComparator
@@ -15,6 +15,7 @@ from elicit.lp.clarabel_programs import Programs, Solved
 from elicit.lp.region import Region, certified_bound, pull_inside, strictly_inside
 from elicit.model.scale import Floats, tail_sums
 from tests.lp_cases import Oracle, cases, exact, exactly, least_from_scratch, region, shares
+from tests.thoroughness import examples, scaled
 
 
 def truthful(k: int, n: int, seed: int = 0, margin: float = 1e-4) -> tuple[PolytopeComparator, Floats]:
@@ -53,7 +54,7 @@ def test_three_statements_of_one_program(k: int, n: int) -> None:
 finite = st.floats(min_value=-1.0, max_value=1.0)
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(st.data())
 def test_any_multipliers_give_a_bound_on_any_region(data: st.DataObject) -> None:
     p, m = data.draw(st.integers(1, 4)), data.draw(st.integers(0, 4))
@@ -114,7 +115,7 @@ def test_an_objective_can_be_replaced_after_a_failure() -> None:
 def test_strictly_inside_is_a_proof() -> None:
     rng = np.random.default_rng(8)
     inside = 0
-    for case in cases(22, 84, asks=1, most_levels=9):
+    for case in cases(22, scaled(28, 84), asks=1, most_levels=9):
         r, e = case.known().region, case.region()
         for _ in range(10):
             g = rng.dirichlet(np.full(r.p, 3.0)) if rng.random() < 0.5 else np.array([float(x) for x in case.truth])

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit.lp.dual_simplex import End, Vertex, minimise, minimise_exactly
 from elicit.lp.region import Region, rounding
 from elicit.model.scale import tail_sums
 from tests.lp_cases import cases, dot, exact, exactly, is_empty, least_from_scratch, region
+from tests.thoroughness import examples
 
 
 def check_optimal(t: Any, r: Region, found: Vertex) -> None:
@@ -137,7 +138,7 @@ def test_take_and_plus() -> None:
 numbers = st.floats(allow_nan=False, allow_infinity=False, min_value=-(2.0**400), max_value=2.0**400)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=30))
 def test_rounding_bounds_the_error_of_a_float_sum(pairs: list[tuple[float, float]]) -> None:
     a, b = np.array(pairs).T

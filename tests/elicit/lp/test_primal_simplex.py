@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit.lp.dual_simplex import minimise_exactly
@@ -31,6 +31,7 @@ from elicit.lp.region import Region
 from elicit.lp.vertex_store import prune, start
 from elicit.lp.vertices import CERTAIN_POINT, CORNER, USED, Known
 from tests.lp_cases import dot, exact, exactly, known_sets, normalised, objectives, region
+from tests.thoroughness import examples
 
 Floats = np.ndarray[Any, Any]
 Rng = np.random.Generator
@@ -86,7 +87,7 @@ def test_only_rows_that_follow_from_the_rest_are_pruned() -> None:
     assert pruned > 100
 
 
-@settings(max_examples=400, deadline=None)
+@examples(400)
 @given(st.data())
 def test_any_multipliers_of_any_constraints_give_a_bound(data: st.DataObject) -> None:
     """Of any numbers, at any scale: what is no number, or overflows, proves nothing."""

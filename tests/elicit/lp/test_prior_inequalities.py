@@ -5,12 +5,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import PolytopeComparator, Verdict
 from elicit.lp.prior_inequalities import Inequality, Prior, as_prior, inequalities, inequality, readable
 from elicit.lp.region import prior_rows
+from tests.thoroughness import examples
 
 LABELS = ["critical", "stable", "well"]
 
@@ -135,7 +136,7 @@ def expressions(draw, depth: int = 3):
     return f"({text}) {'+' if sign > 0 else '-'} ({other})", [x + sign * y for x, y in zip(value, more, strict=True)]
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(expressions(), expressions(), st.sampled_from([">=", "<="]))
 def test_any_expression_has_the_value_that_exact_arithmetic_gives_it(left, right, op):
     sign = 1 if op == ">=" else -1

@@ -48,7 +48,7 @@ def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
     assert rows < answers - 300
 
 
-@pytest.mark.parametrize(("k", "checks"), [(2, 3), (3, 3), (8, 3), (20, 1)])
+@pytest.mark.parametrize(("k", "checks"), [(2, 3), (3, 3), (8, 3), pytest.param(20, 1, marks=pytest.mark.slow)])
 def test_five_thousand_comparisons_between_150_answers(k: int, checks: int) -> None:
     rng = np.random.default_rng(k)
     truth = draw_truth(rng, k - 1)

@@ -5,10 +5,11 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict, match
+from tests.thoroughness import examples
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
 
@@ -220,7 +221,7 @@ def test_answers_from_differences_are_named_by_their_line():
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@settings(deadline=None)
+@examples(100)
 @given(st.lists(st.tuples(st.tuples(numbers, numbers, numbers), st.sampled_from([-1, 0, 1]), st.text('a,"\n\r é '))))
 def test_a_csv_reads_back_to_the_last_bit(rows):
     d = np.array([row[0] for row in rows]).reshape(-1, 3)

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit.model.scale import (
@@ -17,6 +17,7 @@ from elicit.model.scale import (
     tail_sums,
     values_of,
 )
+from tests.thoroughness import examples
 
 floats = st.floats(-1e6, 1e6)
 vectors = st.integers(2, 8).flatmap(lambda k: st.lists(floats, min_size=k, max_size=k))
@@ -48,7 +49,7 @@ def test_one_vector_becomes_one_row():
 
 
 @given(vectors)
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_tail_sums_are_sequential_from_the_best_level(d):
     wanted, total = [], 0.0
     for x in reversed(d[1:]):
@@ -61,7 +62,7 @@ def test_tail_sums_are_sequential_from_the_best_level(d):
 
 
 @given(vectors)
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_the_two_coordinates_agree(d):
     """d.e = t.g for e_1 = 0, in exact arithmetic up to the rounding of the tail sums."""
     d = np.array(d)
@@ -83,7 +84,7 @@ def test_huge_entries_keep_their_signs(d):
 
 
 @given(vectors)
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_dominance_is_agreement_of_all_scales(d):
     """Equation (4) holds exactly where d.e has one sign at every corner of the ordered scales."""
     t = tail_sums(np.array(d))
@@ -102,7 +103,7 @@ def test_dominance_of_many():
 
 
 @given(st.integers(2, 7), st.floats(0, 1), st.data())
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_bounds_over_all_ordered_scales(k, part, data):
     """The closed form is reached at a corner of K_0, and no scale inside does better."""
     t = np.array(data.draw(st.lists(st.floats(-10, 10), min_size=k - 1, max_size=k - 1)))
@@ -125,7 +126,7 @@ def test_dot_does_not_depend_on_the_batch():
 
 
 @given(st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=12), st.floats(-1e3, 1e3))
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_normalise(steps, start):
     values = start + np.concatenate([[0.0], np.cumsum(steps)])
     e = normalise(values)

@@ -9,7 +9,7 @@ import sys
 import cvxpy as cp
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import elicit
@@ -19,6 +19,7 @@ from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeCompar
 from elicit.lp.prior_inequalities import as_prior, inequality
 from elicit.model.query import Answers
 from elicit.model.scale_variable import linear_rows, scale_variable
+from tests.thoroughness import examples
 
 
 def in_cvxpy(text, e):
@@ -60,7 +61,7 @@ def expressions(draw, depth=3):
     ]
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(expressions(), st.one_of(expressions(), decimals), st.sampled_from([">=", "<="]))
 def test_the_numbers_are_those_of_the_text_but_for_the_rounding_of_sums(left, right, sign):
     text = f"{left} {sign} {right}"

@@ -95,7 +95,10 @@ def answered(make: Any, rate: float, back: bool, ahead: int) -> tuple[list[Any],
         return told(log), session.result()
 
 
-@pytest.mark.parametrize("back", [False, True], ids=["straight", "undone and withdrawn"])
+@pytest.mark.parametrize(
+    "back",
+    [pytest.param(False, id="straight", marks=pytest.mark.slow), pytest.param(True, id="undone and withdrawn")],
+)
 @pytest.mark.parametrize(
     ("make", "rate"),
     [

@@ -30,7 +30,7 @@ from elicit.person.showing import show
 from qlearn import InteractivePolicyIteration, random_mdp
 
 LEVELS = ("died", "ill", "well")
-MDP = random_mdp(12, 3, 5, discount=0.9, seed=3)[0]
+MDP = random_mdp(8, 2, 5, discount=0.9, seed=3)[0]
 
 
 def bag(good: int, seed: int = 0) -> Any:

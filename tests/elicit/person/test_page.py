@@ -348,7 +348,9 @@ def fits(page: Any) -> None:
     assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
 
 
-@pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
+@pytest.mark.parametrize(
+    "size", [pytest.param(WIDE, id="wide", marks=pytest.mark.slow), pytest.param(NARROW, id="narrow")]
+)
 def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict[str, int]) -> None:
     def check() -> None:
         violated(page)
@@ -397,7 +399,7 @@ ODD = tuple(f"{LONG[i % 3]} {i}" for i in range(20))
 ODD_WORDS = Words('<i>units</i> of "much"', "go", "<script>alert(1)</script>", "<img src=x onerror=alert(1)>")
 
 
-@pytest.mark.parametrize("total", [30, 2_000_000])
+@pytest.mark.parametrize("total", [pytest.param(30, marks=pytest.mark.slow), 2_000_000])
 def test_odd_names_many_levels_and_large_numbers_are_only_shown(windows: Windows, total: int) -> None:
     rng = np.random.default_rng(0)
     questions = bags(*((rng.multinomial(total, np.ones(20) / 20), total * np.eye(20, dtype=int)[7]) for _ in range(2)))

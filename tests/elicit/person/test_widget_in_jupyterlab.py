@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
+import pytest
 from nbformat.v4 import new_code_cell, new_notebook
 
 from elicit import AnswerLog, Verdict
@@ -110,6 +111,7 @@ def stands(page: Any, answered: int) -> bool:
     return not end.is_visible()
 
 
+@pytest.mark.slow
 def test_a_session_by_mouse_and_keyboard_goes_on_after_a_reload_and_each_answer_is_in_its_log(tmp_path):
     complaints: list[str] = []
     said: list[str] = []

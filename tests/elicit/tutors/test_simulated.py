@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import expit
 
@@ -16,6 +16,7 @@ from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.testing import check_tutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from tests.noisy_cases import differences
+from tests.thoroughness import examples
 
 HIDDEN = np.array([3, 10, 11, 40, 99])
 
@@ -51,7 +52,7 @@ def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
 
 
 @given(st.lists(st.floats(-1e300, 1e300, allow_subnormal=True), min_size=2, max_size=6), st.data())
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_any_finite_difference_gets_its_exact_sign(d, data):
     steps = data.draw(st.lists(st.floats(1e-3, 1e3), min_size=len(d) - 1, max_size=len(d) - 1))
     values = np.concatenate([[0.0], np.cumsum(steps)])

@@ -64,7 +64,7 @@ def test_help_imports_nothing_heavy() -> None:
         ("ablate --seeds 2.5", "'2.5' is not a whole number"),
         ("ablate --jobs 0", "'0' is not a whole number of at least 1"),
         ("ablate --error-rates 0 0.5", "'0.5' is not a number of at least 0 and below 0.5"),
-        ("ablate --tolerance nan", "'nan' is not a number above 0"),
+        ("ablate --tolerance nan", "'nan' is not a number strictly between 0 and 1"),
         ("ablate --comparators ellipsoid", "invalid choice: 'ellipsoid' (choose from "),
         ("ablate --comparators polytope nowhere:f", "'nowhere:f': there is no module 'nowhere'"),
         (
@@ -111,7 +111,7 @@ FIGURE_FILES = ["claims.csv", "claims.md", *(f"figure{i}.{kind}" for i in (2, 3,
     ("command", "files", "keys", "rows", "said"),
     [
         (ABLATE, ["ablation.png"], KEYS, 5, "random MDP (10 states, 3 actions, 5 levels), Q-learning"),
-        (FIGURES, FIGURE_FILES, series.KEYS, 28, "| holds ("),
+        pytest.param(FIGURES, FIGURE_FILES, series.KEYS, 28, "| holds (", marks=pytest.mark.slow),
     ],
     ids=["ablate", "figures"],
 )
@@ -245,13 +245,15 @@ def test_a_partial_table_and_picture_say_what_is_incomplete(
     assert titles[1].splitlines()[-1] == "means over 3 seeds, with 95% intervals"
 
 
-def test_parts_of_the_users_go_in_from_the_current_directory(tmp_path: Path) -> None:
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_parts_of_the_users_go_in_from_the_current_directory(jobs: int, tmp_path: Path) -> None:
     (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef exact(k, seed):\n"
                                            "    return Exact(tiny(seed)[1])\n")  # fmt: skip
     options = (
         "ablate --learners ivi certified=tests.own_cases:certified --error-rates 0 --tutors tests.own_cases:careless"
     )
-    options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1 --jobs 2"
+    options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1"
+    options += f" --jobs {jobs}"
     options += " --tolerance 0.05 --audit 0"
     start = "import sys; sys.path = [p for p in sys.path if p]; from qlearn.cli.main import main; "
     lines = run(
@@ -282,6 +284,7 @@ def test_what_a_factory_returned_is_said_in_one_line(tmp_path: Path, capsys: pyt
         assert f"qlearn: 'mine': the factory, called with k = 5, seed = 0, {said}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_quick_has_enough_seeds_for_its_picture_to_tell_the_comparators_apart(tmp_path: Path) -> None:
     assert cli.main(["ablate", "--quick", "--jobs", "1", "--out", str(tmp_path)]) == 0
     times = pd.read_csv(tmp_path / "times.csv")

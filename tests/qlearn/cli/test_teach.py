@@ -104,17 +104,17 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         low, high = (float(interval[1]), float(interval[2])) if interval[1] else (0.0, 100.0)
         true = 100 * (value - min(VALUES.values())) / (max(VALUES.values()) - min(VALUES.values()))
         assert comparator == "posterior" or low <= true <= high
-
-
-def test_where_the_policy_differs_from_equal_gaps_is_said_of_named_states(tmp_path: Path) -> None:
-    with Teach(tmp_path, "--problem", "random", "--seed", "3") as teach:
-        answer_all(teach, VALUES)
-        teach.leave()
-    found = re.search(r"In (\d+) of 30 states it acts otherwise than if the steps", " ".join(teach.shown.split()))
-    listed = re.findall(r"  state (\d+): action (\d), not (\d)", teach.shown)
-    assert len(listed) == min(12, int(found[1]) if found else 0)
-    assert listed
+    listed = differing(teach.shown)
+    assert comparator == "posterior" or listed
     assert all(one != other for _, one, other in listed)
+
+
+def differing(shown: str) -> list[tuple[str, str, str]]:
+    """Return the states in which the policy is said to differ from that of equal gaps, with both actions."""
+    found = re.search(r"In (\d+) of 30 states it acts otherwise than if the steps", " ".join(shown.split()))
+    listed = re.findall(r"  state (\d+): action (\d), not (\d)", shown)
+    assert len(listed) == min(12, int(found[1]) if found else 0)
+    return listed
 
 
 def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(tmp_path: Path) -> None:
@@ -153,6 +153,7 @@ def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(tmp_path: Path) -
     assert 0 < answered[1] < answered[2]
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_path: Path) -> None:
     with Teach(tmp_path, "--problem", "random", "--log", "whole.jsonl") as teach:
         keys = answer_all(teach, VALUES)
@@ -271,9 +272,12 @@ def test_at_the_end_the_keys_of_the_end_are_said(
     assert "w: why" not in after
 
 
+MORE = r"Question \d+ \((about \d+( to \d+)? more|perhaps the last one)\)"
+
+
 def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> None:
     numbers = []
-    with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.002", "--audit", "0") as teach:
+    with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.005", "--audit", "0") as teach:
         teach.prompted()
         assert "To try the keys." in teach.say("w")
         text = teach.say("a")
@@ -286,12 +290,15 @@ def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> N
             again = re.search(r"Question (\d+)", why)
             assert again
             assert int(again[1]) == numbers[-1]
-            time.sleep(0.5)
-            text = teach.say(truthful(why[again.start() :], VALUES))
+            for _ in range(30):  # until the number to come was said of one question
+                if re.search(MORE, teach.shown):
+                    break
+                time.sleep(0.1)
+                why = teach.say("w")
+            text = teach.say(truthful(why[why.index("Question ") :], VALUES))
         assert teach.leave()[0] == 0
     assert numbers == [*range(1, len(numbers) + 1)]
-    said = re.findall(r"Question \d+ \((about \d+( to \d+)? more|perhaps the last one)\)", teach.shown)
-    assert said
+    assert re.search(MORE, teach.shown)
 
 
 def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(

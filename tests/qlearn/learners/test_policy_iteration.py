@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as some
 
 from elicit import AlwaysAsk, Bags, BradleyTerryComparator, Dominance, PolytopeComparator, PosteriorComparator
@@ -32,6 +32,7 @@ from qlearn.learners.value_iteration import InteractiveValueIteration, LateValue
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
+from tests.thoroughness import examples
 
 
 def solve(mdp, comparator, tutor, **settings):
@@ -100,7 +101,7 @@ def test_it_asks_a_fraction_of_what_value_iteration_asks():
     assert asked[0] <= 0.5 * asked[1]
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(seed=some.integers(0, 10_000), k=some.integers(2, 6), answers=some.integers(0, 12))
 def test_the_bound_is_never_below_the_loss_at_any_time_of_any_learner(seed, k, answers):
     mdp, values = random_mdp(12, 3, k, discount=0.9, rng=seed)
@@ -423,6 +424,7 @@ def test_a_learner_whose_values_are_rough_promises_no_more_than_it_keeps(monkeyp
         assert losses_under(mdp, result.policy, result.comparator.draws.gaps[:, ::16]).max() <= result.loss_bound <= 1
 
 
+@pytest.mark.slow
 def test_a_large_model_is_solved_nearly_and_asks_no_more(monkeypatch):
     asked = {True: 0, False: 0}
     monkeypatch.setattr(policy_iteration, "_SAMPLE", 100)
@@ -478,7 +480,7 @@ def test_how_many_questions_it_takes_on_icu_sepsis():
 
 
 @given(seed=some.integers(0, 10**6), k=some.integers(2, 12), tie=some.sampled_from([0.0, 0.01]))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_bounds_of_many_are_bounds_and_tight_where_they_are_positive(seed, k, tie):
     rng, values = np.random.default_rng(seed), np.linspace(0, 1, k) ** 2
     pairs = rng.dirichlet(np.ones(k), (20, 2))

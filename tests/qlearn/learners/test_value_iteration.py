@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import AlwaysAsk, BradleyTerryComparator, Comparator, Dominance, PolytopeComparator, Tutor
@@ -18,6 +18,7 @@ from qlearn import OrdinalMDP, Result, Status, drive, evaluate_policy, policy_lo
 from qlearn.learners.value_iteration import InteractiveValueIteration, sweeps_needed
 from qlearn.reference import interactive_value_iteration
 from tests.mdp_cases import messy_mdp
+from tests.thoroughness import examples
 
 
 def solve(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **keywords: Any) -> Result:
@@ -179,7 +180,7 @@ def test_partial_sweeps_take_fewer_sweeps_where_values_spread_slowly() -> None:
         assert policy_loss(mdp, result.policy, values).max() <= 0.01
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 2**16), discount=st.sampled_from([0.3, 0.9, 0.99]), partial_sweeps=st.booleans())
 def test_its_promises_hold_whatever_the_problem(seed: int, discount: float, partial_sweeps: bool) -> None:
     for mdp, values in (messy_mdp(seed, discount=discount), random_mdp(8, 3, 4, discount=discount, rng=seed)):

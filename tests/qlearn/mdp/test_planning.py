@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
@@ -13,6 +13,7 @@ from qlearn import OrdinalMDP, draw_values, random_mdp
 from qlearn.mdp import linear_systems
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration, valued
 from tests.mdp_cases import messy_mdp
+from tests.thoroughness import examples
 
 
 def random_policy(mdp: OrdinalMDP, seed: int) -> Floats:
@@ -69,7 +70,7 @@ def test_value_iteration_against_the_linear_program(seed: int) -> None:
     np.testing.assert_allclose(value_iteration(mdp, values)[0], solved.x, rtol=0, atol=1e-8)
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(n=st.integers(1, 25), m=st.integers(1, 4), k=st.integers(2, 8), seed=st.integers(0, 10**6), g=st.floats(0, 0.99))
 @example(n=10, m=3, k=5, seed=1, g=0.0)
 @example(n=4, m=2, k=2, seed=14627, g=0.9375)  # two states reach the best level only: v rounds to above 1
@@ -176,7 +177,7 @@ def test_a_tolerance_that_cannot_be_or_is_below_rounding_is_refused() -> None:
     value_iteration(mdp, values, 1e-6)
 
 
-@settings(deadline=None, max_examples=30)
+@examples(30)
 @given(seed=st.integers(0, 10**6), g=st.floats(0, 0.995))
 def test_equation_3_and_proposition_1(seed: int, g: float) -> None:
     """The vector value of a policy is eq. (3), and times the scale its scalar value, eq. (1)."""

@@ -5,14 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
 from qlearn.problems.random_mdp import draw_values, random_mdp
+from tests.thoroughness import examples
 
 
-@settings(deadline=None)
+@examples(100)
 @given(
     n=st.integers(1, 70),
     m=st.integers(1, 5),

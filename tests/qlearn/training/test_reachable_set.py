@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from elicit.model.scale import tail_sums
 from qlearn.training import reachable_set
 from qlearn.training.reachable_set import ReachableSet, as_shares
+from tests.thoroughness import examples
 
 
 def greatest(t, facets, limits):
@@ -17,7 +18,7 @@ def greatest(t, facets, limits):
     return -found.fun
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(k=st.integers(2, 6), cuts=st.integers(0, 7), seed=st.integers(0, 10**6), box=st.booleans())
 def test_the_greatest_over_the_corners_is_that_of_a_linear_program(k, cuts, seed, box):
     rng = np.random.default_rng(seed)

@@ -17,6 +17,7 @@ from elicit.testing import check_comparator, sample_differences
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from tests.interpreter import run
 from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, log_terms, pairs
+from tests.thoroughness import scaled
 
 TINY = 1e-20
 # independent draws that 1000 particles are worth at least, for k up to 8: moved copies stay alike for a time
@@ -320,7 +321,10 @@ def test_ten_thousand_answers() -> None:
     assert (v[v != 2] == truth[v != 2]).mean() > 0.99
 
 
-@pytest.mark.parametrize(("precision", "lapse"), [(None, 0.05), (None, 0.0), (100.0, 0.0), (1e6, 0.05)])
+@pytest.mark.parametrize(
+    ("precision", "lapse"),
+    [(None, 0.05), (100.0, 0.0), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((None, 0.0), (1e6, 0.05)))],
+)
 def test_contradictory_answers_a_thousand_times(precision: float | None, lapse: float) -> None:
     d = np.array([[0.2, -0.5, 0.3, 0.0, 0.0]])
     other = np.array([[0.0, 0.0, 0.5, -1.0, 0.5]])
@@ -536,7 +540,7 @@ def test_a_tutor_who_finds_all_equal_that_is_not_teaches_nothing_but_her_lapse()
 def test_it_agrees_with_weighted_draws_where_all_is_learned_on_15_data_sets() -> None:
     """Scale, precision, lapse and width drawn from the prior and weighted by the formula."""
     squares = []
-    for i in range(15):
+    for i in range(0, 15, scaled(4, 1)):  # of all numbers of levels, and of all ties
         k, tie, rng = (3, 4, 5)[i % 3], (0.0, 0.1, 0.3)[i // 5], np.random.default_rng([i, 78])
         answers, m, d = told_equal(k, 10, tie, i, c=30.0), 150_000, pairs(rng, k, 20)
         tie = tie if (answers.y == 0).any() else 0.0
@@ -557,6 +561,7 @@ def test_it_agrees_with_weighted_draws_where_all_is_learned_on_15_data_sets() ->
     assert math.sqrt(np.mean(squares)) < 1.1
 
 
+@pytest.mark.slow
 def test_it_agrees_with_a_grid_where_all_is_learned_of_three_levels() -> None:
     """Quadrature over the logit of the first gap, log c, the lapse and the width: 40 answers, some equal."""
     tie, rng = 0.1, np.random.default_rng(2)
@@ -674,7 +679,7 @@ def a_data_set(i: int, most: int) -> tuple[int, Answers, Floats, float, Rng]:
 
 def test_it_agrees_with_weighted_draws_of_the_prior_on_25_data_sets() -> None:
     squares = []
-    for i in range(25):
+    for i in range(scaled(8, 25)):
         k, answers, d, lapse, rng = a_data_set(i, 12)
         g, _, w = weighted(rng, k, answers, lapse, 60_000)
         size = 1.0 / float((w**2).sum())
@@ -786,7 +791,7 @@ def assert_uniform(names: list[str], found: Floats) -> None:
 
 
 def test_ranks_of_the_truth_are_uniform() -> None:
-    assert_uniform(*ranks(5, 40, 200, 0))
+    assert_uniform(*ranks(5, 40, scaled(80, 200), 0))
 
 
 @pytest.mark.slow
@@ -823,12 +828,15 @@ def test_what_is_decided_is_seldom_wrong_whichever_questions_were_asked(k: int, 
         return FlippingTutor(e, 0.1, seed)
 
     make = {"logistic": logistic, "flipping": flipping}[tutor]
-    counts = np.array([learned(k, 0.1 if tutor == "flipping" else 0.05, make, law, seed) for seed in range(15)])
+    counts = np.array(
+        [learned(k, 0.1 if tutor == "flipping" else 0.05, make, law, seed) for seed in range(scaled(6, 15))]
+    )
     decided, wrong = counts.sum(axis=0)
-    assert decided > 0.3 * 15 * 240
+    assert decided > 0.3 * len(counts) * 240
     assert wrong <= 0.05 * decided
 
 
+@pytest.mark.slow
 def test_a_uniform_prior_is_too_sure_on_skewed_scales_and_the_default_is_not() -> None:
     """Few answers and gaps from Dirichlet(.2): why the default is wide."""
     wrong: dict[tuple[float, float] | None, float] = {}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import expit, gammaln, logit, logsumexp
@@ -22,6 +22,7 @@ from elicit.comparators.bradley_terry.particle_comparator import LAPSE
 from elicit.model.scale import tail_sums
 from tests.interpreter import report_of
 from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_of
+from tests.thoroughness import examples
 
 
 def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] | None = None, laws: Any = ()) -> Floats:
@@ -99,7 +100,7 @@ def test_the_hash_is_that_of_the_seeds() -> None:
     assert kstest(u, "uniform").pvalue > 1e-3
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     seed=st.integers(0, 2**32),
     k=st.integers(2, 12),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import Answers, PolytopeComparator, Verdict
@@ -17,6 +17,7 @@ from elicit.comparators.polytope.explanation import Explanation, Proof
 from elicit.comparators.polytope.minimal_proof import explain
 from elicit.lp.prior_inequalities import as_prior, inequality
 from tests.lp_cases import KINDS, TIE_BAND, Case, Oracle, cases, dot, exact, from_tails, shares, tails
+from tests.thoroughness import examples
 
 LABELS = ["critical", "stable", "well"]
 HALF = [0.5, -1.0, 0.5]  # better where e2 < 1/2
@@ -142,7 +143,7 @@ def check(case: Case, d: Any, oracle: Oracle | None = None) -> Explanation:
     return explanation
 
 
-@pytest.mark.parametrize("part", range(2))
+@pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_every_proof_holds_and_every_listed_answer_is_needed(part: int) -> None:
     seen: Counter[str] = Counter()
     for i, case in enumerate(cases([32, part], 7 * len(KINDS), asks=2, most_levels=12, most_answers=60)):
@@ -198,7 +199,7 @@ def test_the_explanation_is_the_same_however_the_answers_were_told() -> None:
         assert all((x == y).all() for x, y in zip(a.scales, b.scales, strict=True))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 10**6), st.integers(-900, 900))
 def test_scaling_a_difference_by_a_power_of_two_scales_its_proof(seed: int, power: int) -> None:
     rng = np.random.default_rng(seed)

@@ -1,0 +1,31 @@
+"""How much a test tries: all of it in a run that has the slow tests, a part of it in a quick one."""
+
+from typing import TypeVar
+
+from hypothesis import settings
+
+T = TypeVar("T")
+
+QUICK, SLOW = "quick", "slow"
+settings.register_profile(QUICK, max_examples=20, deadline=None)
+settings.register_profile(SLOW, max_examples=100, deadline=None)
+
+
+def choose(expression: str) -> None:
+    """Take the profile that goes with an expression of marks, as pytest's option ``-m`` has it."""
+    settings.load_profile(QUICK if expression.strip() == "not slow" else SLOW)
+
+
+def thorough() -> bool:
+    """Return whether the slow tests are run too."""
+    return settings.get_current_profile_name() != QUICK
+
+
+def scaled(quick: T, slow: T) -> T:
+    """Return the first in a quick run, else the second: a number of seeds or cases, say."""
+    return slow if thorough() else quick
+
+
+def examples(slow: int) -> settings:
+    """Return the settings of a property that is tried on so many examples; in a quick run on a fifth of them."""
+    return settings(max_examples=max(5, slow * settings.default.max_examples // 100), deadline=None)
