@@ -5,7 +5,7 @@ READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
 
-.PHONY: ablation figures browser teach test test-slow lint docs evidence bench bench-huge notebooks clean
+.PHONY: ablation figures browser teach test test-portable test-slow lint docs evidence bench bench-huge notebooks clean
 
 ablation: $(READY)  ## the main job on its defaults: a table, results/ablation/*.csv and a figure
 	$(BIN)/qlearn ablate --out results/ablation
@@ -23,6 +23,10 @@ teach: $(READY)  ## you are the tutor of ICU-Sepsis: prints the address of a pag
 
 test: $(READY)  ## the tests, without the slow ones
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
+
+FOLDERS ?= tests
+test-portable: $(READY)  ## the same as on an older processor: make test-portable FOLDERS=tests/elicit/lp for some
+	$(BIN)/python -m tests.older_processor $(BIN)/python -m pytest -q -n auto --dist worksteal $(FOLDERS)
 
 test-slow: $(READY)  ## every test
 	$(BIN)/python -m pytest -q -n auto --dist worksteal -m "slow or not slow"

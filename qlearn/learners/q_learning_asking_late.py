@@ -100,7 +100,7 @@ class LateQLearning(InteractiveQLearning):
 
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
         """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where they are as good."""
-        worth = np.where(self._live, tail_sums(q) @ np.diff(values), -np.inf)
+        worth = np.where(self._live, product(tail_sums(q), np.diff(values)), -np.inf)
         rows = np.flatnonzero(self._live.any(axis=1))
         better = worth[rows].max(axis=1) > worth[rows, policy[rows]]
         policy[rows[better]] = worth[rows[better]].argmax(axis=1)
@@ -112,4 +112,4 @@ class LateQLearning(InteractiveQLearning):
             return np.zeros(len(states))
         way = self.state.q - self._before
         gaps = np.diff(self._elicitation.comparator.values)
-        return np.asarray(MOVED * np.abs(tail_sums(way[states, actions] - way[states, own]) @ gaps))
+        return np.asarray(MOVED * np.abs(product(tail_sums(way[states, actions] - way[states, own]), gaps)))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
@@ -162,7 +163,7 @@ class InteractiveTraining:
         self._advance()
         if not isinstance(self._next, np.ndarray) or not self._policies:
             return None
-        return self._policies[int(np.argmax(self._shares() @ self._next))].policy
+        return self._policies[int(np.argmax(product(self._shares(), self._next)))].policy
 
     def add(
         self,
@@ -269,7 +270,7 @@ class InteractiveTraining:
         if not spent and self._ask(np.delete(shares, at, axis=0) - shares[at], partial(self._pair_of_policies, at)):
             return None
         gaps = np.column_stack([centre, draws_of(comparator).gaps])
-        gain = reach.greatest(gaps) - (tail_sums(shares) @ gaps).max(axis=0)
+        gain = reach.greatest(gaps) - product(tail_sums(shares), gaps).max(axis=0)
         least = (_MATTERS if spent else _LEAST) * self.tolerance
         at_limit = self._at_the_limit()
         missed = at_limit and gain.max() > least  # a training that would be made but for the limit
@@ -298,7 +299,7 @@ class InteractiveTraining:
 
     def _best(self) -> int:
         """Which policy is best at the central scale; the first of equals."""
-        return int(np.argmax(tail_sums(self._shares()) @ np.diff(best_guess(self._elicitation.comparator))))
+        return int(np.argmax(product(tail_sums(self._shares()), np.diff(best_guess(self._elicitation.comparator)))))
 
     def _reach(self) -> ReachableSet:
         """What policies can reach, if each training came to its optimum or to the best that was brought in since."""
@@ -307,7 +308,7 @@ class InteractiveTraining:
             if policy.trained_on is None:
                 continue
             gaps = np.diff(policy.trained_on)
-            limit = float((tail_sums(self._shares()) @ gaps).max())
+            limit = float(product(tail_sums(self._shares()), gaps).max())
             if done == len(self._cuts) or self._cuts[done][0] != limit:
                 self._cuts[done:] = [(limit, reach.cut(gaps, limit))]
             reach, done = self._cuts[done][1], done + 1

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.model.comparator import check_levels
 from elicit.model.scale import Floats, as_vectors
@@ -66,15 +67,15 @@ class ReachableSet:
 
     def excess(self, t: Floats) -> float:
         """How far tail sums t (p,) lie outside, at most; negative inside."""
-        return float((self.facets @ t - self.limits).max())
+        return float((product(self.facets, t) - self.limits).max())
 
     def greatest(self, gaps: Floats) -> Floats:
         """The greatest t.g (m,) under each of the gaps (p, m)."""
-        return np.asarray((self.corners @ gaps).max(axis=0))
+        return np.asarray(product(self.corners, gaps).max(axis=0))
 
     def cut(self, gaps: Floats, limit: float) -> ReachableSet:
         """The part of it with t.g <= limit: corners outside give way to points on the edges that lead outside."""
-        beyond = self.corners @ gaps - limit
+        beyond = product(self.corners, gaps) - limit
         outside, inside = np.flatnonzero(beyond > _ON), np.flatnonzero(beyond < -_ON)
         if not len(outside) or len(outside) == len(beyond):
             return self

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import norm
 
+from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.model.comparator import Comparator, StatesConfidence, simultaneous_bounds
@@ -45,7 +46,7 @@ def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, flo
         high, confidence = simultaneous_bounds(comparator, d)
         return float(high.max(initial=0.0)) + ROUNDING, high, confidence
     draws, level = drawn
-    at = tail_sums(d) @ draws.gaps
+    at = product(tail_sums(d), draws.gaps)
     loss = upper_quantile(at.max(axis=0, initial=0.0), draws.weights, 1.0 - level + LEVEL_ROUNDING)
     confidence = comparator.confidence if isinstance(comparator, StatesConfidence) else level
     return loss + ROUNDING, at.max(axis=1, initial=-np.inf), confidence
@@ -65,7 +66,7 @@ def guarantee_of(
     for policy in policies:
         if policy.trained_on is not None:
             gaps = np.diff(policy.trained_on)
-            reach = reach.cut(gaps, float(tail_sums(policy.shares) @ gaps) + gap + policy.error)
+            reach = reach.cut(gaps, float(product(tail_sums(policy.shares), gaps)) + gap + policy.error)
     loss, _, confidence = greatest_loss(reach.vectors - policies[at].shares, comparator)
     # each measured policy may be off by more, at its own scale, and the best one at the true scale
     measured = sum(policy.error > 0 for policy in policies)
@@ -78,7 +79,7 @@ def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
     shares, errors = np.array([policy.shares for policy in policies]), np.array([policy.error for policy in policies])
     trained = [i for i, policy in enumerate(policies) if policy.trained_on is not None]
     scales = np.array([policies[i].trained_on for i in trained])
-    worth = tail_sums(shares) @ np.diff(scales, axis=1).T
+    worth = product(tail_sums(shares), np.diff(scales, axis=1).T)
     return worth - worth[trained, range(len(trained))], errors[:, None] + errors[trained]
 
 

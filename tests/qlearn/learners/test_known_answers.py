@@ -64,9 +64,9 @@ def test_a_run_cut_off_goes_on_and_asks_nothing_twice(name):
 
 def test_todays_answers_serve_tomorrows_comparator():
     told = drive(InteractivePolicyIteration(MDP, PolytopeComparator(5)), TruthfulTutor(VALUES)).answers
-    fresh = drive(InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.01), TruthfulTutor(VALUES))
+    fresh = drive(InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.005), TruthfulTutor(VALUES))
     result = drive(
-        InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.01, known=told), TruthfulTutor(VALUES)
+        InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.005, known=told), TruthfulTutor(VALUES)
     )
     assert result.asked < fresh.asked
     assert not repeats(result.answers, len(told))

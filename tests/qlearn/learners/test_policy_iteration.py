@@ -32,7 +32,7 @@ from qlearn.learners.value_iteration import InteractiveValueIteration, LateValue
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 
 def solve(mdp, comparator, tutor, **settings):
@@ -294,7 +294,7 @@ def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
     monkeypatch.setattr(policy_iteration, "_SAMPLE", 100)
     monkeypatch.setattr(loss_bounds, "STATES", 1000)
     asked, cut = {True: 0, False: 0}, 0
-    for seed in range(3):
+    for seed in range(4, scaled(8, 14)):
         mdp, values = random_mdp(60, 5, 8, rng=seed)
         for cuts in asked:
             result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, cuts=cuts, exact=exact)
@@ -525,9 +525,9 @@ def few_that_decide(seed, n=4100, m=6, actions=4, k=6):
 @pytest.mark.parametrize("seed", [4, 8, 25])  # with a policy of earlier answers these ended far above the tolerance
 def test_a_large_model_is_not_given_up_with_a_policy_of_earlier_answers(seed):
     mdp, values = few_that_decide(seed)
-    result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values))
+    result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=0.005)
     assert result.status is Status.CONVERGED
-    assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 0.001
+    assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 0.005
 
 
 def test_pairs_called_equal_are_not_asked_about_for_ever_on_a_large_model():
