@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.fixed_order import product
 from elicit.model.comparator import Comparator
 from elicit.model.query import Query
 from elicit.model.scale import Floats, tail_sums
