@@ -92,8 +92,9 @@ def find_all(t: Any, table: PairTable, rows: Any, ways: Any) -> None:
 
 @compiled
 def way_round(t: Any) -> int:
-    """Return the direction of tail sums t (p,), as ``pairs.ways_round``."""
-    return -1 if mark_of(t) < 0.0 else 1
+    """Return the direction of tail sums t (p,), as ``pairs.ways_round``; 0 for two vectors that are the same."""
+    mark = mark_of(t)
+    return 1 if mark > 0.0 else -1 if mark < 0.0 else 0
 
 
 @compiled

@@ -223,7 +223,7 @@ def test_a_respondent_says_what_its_tutor_says(make):
     asked, told, said, left = make(5), make(5), [], 0
     for row, t in zip(d, tail_sums(d), strict=True):
         with np.errstate(over="ignore"):
-            found = respond(t, np.empty(4), told.respondent)
+            found = respond(t, told.respondent)
         left += found == UNSETTLED
         said.append(int(told.signs(row)[0]) if found == UNSETTLED else found)
     assert said == asked.signs(d).tolist()
