@@ -84,6 +84,7 @@ def test_problems_are_open_pairs_and_their_chances_are_the_tutors(tutor):
     assert (dominance(tail_sums(problem.fresh)) == Verdict.UNKNOWN).all()
 
 
+@pytest.mark.slow
 def test_the_page_says_who_is_better_first_and_what_is_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(bench, "LONG", (50, 50, 4))
     monkeypatch.setattr(bench.gaussian_process, "available", lambda: False)

@@ -32,7 +32,7 @@ from qlearn.learners.value_iteration import InteractiveValueIteration, LateValue
 from qlearn.mdp.planning import evaluate_policy, optimal_policy, policy_loss, value_iteration
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 
 def solve(mdp, comparator, tutor, **settings):
@@ -228,8 +228,8 @@ def test_audits_ask_what_the_finished_policy_rests_on(exact):
     "make",
     [
         lambda k: RelaxedPolytopeComparator(k, slack=0.0),
-        lambda k: BradleyTerryComparator(k, n_boot=60, seed=1),
-        lambda k: BradleyTerryComparator(k, n_boot=60, region="box", seed=1),
+        lambda k: BradleyTerryComparator(k, n_boot=scaled(20, 60), seed=1),
+        lambda k: BradleyTerryComparator(k, n_boot=scaled(20, 60), region="box", seed=1),
         Dominance,
         AlwaysAsk,
     ],
