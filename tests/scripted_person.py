@@ -1,12 +1,13 @@
 """A scripted person at ``qlearn teach``, or at another program that asks in the terminal: reads what it shows, and
 answers by hidden values."""
 
+import io
 import os
 import re
 import signal
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from tests.interpreter import ROOT
@@ -60,6 +61,21 @@ class Teach:
         rest, errors = self.process.communicate(timeout=240)
         self.shown += rest.decode()
         return self.process.returncode, errors.decode()
+
+
+class Typing(io.StringIO):
+    """What a truthful person types at a command that runs in this process, who sees what it has shown."""
+
+    def __init__(self, shown: Callable[[], str], values: Mapping[str, float]) -> None:
+        super().__init__()
+        self._shown, self._values = shown, values
+        self.text = ""
+
+    def readline(self, size: int | None = -1) -> str:
+        """Answer the question that stands last; at the end, end the input."""
+        since = self._shown()
+        self.text += since
+        return "" if "There are no more questions" in since else f"{truthful(since, self._values)}\n"
 
 
 def truthful(question: str, values: Mapping[str, float]) -> str:

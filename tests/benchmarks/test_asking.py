@@ -116,6 +116,7 @@ def test_bits_are_the_share_of_scales_that_agree():
     assert hindsight.bits(d) == pytest.approx(-np.log2((e[:, 0] >= 0.75 * e[:, 1]).mean()), abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_page_on_certificates_is_made_in_parts_and_goes_on(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(certified, "problem", lambda name, seed: random_mdp(scaled(20, 100), 5, 5, rng=seed))
     made = []

@@ -59,6 +59,7 @@ def test_every_comparator_is_measured(who, monkeypatch):
     assert all(seconds > 0 for seconds in found["update"] + found["judge"])
 
 
+@pytest.mark.slow
 def test_the_page_has_its_tables_and_the_picture_its_lines(tmp_path, monkeypatch):
     def quickly(cell):
         n = cell["size"]

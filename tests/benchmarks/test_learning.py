@@ -173,6 +173,7 @@ def test_the_growth_is_measured_for_every_answer():
     assert all(seconds > 0 for _, _, seconds in found["parts"])
 
 
+@pytest.mark.slow
 def test_memory_is_measured_apart():
     found = apart(learning_growth.memory_of_a_run, TINY)
     assert 10e6 < found["before"] <= found["peak"]

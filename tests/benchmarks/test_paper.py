@@ -122,14 +122,8 @@ def test_an_answer_is_what_the_interval_tells():
     assert paired_runs.answer(np.array([1.0]), 5.0) == "not told"
 
 
-@pytest.mark.parametrize(
-    "chosen",
-    [("fits at 20% more answers",), pytest.param((), id="all", marks=pytest.mark.slow)],
-)
-def test_the_literal_reading_is_held_to_the_default_and_the_others_to_it(chosen, capsys, tmp_path, monkeypatch):
-    every = literal.put_back
-    if chosen:
-        monkeypatch.setattr(literal, "put_back", lambda *of: {name: every(*of)[name] for name in chosen})
+@pytest.mark.slow
+def test_the_literal_reading_is_held_to_the_default_and_the_others_to_it(capsys, tmp_path):
     out, journal = tmp_path / "literal.md", tmp_path / "runs.jsonl"
     literal.main(["--quick", "--out", str(out), "--journal", str(journal)])
     text = out.read_text()

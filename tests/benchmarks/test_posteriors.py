@@ -9,7 +9,6 @@ from benchmarks.posteriors import preference_posteriors as bench
 from elicit import Answers, Verdict
 from elicit.model.scale import dominance, tail_sums
 from tests.report_cases import quick_report, table_rows
-from tests.thoroughness import scaled
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +39,9 @@ def test_without_answers_the_chains_find_the_prior():
     assert found.lapse.mean() == pytest.approx(0.2, abs=0.02)  # of Beta(1, 4)
 
 
+@pytest.mark.slow
 def test_hamiltonian_ensemble_and_particles_agree(problem):
-    long = bench.by_hamiltonian(problem, 0, *scaled((150, 300), (300, 600)))[0]
+    long = bench.by_hamiltonian(problem, 0, 300, 600)[0]
     others = {"particles": bench.particles(problem, 1)[0], "short": bench.by_hamiltonian(problem, 1)[0]}
     if "emcee, same posterior" in bench.methods():
         others["emcee"] = bench.by_ensemble(problem, 1)[0]
@@ -84,6 +84,7 @@ def test_problems_are_open_pairs_and_their_chances_are_the_tutors(tutor):
     assert (dominance(tail_sums(problem.fresh)) == Verdict.UNKNOWN).all()
 
 
+@pytest.mark.slow
 def test_the_page_says_who_is_better_first_and_what_is_left_out(tmp_path, monkeypatch):
     monkeypatch.setattr(bench, "LONG", (50, 50, 4))
     monkeypatch.setattr(bench.gaussian_process, "available", lambda: False)

@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.interpreter import run
+from tests.thoroughness import thorough
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 BLOCK = re.compile(r"```(python|text)\n(.*?)```", re.DOTALL)
 PAGES = [page for page in sorted(DOCS.glob("*.md")) if "```python" in page.read_text(encoding="utf-8")]
 assert PAGES
+COSTLY = {"before-you-ask"}  # whole runs of a learner, for its tables
 EACH = """
 import contextlib, io, json, traceback
 printed = []
@@ -36,12 +38,16 @@ def blocks_of(page: Path, kind: str) -> str:
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """What the code of each page prints; one interpreter for all, since most of the time goes into starting it."""
-    codes = json.dumps([blocks_of(page, "python") for page in PAGES])
+    pages = [page for page in PAGES if thorough() or page.stem not in COSTLY]
+    codes = json.dumps([blocks_of(page, "python") for page in pages])
     (shown,) = run(EACH.replace("CODES", repr(codes)), tmp_path_factory.mktemp("pages"))
-    return dict(zip([page.stem for page in PAGES], json.loads(shown), strict=True))
+    return dict(zip([page.stem for page in pages], json.loads(shown), strict=True))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in COSTLY else []) for page in PAGES],
+)
 def test_the_code_of_a_page_prints_what_stands_below_it(page: Path, printed: dict[str, str]) -> None:
     shown = blocks_of(page, "text")
     assert shown

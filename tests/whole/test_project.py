@@ -124,7 +124,7 @@ def test_importing_a_package_stays_light(package):
         "elicit.objectives.as_levels",
         "elicit.plot.polytope",
         "elicit.testing.check_comparator",
-        "qlearn.ablation.ablate",
+        pytest.param("qlearn.ablation.ablate", marks=pytest.mark.slow),
         "qlearn.exploration.Decay",
         "qlearn.gym_environments.frozen_lake",
         "qlearn.strategies.max_regret",

@@ -104,6 +104,7 @@ def test_every_folder_of_the_code_has_its_line_in_the_page_on_carrying_on():
     assert not missing
 
 
+@pytest.mark.slow
 def test_the_pictures_say_what_the_script_draws(tmp_path):
     pytest.importorskip("matplotlib")
     subprocess.run([sys.executable, DOCS / "pictures" / "draw.py", "--out", tmp_path], check=True, cwd=ROOT)

@@ -27,7 +27,8 @@ def test_after_it_the_readme_and_every_learner_compile_nothing(tmp_path: Path) -
     assert lines == [f"after {part}: []" for part in ("readme", "icu", "choices", "sessions")]
 
 
-@pytest.mark.parametrize("part", ["readme", pytest.param("icu", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["readme", "icu"])
 def test_without_it_the_readme_and_a_session_compile_nothing_before_they_have_taken_long(
     part: str, tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ import random
 import re
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from qlearn import InteractivePolicyIteration, OrdinalMDP, draw_values, icu_seps
 from qlearn.cli.main import main
 from qlearn.cli.teach_subjects import read_alternatives, taught_by
 from tests.interpreter import run
-from tests.scripted_person import Teach, answer_all, truthful
+from tests.scripted_person import Teach, Typing, answer_all, truthful
 
 LEVELS = [f"level {i}" for i in range(1, 6)]
 VALUES = dict(zip(LEVELS, draw_values(5, 7).tolist(), strict=True))
@@ -48,6 +49,23 @@ def taught(
 
 
 @pytest.fixture
+def lets_answer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., str]:
+    """Let a truthful person answer the command, run in this process in a folder of its own; returns what it showed."""
+
+    def answered(values: dict[str, float], *options: str) -> str:
+        typing = Typing(lambda: capsys.readouterr().out, values)
+        monkeypatch.setattr(sys, "stdin", typing)
+        monkeypatch.setenv("COLUMNS", "80")
+        assert main(["teach", *options]) == 0
+        return typing.text + capsys.readouterr().out
+
+    monkeypatch.chdir(tmp_path)
+    return answered
+
+
+@pytest.fixture
 def table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """Alternatives to choose from, in the current directory."""
     (tmp_path / "care.csv").write_text(TABLE)
@@ -65,7 +83,7 @@ def told(log: Path) -> list[tuple[str, Verdict | None]]:
     return [(e.answer.query.id, e.answer.verdict) for e in AnswerLog.read(log) if not e.retracted]
 
 
-@pytest.mark.parametrize("comparator", ["polytope", "posterior"])
+@pytest.mark.parametrize("comparator", ["polytope", pytest.param("posterior", marks=pytest.mark.slow)])
 def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: Path) -> None:
     with Teach(tmp_path, "--problem", "random", "--comparator", comparator, "--seed", "3") as teach:
         keys = answer_all(teach, VALUES)
@@ -117,11 +135,10 @@ def differing(shown: str) -> list[tuple[str, str, str]]:
     return listed
 
 
-def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(tmp_path: Path) -> None:
-    with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.001") as teach:
-        answer_all(teach, VALUES)
-        assert teach.leave()[0] == 0
-    said = " ".join(teach.shown.split())
+def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(
+    lets_answer: Callable[..., str], tmp_path: Path
+) -> None:
+    said = " ".join(lets_answer(VALUES, "--problem", "random", "--seed", "3", "--tolerance", "0.001").split())
     assert "There are no more questions. " in said
     assert "(Rounded" not in said  # else what is certified could be untrue
     bound = re.search(r"falls short of your best plan by at most ([\d.]+)%", said)
@@ -138,13 +155,10 @@ def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(tmp_path: P
     assert policy_loss(mdp, policy, values).max() <= float(bound[1]) / 100
 
 
-def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(tmp_path: Path) -> None:
+def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(lets_answer: Callable[..., str], tmp_path: Path) -> None:
     answered, bounds = [0], []
     for tolerance in ("0.05", "0.005"):
-        with Teach(tmp_path, "--problem", "random", "--tolerance", tolerance, "--audit", "0") as teach:
-            answer_all(teach, VALUES)
-            teach.leave()
-        said = " ".join(teach.shown.split())
+        said = " ".join(lets_answer(VALUES, "--problem", "random", "--tolerance", tolerance, "--audit", "0").split())
         assert f"start again with --tolerance {float(tolerance) / 10:g}: what you answered stays." in said
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
         bounds += [float(found) / 100 for found in re.findall(r"by at most ([\d.]+)%", said)]
@@ -182,18 +196,13 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
     assert repeats
 
 
-def test_a_choice_from_a_csv(tmp_path: Path) -> None:
+def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "care.csv").write_text(TABLE)
-    with Teach(tmp_path, "--problem", "care.csv", "--unit", "patients") as teach:
-        answer_all(teach, ILL)
-        code, _ = teach.leave()
-    assert code == 0
-    assert "Two groups of 10 patients: which would you rather have?" in teach.shown
-    assert re.search(
-        r"of 10 patients are the same in both groups: [1-9] (well|ill|died)", " ".join(teach.shown.split())
-    )
-    assert "Your choice: new.\nFinished: " in teach.shown  # 6.3, and the others 5.9 and 3.4
-    assert "(Rounded" not in teach.shown
+    shown = lets_answer(ILL, "--problem", "care.csv", "--unit", "patients")
+    assert "Two groups of 10 patients: which would you rather have?" in shown
+    assert re.search(r"of 10 patients are the same in both groups: [1-9] (well|ill|died)", " ".join(shown.split()))
+    assert "Your choice: new.\nFinished: " in shown  # 6.3, and the others 5.9 and 3.4
+    assert "(Rounded" not in shown
     assert AnswerLog.read(tmp_path / "answers-care.jsonl").header["unit"] == "patients"
 
 

@@ -104,6 +104,7 @@ def refused(capsys: pytest.CaptureFixture[str], *options: str) -> str:
     return " ".join(shown.err.split())
 
 
+@pytest.mark.slow
 def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(
     tmp_path: Path, undisturbed: Undisturbed
 ) -> None:

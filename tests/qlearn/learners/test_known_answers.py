@@ -23,6 +23,7 @@ from qlearn import (
     drive,
     random_mdp,
 )
+from tests.thoroughness import quick_first
 
 LEARNERS = {
     "policy iteration": InteractivePolicyIteration,
@@ -116,7 +117,7 @@ def test_audits_count_when_a_run_goes_on():
     assert again.asked == 0
 
 
-@pytest.mark.parametrize("batch", [1, 4])
+@pytest.mark.parametrize("batch", quick_first([1, 4], 1))
 @pytest.mark.parametrize("name", LEARNERS)
 def test_audits_have_a_limit(name, batch):
     def audited(**settings: Any) -> int:

@@ -242,8 +242,8 @@ def test_audits_ask_what_the_finished_policy_rests_on(exact):
     "make",
     [
         lambda k: RelaxedPolytopeComparator(k, slack=0.0),
-        lambda k: BradleyTerryComparator(k, n_boot=60, seed=1),
-        lambda k: BradleyTerryComparator(k, n_boot=60, region="box", seed=1),
+        lambda k: BradleyTerryComparator(k, n_boot=scaled(20, 60), seed=1),
+        lambda k: BradleyTerryComparator(k, n_boot=scaled(20, 60), region="box", seed=1),
         Dominance,
         AlwaysAsk,
     ],

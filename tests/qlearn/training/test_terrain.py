@@ -19,6 +19,7 @@ def test_walks_have_the_shares_that_rollouts_find():
     assert (np.abs(found.shares - many) <= 4 * found.errors + 0.02).all()
 
 
+@pytest.mark.slow
 def test_questions_train_it_as_well_as_knowing_the_values():
     terrain, values = Terrain(5), draw_values(5, rng=5)
     learner, tutor, e = TileCoded(terrain, 5, samples=20_000), TruthfulTutor(values), normalise(values)

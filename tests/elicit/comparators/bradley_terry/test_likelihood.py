@@ -19,6 +19,7 @@ from elicit.comparators.bradley_terry.likelihood import (
     sigmoid,
 )
 from elicit.model.scale import Floats, tail_sums
+from tests.thoroughness import quick_first
 
 
 def some_answers(
@@ -66,7 +67,7 @@ def test_gradient_and_hessian_are_those_of_the_log_likelihood(seed: int) -> None
         assert np.allclose(bend, hessian[:, j], atol=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", quick_first(range(200), 40))
 def test_the_fit_is_the_convex_program(seed: int) -> None:
     """Separable answers (every third seed), ties, few answers, weak priors, with and without gaps >= 0."""
     rng = np.random.default_rng(seed)
@@ -248,7 +249,7 @@ def conic_fit(
     return np.asarray(u.value)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", quick_first(range(20), 8))
 @pytest.mark.parametrize("monotone", [True, False])
 def test_the_fit_with_ties_is_the_maximum_of_rao_and_kupper(seed: int, monotone: bool) -> None:
     """Held to a cone program, in every second case on a resample, and to the model as written."""

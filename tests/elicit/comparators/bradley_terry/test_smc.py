@@ -346,7 +346,14 @@ def test_moves_reach_the_prior_from_elsewhere() -> None:
 
 @pytest.mark.parametrize(
     ("lapse", "tie", "last"),
-    [(0.05, 0.0, 1.0), (0.0, 0.0, 1.0), (0.2, 0.0, 0.3), (None, 0.0, 1.0), (0.05, 0.3, 1.0), (None, 0.3, 0.3)],
+    [
+        (0.2, 0.0, 0.3),
+        (None, 0.3, 0.3),
+        pytest.param(0.05, 0.0, 1.0, marks=pytest.mark.slow),
+        pytest.param(0.0, 0.0, 1.0, marks=pytest.mark.slow),
+        pytest.param(None, 0.0, 1.0, marks=pytest.mark.slow),
+        pytest.param(0.05, 0.3, 1.0, marks=pytest.mark.slow),
+    ],
 )
 def test_moves_leave_a_posterior_as_it_is(lapse: float | None, tie: float, last: float) -> None:
     """Started from draws of the prior that are weighted by the formula, the last answer's to a power."""

@@ -13,6 +13,7 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.model.query import Answers
 from tests.lp_cases import shares
+from tests.thoroughness import quick_first
 
 SOLVERS = [solver for solver in (cp.CLARABEL, cp.SCIPY, cp.HIGHS) if solver in cp.installed_solvers()]
 assert len(SOLVERS) >= 2
@@ -44,7 +45,7 @@ def ends(comparator, d, solver):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", quick_first(range(25), 8))
 def test_the_optima_are_the_bounds(seed, solver):
     k, margin, prior, answers, ask = drawn(seed)
     comparator = PolytopeComparator(k, margin, prior).update(answers)
@@ -54,7 +55,7 @@ def test_the_optima_are_the_bounds(seed, solver):
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("seed", range(15))
+@pytest.mark.parametrize("seed", quick_first(range(15), 6))
 def test_so_they_are_where_answers_may_be_violated(seed, solver):
     k, margin, prior, answers, ask = drawn(seed, wrong=0.3)
     comparator = RelaxedPolytopeComparator(k, 0.01 * (1 + seed % 3), margin, prior).update(answers)

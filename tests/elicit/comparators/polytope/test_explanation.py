@@ -17,7 +17,7 @@ from elicit.comparators.polytope.explanation import Explanation, Proof
 from elicit.comparators.polytope.minimal_proof import explain
 from elicit.lp.prior_inequalities import as_prior, inequality
 from tests.lp_cases import KINDS, TIE_BAND, Case, Oracle, cases, dot, exact, from_tails, shares, tails
-from tests.thoroughness import examples
+from tests.thoroughness import examples, scaled
 
 LABELS = ["critical", "stable", "well"]
 HALF = [0.5, -1.0, 0.5]  # better where e2 < 1/2
@@ -146,7 +146,7 @@ def check(case: Case, d: Any, oracle: Oracle | None = None) -> Explanation:
 @pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_every_proof_holds_and_every_listed_answer_is_needed(part: int) -> None:
     seen: Counter[str] = Counter()
-    for i, case in enumerate(cases([32, part], 7 * len(KINDS), asks=2, most_levels=12, most_answers=60)):
+    for i, case in enumerate(cases([32, part], scaled(4, 7) * len(KINDS), asks=2, most_levels=12, most_answers=60)):
         oracle = Oracle(case.region()) if i % 4 == 0 else None
         for d in case.ask:
             found = check(case, d, oracle)
