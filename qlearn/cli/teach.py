@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.factories import Own
-from qlearn.experiments.settings import FROM_0, POSITIVE, SHARE, NameOrOwn, Number
+from qlearn.experiments.settings import FROM_0, INNER, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
     from elicit import Session, Subject
@@ -73,7 +73,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument(
         "--tolerance",
-        type=number_parser(POSITIVE),
+        type=number_parser(INNER),
         default=0.01,
         metavar="X",
         help="of an MDP: questions end once the policy can lose no more than this share of the value range "

@@ -35,8 +35,8 @@ class Status(Enum):
     DONE = "finished: all steps are done"
     CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
     BOUNDED = (
-        "finished: the policy is within the tolerance by the comparator's bounds, which it does not say hold for all "
-        "pairs at once: with what confidence is unknown"
+        "finished: the policy is within the tolerance (or max_loss) by the comparator's bounds, which it does not say "
+        "hold for all pairs at once: with what confidence is unknown"
     )
     CALLED_EQUAL = (
         "finished: what the answers leave open, the tutor calls equal, or may call so by the comparator's tie; "
@@ -87,10 +87,19 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
         raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
 
 
+_SHARE = "a share of the value range, above 0 and below 1 (0.01: a policy may lose 1% of the range)"
+
+
+def check_tolerance(tolerance: float) -> float:
+    """Return ``tolerance`` as a float. Raises ValueError unless it is a share of the value range, below 1."""
+    require(is_number(tolerance) and 0 < tolerance < 1, "tolerance", _SHARE, tolerance)
+    return float(tolerance)
+
+
 def check_max_loss(max_loss: float | None) -> float | None:
-    """``max_loss``, None or a positive share of the value range; raises ValueError."""
-    holds = max_loss is None or (is_number(max_loss) and max_loss > 0)
-    require(holds, "max_loss", "None or a positive share of the value range", max_loss)
+    """Return ``max_loss``. Raises ValueError unless it is None or a share of the value range, below 1."""
+    holds = max_loss is None or (is_number(max_loss) and 0 < max_loss < 1)
+    require(holds, "max_loss", f"None or {_SHARE}", max_loss)
     return max_loss
 
 
@@ -295,10 +304,12 @@ def drive(
 ) -> R_co:
     """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be trained.
 
-    Every answer goes to ``log`` before the learner is told; one that contradicts the others is then marked unused
-    there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. ``progress`` is
-    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor asks so much that
-    only counts are kept. Raises StaleAnswer, before anything is logged, where the tutor answers what was not asked.
+    Every answer goes to ``log`` before the learner is told. One that contradicts the others is then marked unused
+    there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. Where the tutor
+    raises, or is interrupted, at one of several questions (``batch``), the answers to those before are logged and told
+    all the same. ``progress`` is called with the Result so far after every round of questions. AlwaysAsk with a
+    simulated tutor asks so much that only counts are kept. Raises StaleAnswer, before any answer of the round is
+    logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
     check_tutor_made(tutor, learner.comparator.k)
@@ -339,17 +350,35 @@ def _driven(
     on_conflict: OnConflict,
 ) -> R_co:
     while queries := learner.ask():
-        answers = match([tutor(query) for query in queries], queries)
-        _append(log, answers, learner.implied)
+        given: list[Answer] = []
         try:
-            dropped = learner.tell(answers, on_conflict)
-        except InconsistentAnswers:
-            _mark_unused(log, answers)
+            for query in queries:
+                given.append(tutor(query))
+        except BaseException as error:  # also Ctrl+C: what she said before is kept
+            try:
+                _log_and_tell(learner, match(given, queries), log, on_conflict)
+            except InconsistentAnswers as conflict:
+                error.add_note(f"The answers given before were logged, but not learned: {conflict}")
             raise
-        _mark_unused(log, dropped)
+        _log_and_tell(learner, match(given, queries), log, on_conflict)
         if progress is not None:
             progress(learner.result())
     return learner.result()
+
+
+def _log_and_tell(
+    learner: Drivable[Any], answers: Sequence[Answer], log: AnswerLog | None, on_conflict: OnConflict
+) -> None:
+    """Log answers, then tell them to the learner."""
+    if not answers:
+        return
+    _append(log, answers, learner.implied)
+    try:
+        dropped = learner.tell(answers, on_conflict)
+    except InconsistentAnswers:
+        _mark_unused(log, answers)
+        raise
+    _mark_unused(log, dropped)
 
 
 def _append(log: AnswerLog | None, answers: Sequence[Answer], implied: Mapping[str, Verdict]) -> None:

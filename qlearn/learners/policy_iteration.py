@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
-from elicit._support.validation import is_number, require
+from elicit._support.validation import require
 from elicit.asking.bags import Bags
 from elicit.asking.cuts import closing_cut
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair
@@ -23,13 +23,23 @@ from elicit.model.comparator import (
     HasDraws,
     Tier,
     Tiers,
+    TrustsDraws,
     best_guess,
     draws_in,
     simultaneous_bounds,
 )
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
-from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of, place
+from qlearn.learners.learner import (
+    Learner,
+    Result,
+    Status,
+    check_max_loss,
+    check_problem,
+    check_tolerance,
+    pair_of,
+    place,
+)
 from qlearn.learners.loss_bound import Advantages, Guarantee, advantages, collected, drawn_set, guarantee, most_of
 from qlearn.learners.query_strategies import (
     Candidates,
@@ -65,8 +75,8 @@ with the least advantage that could ever matter, tolerance (1 - discount), a fif
 
 class InteractivePolicyIteration(Learner):
     """Solves the MDP for the comparator's central scale, bounds what the policy can lose under every plausible scale
-    (``loss_bound``), and stops once that is within ``tolerance``, a share of the value range at every state: for
-    every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
+    (``loss_bound``), and stops once that is within ``tolerance``, a share of the value range (below 1) at every state:
+    for every scale in K_t with a polytope, with the comparator's confidence otherwise. Until then it asks about an
     advantage Q(s, a) - V(s) that could still change the policy, takes in the answer, and solves again.
 
     ``strategy`` picks the question (a function of ``qlearn.strategies``, or its name); the default weighs what an
@@ -74,12 +84,14 @@ class InteractivePolicyIteration(Learner):
     they tell enough of the signs of the advantages in question (``elicit.Bags``), one at a time. ``cuts``: once most of
     what is plausible agrees on the policy, ask also about two mixtures of levels made to close several advantages at
     once (``elicit.asking.cuts``; default: with the default strategy). That is where bounds are proven, without bags,
-    one question at a time, and as long as the tutor calls no pair equal and can tell all. ``indifference``
-    (default tolerance (1 - discount)): an advantage that no plausible scale puts above it is not asked about; above the
-    default, the tolerance may be out of reach. ``max_loss``: stop there even if the tolerance is smaller.
-    ``max_queries``: beyond it the policy for the central scale stands, with what can be said of its loss. ``audit``:
-    share of the pairs decided by answers, among those that the finished policy rests on, that is put to the tutor all
-    the same; ``seed`` picks them. ``batch``: the best so many questions at once.
+    one question at a time, and as long as the tutor calls no pair equal and can tell all; ``cuts=True`` raises
+    ValueError with bags, with several questions at a time, and with a comparator whose bounds are not proven.
+    ``indifference`` (default tolerance (1 - discount)): an advantage that no plausible scale puts above it is not asked
+    about; above the default, the tolerance may be out of reach. ``max_loss``: stop there even if the tolerance is
+    smaller, with the status CERTIFIED where the bound is not within the tolerance too. ``max_queries``: beyond it the
+    policy for the central scale stands, with what can be said of its loss. ``audit``: share of the pairs decided by
+    answers, among those that the finished policy rests on, that is put to the tutor all the same; ``seed`` picks them.
+    ``batch``: the best so many questions at once.
 
     ``exact``: whether every round solves linear systems in all states and bounds all advantages, which is for models of
     up to some thousands of states. Else it solves nearly, from the last solution, which the bound allows for; asks
@@ -110,10 +122,8 @@ class InteractivePolicyIteration(Learner):
     ) -> None:
         check_problem(mdp, comparator)
         self.seed = seed_of(seed)
-        for name, value in (("tolerance", tolerance), ("max_loss", tolerance if max_loss is None else max_loss)):
-            require(is_number(value) and value > 0, name, "a positive share of the value range", value)
-        self._mdp = mdp
-        self._enough = max(tolerance, max_loss or 0.0)
+        self._mdp, self._tolerance = mdp, check_tolerance(tolerance)
+        self._enough = max(tolerance, check_max_loss(max_loss) or 0.0)
         require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
         self._strategy, self._bags = strategy_of(strategy), bags
         self._elicitation = Elicitation(
@@ -132,6 +142,8 @@ class InteractivePolicyIteration(Learner):
         require(cuts is None or isinstance(cuts, bool), "cuts", "None, True or False", cuts)
         small = mdp.n_states <= LARGE if exact is None else exact
         self._solver = _Exactly(mdp, self._enough) if small else _Nearly(mdp, self._enough, self.seed)
+        if cuts:
+            _check_cuts(comparator, bags, batch)
         wanted = self._strategy is telling_violation if cuts is None else cuts
         self._cuts = wanted and bags is None and batch == 1
         self._end: Status | None = None
@@ -246,7 +258,8 @@ class InteractivePolicyIteration(Learner):
         if len(rows):
             some = self._elicitation.next_batch(over.d[rows])[: self._elicitation.audits_left]
             return self._open(over, rows[some], judged.tiers)
-        self._end = Status.BOUNDED if np.isnan(found.confidence) else Status.CONVERGED
+        within = Status.CONVERGED if found.loss_bound <= self._tolerance else Status.CERTIFIED
+        self._end = Status.BOUNDED if np.isnan(found.confidence) else within
         return ()
 
     def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None) -> tuple[Query, ...]:
@@ -264,6 +277,21 @@ class InteractivePolicyIteration(Learner):
     def _place(self, over: Advantages, row: int) -> tuple[int, int, int]:
         state = over.states[row]
         return place(state, over.actions[row], over.policy[state])
+
+
+def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
+    """Raise ValueError where no cut could be asked about, though it was wanted."""
+    advice = "leave cuts out, or say cuts=False, to ask about pairs only"
+    if bags is not None:
+        raise ValueError(f"cuts=True asks about other questions than bags={bags!r} does: leave bags out, or {advice}")
+    if batch != 1:
+        raise ValueError(f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}")
+    drawn = hasattr(comparator, "level") and isinstance(comparator, TrustsDraws)
+    if drawn or not (isinstance(comparator, BoundsAllAtOnce) and isinstance(comparator, HasDraws)):
+        raise ValueError(
+            "cuts=True needs bounds that are proven of every plausible scale, and draws of such scales, which "
+            f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or {advice}"
+        )
 
 
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:

@@ -12,12 +12,21 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
-from elicit._support.validation import is_number, is_whole, require
+from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Told
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
-from qlearn.learners.learner import Learner, Result, Status, check_max_loss, check_problem, pair_of, state_of
+from qlearn.learners.learner import (
+    Learner,
+    Result,
+    Status,
+    check_max_loss,
+    check_problem,
+    check_tolerance,
+    pair_of,
+    state_of,
+)
 from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
 from qlearn.learners.state_sweep import StateSweep
@@ -32,7 +41,7 @@ class InteractiveValueIteration(Learner):
     """Value iteration on share vectors: each sweep backs up Q(s, a) = (1 - discount) r(s, a) + discount P V
     and compares every state's actions, starting from the last sweep's best.
 
-    ``tolerance``: with right answers and verdicts the policy loses at most this share of the value range.
+    ``tolerance``: with right answers and verdicts the policy loses at most this share of the value range, below 1.
     ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose bounds lie within it
     counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
     UNSURE in place of CONVERGED; so does what she calls equal, which may be farther apart (the comparator's ``tie``):
@@ -78,7 +87,7 @@ class InteractiveValueIteration(Learner):
     ) -> None:
         check_problem(mdp, comparator)
         self.seed = seed_of(seed)
-        require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
+        check_tolerance(tolerance)
         holds = max_sweeps is None or is_whole(max_sweeps, 1)
         require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
         require(isinstance(partial_sweeps, bool), "partial_sweeps", "True or False", partial_sweeps)

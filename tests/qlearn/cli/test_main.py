@@ -64,7 +64,7 @@ def test_help_imports_nothing_heavy() -> None:
         ("ablate --seeds 2.5", "'2.5' is not a whole number"),
         ("ablate --jobs 0", "'0' is not a whole number of at least 1"),
         ("ablate --error-rates 0 0.5", "'0.5' is not a number of at least 0 and below 0.5"),
-        ("ablate --tolerance nan", "'nan' is not a number above 0"),
+        ("ablate --tolerance nan", "'nan' is not a number strictly between 0 and 1"),
         ("ablate --comparators ellipsoid", "invalid choice: 'ellipsoid' (choose from "),
         ("ablate --comparators polytope nowhere:f", "'nowhere:f': there is no module 'nowhere'"),
         (

@@ -35,12 +35,12 @@ WRONG: dict[str, list[Any]] = {
     "indifference": ["x", -0.125, NAN, INF],
     "jobs": [0, 1.5, -1],
     "learning_rate": ["a", 0.0, 1.5, NAN, [0.5]],
-    "max_loss": ["x", 0.0, -1.0, NAN, INF],
+    "max_loss": ["x", 0.0, -1.0, 1, 1.5, NAN, INF],
     "max_queries": ["x", -2, 2.5, NAN, INF],
     "max_sweeps": [0, 2.5],
     "steps": ["x", -1, 1.5],
     "strategy": ["x", NAN, INF],
-    "tolerance": [0.0, -0.5, NAN],
+    "tolerance": [0.0, -0.5, 1.0, 5, NAN, INF],
 }
 
 

@@ -391,6 +391,78 @@ def test_an_answer_is_in_the_log_before_the_learner_is_told() -> None:
     assert len(other.result().answers) == 0
 
 
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+def test_what_was_answered_before_a_tutor_raises_is_logged_and_told(error: type[BaseException]) -> None:
+    """Of several questions at once, too."""
+    plain = drive(value_iteration(PolytopeComparator(K), batch=3), truth)
+
+    class Failing:
+        """Raises at its second question, and never again."""
+
+        asked = 0
+
+        def __call__(self, query: Query) -> Answer:
+            self.asked += 1
+            if self.asked == 2:
+                raise error("while answering")
+            return truth(query)
+
+    log, learner, tutor = AnswerLog(), value_iteration(PolytopeComparator(K), batch=3), Failing()
+    first, second, *_ = learner.ask()
+    with pytest.raises(error, match="while answering"):
+        drive(learner, tutor, log=log)
+    assert [entry.answer.query.id for entry in log] == [first.id] == list(learner.result().answers.ids)
+    assert learner.ask()[0].id == second.id
+    result = drive(learner, tutor, log=log)
+    assert [entry.answer.query.id for entry in log] == list(result.answers.ids)
+    assert snapshot(result)[:1] == snapshot(plain)[:1]
+    assert len({entry.answer.query.id for entry in log}) == len(log) == result.asked
+
+
+def test_a_contradiction_before_a_tutor_raises_is_logged_unused() -> None:
+    class Failing(Exception):
+        pass
+
+    class Ring:
+        """Asks three questions at once that no scale answers with "better"."""
+
+        comparator = PolytopeComparator(4)
+        implied: dict[str, Verdict] = {}  # noqa: RUF012
+
+        def ask(self) -> tuple[Query, ...]:
+            a, b, c = np.array([[0.5, 0, 0, 0.5], [0.2, 0.3, 0.4, 0.1], [0, 0.9, 0.1, 0]])
+            ring = ((a, b), (b, c), (c, a), (a, c))
+            return tuple(Query(f"q{i}", left, right) for i, (left, right) in enumerate(ring))
+
+        def tell(self, answers: Any, on_conflict: str) -> Any:
+            self.comparator.update(Answers.of(answers, 4))
+
+    def fails_late(query: Query) -> Answer:
+        if query.id == "q3":
+            raise Failing
+        return Answer(query, Verdict.BETTER)
+
+    ring: Any = Ring()
+    log = AnswerLog()
+    with pytest.raises(Failing) as caught:
+        drive(ring, fails_late, log=log)
+    assert [entry.used for entry in log] == [False] * 3
+    assert "logged, but not learned" in caught.value.__notes__[0]
+
+
+def test_an_answer_to_what_was_not_asked_before_a_tutor_raises_is_not_logged() -> None:
+    def strange(query: Query) -> Answer:
+        if query.id != first.id:
+            raise RuntimeError("while answering")
+        return Answer(Query("other", query.left, query.right), Verdict.BETTER)
+
+    log, learner = AnswerLog(), value_iteration(PolytopeComparator(K), batch=3)
+    first = learner.ask()[0]
+    with pytest.raises(StaleAnswer):
+        drive(learner, strange, log=log)
+    assert len(log) == 0
+
+
 def test_an_answer_to_what_was_not_asked_is_not_logged() -> None:
     log = AnswerLog()
     with pytest.raises(StaleAnswer):

@@ -190,6 +190,20 @@ def test_batches_budgets_and_logs(exact):
     enough = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=1e-4, max_loss=0.05)
     assert enough.asked < result.asked
     assert 1e-4 < enough.loss_bound <= 0.05
+    assert enough.status is Status.CERTIFIED
+
+
+@both_ways
+def test_the_status_says_which_limit_the_bound_keeps(exact):
+    mdp, values = random_mdp(30, 3, 6, rng=2)
+    settings = {"exact": exact, "tolerance": 0.001, "max_loss": 0.1}
+    result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), **settings)
+    assert 0.001 < result.loss_bound <= 0.1
+    assert result.status is Status.CERTIFIED
+    known = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=0.0001).comparator
+    within = solve(mdp, known, TruthfulTutor(values), **settings)
+    assert within.loss_bound <= 0.001
+    assert within.status is Status.CONVERGED
 
 
 @both_ways
@@ -303,6 +317,24 @@ def test_cuts_are_asked_one_at_a_time_with_the_default_strategy(settings):
     assert result.status is Status.CONVERGED
     if "bags" not in settings:  # which look the same
         assert of_cuts(result) == 0
+
+
+@pytest.mark.parametrize(
+    ("comparator", "settings", "says"),
+    [
+        (PolytopeComparator(5), {"batch": 2}, "cuts=True asks one question at a time, but batch is 2"),
+        (PolytopeComparator(5), {"bags": Bags(10)}, r"than bags=Bags\(days=10"),
+        (PosteriorComparator(5, particles=60), {}, "PosteriorComparator does not have"),
+        (BradleyTerryComparator(5, n_boot=10), {}, "BradleyTerryComparator does not have"),
+        (AlwaysAsk(5), {}, "AlwaysAsk does not have"),
+    ],
+)
+def test_cuts_that_are_wanted_where_there_can_be_none_are_refused(comparator, settings, says):
+    mdp, _ = random_mdp(10, 3, 5, rng=0)
+    with pytest.raises(ValueError, match=says):
+        InteractivePolicyIteration(mdp, comparator, cuts=True, **settings)
+    for cuts in (None, False):
+        InteractivePolicyIteration(mdp, comparator, cuts=cuts, **settings)
 
 
 @pytest.mark.parametrize("says", [None, Verdict.EQUAL], ids=["cannot tell", "equal"])
@@ -527,3 +559,18 @@ def test_bounds_that_say_nothing_certify_nothing():
     mdp, values = random_mdp(8, 3, 4, seed=1)  # which a polytope certifies
     result = solve(mdp, Ignorant(4), TruthfulTutor(values), exact=False, cuts=False, max_queries=30)
     assert result.status is not Status.CONVERGED
+
+
+def test_a_comparator_that_bounds_nothing_leaves_a_bound_of_one():
+    class Boundless(Dominance):
+        def simultaneous_bounds(self, d):
+            return np.full(len(d), np.inf), 1.0
+
+    mdp, _ = random_mdp(15, 3, 4, rng=8)
+    policy = value_iteration(mdp, np.arange(4.0))[1]
+    wanted = loss_bound(mdp, policy, Dominance(4))
+    assert tuple(loss_bound(mdp, policy, Boundless(4))) == pytest.approx((wanted.loss_bound, 1.0))
+    learner = InteractivePolicyIteration(mdp, Boundless(4), max_queries=0)
+    learner.ask()
+    assert 0 < learner.result().loss_bound <= 1
+    assert learner.result().confidence == 1
