@@ -13,7 +13,7 @@ from elicit._support.validation import is_whole, require
 from elicit.model.scale import Floats
 from qlearn.environments.level_rewards import levels_of
 from qlearn.environments.levels import After, Level, Levels
-from qlearn.environments.rollout_shares import RolloutShares
+from qlearn.environments.rollout_shares import RolloutShares, error_of_unseen
 
 
 def rollout_shares(
@@ -38,9 +38,11 @@ def rollout_shares(
     environment truncates them, and after ``max_steps`` (default: once less than 1e-4 of the time is left). ``seed``
     goes to the first ``reset``. Raises ValueError, TypeError.
 
-    Standard errors know nothing of what no episode showed: an outcome of probability p stays unseen in n episodes with
-    probability (1 - p)^n, 2% in 20 two times of three; where all episodes are alike the errors are 0, and
-    ``InteractiveTraining`` takes such shares for exact. Run enough that what is rare is seen.
+    An outcome that is rare may show in no episode: one of probability 2% in 20 episodes two times of three. So no
+    error is below a third of 1 - 0.0027^(1 / episodes), the probability that an outcome which no episode showed can
+    still have: 26% after 20 episodes, 5.7% after 100, 0.6% after 1,000 (at 99.7%, as three standard errors are). Run
+    enough that what is rare is seen. Of a policy and an environment without chance one episode tells all: give
+    ``InteractiveTraining.add`` the ``shares`` alone, which it then takes to be exact.
     """
     if isinstance(env, VectorEnv):
         raise TypeError(f"episodes are run one after the other: give one environment, not the {env.num_envs} of {env}")
@@ -64,7 +66,7 @@ def rollout_shares(
     for i in range(len(found)):
         found[i] = _one(env, levels, _acting(policy), most, seed if i == 0 else None)
     shares = found.mean(axis=0)
-    errors = found.std(axis=0, ddof=1) / np.sqrt(len(found))
+    errors = np.maximum(found.std(axis=0, ddof=1) / np.sqrt(len(found)), error_of_unseen(len(found)))
     return RolloutShares(shares, errors, max(0.0, 1.0 - float(shares.sum())))
 
 

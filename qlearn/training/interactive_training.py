@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
-from elicit._support.validation import is_number, is_whole, require
+from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, OnConflict, Pair
 from elicit.model.comparator import (
@@ -26,7 +26,8 @@ from elicit.model.comparator import (
 )
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums, values_of
-from qlearn.environments.rollout_shares import RolloutShares
+from qlearn.environments.rollout_shares import STANDARD_ERRORS, RolloutShares
+from qlearn.learners.learner import check_tolerance
 from qlearn.learners.query_strategies import (
     Candidates,
     Strategy,
@@ -39,7 +40,6 @@ from qlearn.learners.query_strategies import (
 from qlearn.training.reachable_set import ReachableSet, as_shares
 from qlearn.training.training_bound import (
     ROUNDING,
-    STANDARD_ERRORS,
     greatest_error,
     greatest_loss,
     guarantee_of,
@@ -74,14 +74,15 @@ class InteractiveTraining:
 
     comparator: what is known of the scale; it must bound differences all at once and name plausible scales
     (``BoundsAllAtOnce``, ``HasDraws``), as the polytope and the posterior do. discount: that of the share vectors.
-    tolerance: it ends once answers and trainings can gain no more than this share of the value range. optimality_gap:
-    how far below its optimum a training may end, in the same unit (0: exactly there); ``loss_bound`` counts it, beside
-    errors of measured shares. None: nobody knows, and there is no bound. objectives: (low (m,), high (m,)), where
-    vectors are those of ``elicit.objectives`` with k = m + 1: between what the objectives lie. labels: k names of the
-    levels, for people. strategy: picks the question, as in ``InteractivePolicyIteration``. bags: the simple questions
-    that are asked where plain pairs run out; None: none. max_trainings, max_queries: limits. known: what was answered
-    before. audit, max_audits, seed: a share of the pairs of policies that the answers settled is asked about all the
-    same, at the end. The corners of what policies can reach grow fast in number: made for up to about a dozen levels.
+    tolerance: it ends once answers and trainings can gain no more than this share of the value range, below 1.
+    optimality_gap: how far below its optimum a training may end, in the same unit (0: exactly there); ``loss_bound``
+    counts it, beside errors of measured shares. None: nobody knows, and there is no bound. objectives: (low (m,),
+    high (m,)), where vectors are those of ``elicit.objectives`` with k = m + 1: between what the objectives lie.
+    labels: k names of the levels, for people. strategy: picks the question, as in ``InteractivePolicyIteration``.
+    bags: the simple questions that are asked where plain pairs run out; None: none. max_trainings, max_queries:
+    limits. known: what was answered before. audit, max_audits, seed: a share of the pairs of policies that the
+    answers settled is asked about all the same, at the end. The corners of what policies can reach grow fast in
+    number: made for up to about a dozen levels.
 
     Ask and tell as with a learner; it holds no trainer, tutor or file. Raises TypeError for a comparator that lacks
     what it needs, and ValueError.
@@ -109,12 +110,12 @@ class InteractiveTraining:
         _check_able(comparator)
         k = comparator.k
         require(is_number(discount, 0) and discount < 1, "discount", "a number of at least 0 and below 1", discount)
-        require(is_number(tolerance) and tolerance > 0, "tolerance", "a positive share of the value range", tolerance)
+        check_tolerance(tolerance)
         known_gap = optimality_gap is None or is_number(optimality_gap, 0)
         require(known_gap, "optimality_gap", "None or a share of the value range, at least 0", optimality_gap)
         require(is_whole(max_trainings, 1), "max_trainings", "a whole number of at least 1", max_trainings)
         require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
-        require(labels is None or len(labels) == k, "labels", f"{k} names, one a level", labels)
+        require(labels is None or is_list(labels, k), "labels", f"{k} names, one a level", labels)
         self.seed = seed_of(seed)
         self.discount, self.tolerance = float(discount), float(tolerance)
         self.optimality_gap = None if optimality_gap is None else float(optimality_gap)
@@ -176,7 +177,7 @@ class InteractiveTraining:
 
         shares: (k,) as ``rollout_shares`` finds them, or what it returns; a total below 1 is of runs cut off, and what
         is missing counts in ``loss_bound``. errors: their standard errors (k,); of objectives those of each (k - 1,).
-        Raises ValueError.
+        Without errors the shares are taken to be exact. Raises ValueError.
         """
         if isinstance(shares, RolloutShares):  # also a sequence of numbers, to a type checker
             require(errors is None, "errors", "left out where shares have their own", errors)

@@ -16,12 +16,10 @@ from elicit._support.validation import require
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.model.comparator import Comparator, StatesConfidence, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
+from qlearn.environments.rollout_shares import STANDARD_ERRORS
 from qlearn.learners.loss_bound import Guarantee, drawn_set, upper_quantile
 from qlearn.training.reachable_set import ReachableSet
 from qlearn.training.training_result import TrainedPolicy
-
-STANDARD_ERRORS = 3.0
-"""How far from what was measured a policy's shares are taken to lie at most."""
 
 ROUNDING = 1e-9
 """More than what corners and bounds are off by."""

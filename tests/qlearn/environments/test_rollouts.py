@@ -6,7 +6,8 @@ from gymnasium.vector import SyncVectorEnv
 from gymnasium.wrappers import TimeLimit
 
 from qlearn import LevelVector, OrdinalReward, rollout_shares
-from tests.environment_cases import Walk
+from qlearn.environments.rollout_shares import STANDARD_ERRORS
+from tests.environment_cases import Gamble, Walk
 
 DISCOUNT = 0.9
 VALUES = [0.0, 1.0, 2.0, 5.0]
@@ -105,3 +106,12 @@ def test_of_vectors_that_do_not_say_what_comes_after_it_can_be_said_later():
     wanted = rollout_shares(OrdinalReward(Walk(), VALUES, after=2, discount=DISCOUNT), up, episodes=20)
     found = rollout_shares(LevelVector(Walk(), 4), up, DISCOUNT, episodes=20, after=2)
     assert found.shares == pytest.approx(wanted.shares)
+
+
+def test_equal_episodes_do_not_make_shares_certain():
+    env = LevelVector(Gamble(chance=0.0), 3, discount=DISCOUNT, after="last")
+    for episodes, left_open in ((2, 0.948), (20, 0.256), (100, 0.0574), (1000, 0.0059)):
+        found = rollout_shares(env, lambda observation: 1, episodes=episodes)
+        assert found.shares.tolist() == [0, 0, 1]
+        assert found.errors == pytest.approx(left_open / STANDARD_ERRORS, rel=0.01)
+        assert (1 - STANDARD_ERRORS * found.errors[0]) ** episodes == pytest.approx(0.0027, rel=0.01)

@@ -16,8 +16,19 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
-from qlearn import InteractiveTraining, RolloutShares, TrainingStatus, drive, icu_sepsis, random_mdp, value_iteration
-from qlearn.training.training_bound import STANDARD_ERRORS
+from qlearn import (
+    InteractiveTraining,
+    LevelVector,
+    RolloutShares,
+    TrainingStatus,
+    drive,
+    icu_sepsis,
+    random_mdp,
+    rollout_shares,
+    value_iteration,
+)
+from qlearn.environments.rollout_shares import STANDARD_ERRORS
+from tests.environment_cases import Gamble
 from tests.own_cases import Exact
 
 
@@ -260,11 +271,14 @@ def test_what_it_cannot_use_it_refuses_with_a_sentence():
     comparator = PolytopeComparator(3)
     wrong = [
         ({"discount": 1.0}, "discount must be"),
-        ({"tolerance": 0}, "tolerance must be a positive share"),
+        ({"tolerance": 0}, "tolerance must be a share of the value range, above 0 and below 1"),
+        ({"tolerance": 1}, "tolerance must be a share of the value range"),
+        ({"tolerance": 5}, "tolerance must be a share of the value range, .* not 5"),
         ({"optimality_gap": -0.1}, "optimality_gap must be None or"),
         ({"max_trainings": 0}, "max_trainings must be"),
         ({"bags": 10}, "bags must be None or"),
         ({"labels": ["bad", "good"]}, "labels must be 3 names"),
+        ({"labels": "abc"}, "labels must be 3 names, one a level, not 'abc'"),
         ({"objectives": ([0], [1])}, "objectives must be"),
     ]
     for settings, message in wrong:
@@ -296,3 +310,24 @@ def test_on_icu_sepsis():
         assert result.status is TrainingStatus.CONVERGED
         assert loss_of(mdp, result, values) <= result.loss_bound
         assert result.asked <= 20
+
+
+def test_a_disaster_that_no_episode_showed_is_within_the_bound():
+    """Of 2%, in 20 episodes: two times of three all are alike."""
+    values, unseen = [0.0, 99.5, 100.0], 0
+    for seed in range(40):
+        training = InteractiveTraining(PolytopeComparator(3), discount=0.5, optimality_gap=0.0)
+        env = LevelVector(Gamble(), 3, discount=0.5, after="last")
+        while not training.finished:
+            if (scale := training.to_train()) is not None:
+                found = [rollout_shares(env, lambda _, a=a: a, episodes=20, seed=seed) for a in range(2)]
+                best = int(np.argmax([one.shares @ scale for one in found]))
+                training.add(best, found[best])
+            while queries := training.ask():
+                training.tell([TruthfulTutor(values)(query) for query in queries])
+        result = training.result()
+        loss = 0.015 if result.policy == 1 else 0.0
+        unseen += bool(loss and result.shares[0] == 0)
+        assert loss <= result.loss_bound
+        assert 0.98 < result.confidence < 1
+    assert unseen > 20
