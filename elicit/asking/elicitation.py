@@ -311,9 +311,8 @@ class Elicitation:
         told = Answers(left - right, verdicts, ids)
         comparator = self.comparator.update(told)
         self._answered.add_many(told.d, verdicts)  # twice does no harm, should the rest be interrupted
-        self.comparator, self.answers = comparator, self.answers + told
-        self._number += len(told)
-        self.asked += len(told)
+        number, asked = first + len(told), self.asked + len(told)
+        self._publish(comparator=comparator, answers=self.answers + told, _number=number, asked=asked)
 
     @property
     def audits_left(self) -> int:

@@ -141,8 +141,8 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
         found = comparator.simultaneous_bounds(d)
         high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
         # what lies beyond the order's bounds, such as inf, says no more than these do; rounding stays as it is
-        most, t = order_bounds(tail_sums(rows), 0.0)[1], np.abs(rows).sum(axis=1)
-        return np.where(high > most + 1e-9 * t, most, high), confidence
+        most, rounding = order_bounds(tail_sums(rows), 0.0)[1], 1e-9 * np.maximum(np.abs(rows).sum(axis=1), 1.0)
+        return np.where(high > most + rounding, most, high), confidence
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
 
 
