@@ -295,21 +295,6 @@ def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
         )
 
 
-def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
-    """Raise ValueError where no cut could be asked about, though it was wanted."""
-    advice = "leave cuts out, or say cuts=False, to ask about pairs only"
-    if bags is not None:
-        raise ValueError(f"cuts=True asks about other questions than bags={bags!r} does: leave bags out, or {advice}")
-    if batch != 1:
-        raise ValueError(f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}")
-    drawn = hasattr(comparator, "level") and isinstance(comparator, TrustsDraws)
-    if drawn or not (isinstance(comparator, BoundsAllAtOnce) and isinstance(comparator, HasDraws)):
-        raise ValueError(
-            "cuts=True needs bounds that are proven of every plausible scale, and draws of such scales, which "
-            f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or {advice}"
-        )
-
-
 def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
     """A guarantee whose bound was needed only as far as "too much"."""
     if np.isfinite(found.loss_bound):
