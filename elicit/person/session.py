@@ -433,8 +433,11 @@ class Session(Closing):
         if self.instead is None or self._make is None or (isinstance(asker, Audits) and query.id in asker.implied):
             return None
         said = [tail_sums(entry.answer.query.d) for entry in self._log if not entry.retracted]
-        sums = np.array(said).reshape(len(said), -1)
-        return self.instead(query, lambda other: bool(said) and bool(same_pairs(tail_sums(other.d), sums).any()))
+
+        def asked_before(other: Query) -> bool:
+            return bool(said) and bool(same_pairs(tail_sums(other.d), np.array(said)).any())
+
+        return self.instead(query, asked_before)
 
     def _repeat(self) -> Query | None:
         """The earlier question that is to be put again now, as a query of its own, if one is."""
