@@ -29,8 +29,7 @@ NEEDS = {"peers": "quantecon", "sb3": "stable_baselines3", "browser": "playwrigh
 
 class Page(NamedTuple):
     """A page or table: where it lies; what follows ``python -m`` to make it; about how many minutes on two cores; the
-    extras that takes beside ``dev``. Where the command writes elsewhere: what the page is a copy of, and its seeds.
-    ``awaits``: what of its numbers is known to be otherwise now, until it is made again."""
+    extras that takes beside ``dev``. Where the command writes elsewhere: what the page is a copy of, and its seeds."""
 
     path: str
     command: str
@@ -38,7 +37,6 @@ class Page(NamedTuple):
     needs: tuple[str, ...] = ()
     copy_of: str = ""
     seeds: str = ""
-    awaits: str = ""
 
     @property
     def name(self) -> str:
@@ -59,10 +57,10 @@ class Page(NamedTuple):
         return "current" if stamp.sources == self.sources else "of older sources"
 
 
-def results(name: str, command: str, minutes: float, *needs: str, awaits: str = "") -> Page:
+def results(name: str, command: str, minutes: float, *needs: str) -> Page:
     """A page of ``benchmarks`` that its program writes."""
     path = f"benchmarks/{name}.md"
-    return Page(path, f"benchmarks.{command} --out {path}", minutes, needs, awaits=awaits)
+    return Page(path, f"benchmarks.{command} --out {path}", minutes, needs)
 
 
 def notebook(name: str, minutes: float) -> Page:
@@ -175,7 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if given.stale:
         stale = [page for page in chosen if page.state != "current"]
         for page in stale:
-            print(f"{page.path} is {page.state}{page.awaits and '; ' + page.awaits}: python -m {page.command}")
+            print(f"{page.path} is {page.state}: python -m {page.command}")
         return int(bool(stale))
     left = []
     for page in chosen:

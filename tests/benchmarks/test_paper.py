@@ -44,7 +44,7 @@ def test_a_loss_is_that_of_the_run():
     assert np.isnan(exploration.measure(problem, EXPLORATIONS["uniform"], 10, 3, False)[2])
 
 
-FEW = ("default", "m = 20", "tutor never errs", "start at zero (line 4)")
+FEW = ("default", "m = 20", "tutor never errs", "start at zero (line 4)", "level .8")
 
 
 @pytest.mark.parametrize("chosen", [FEW, pytest.param((), id="all", marks=pytest.mark.slow)])

@@ -10,6 +10,7 @@ from scipy.special import expit, gammaln, logsumexp
 from scipy.stats import beta, chisquare
 
 from elicit import Answers, BradleyTerryComparator, PolytopeComparator, PosteriorComparator, Verdict
+from elicit._support.fixed_order import product
 from elicit.comparators.bradley_terry.particle_comparator import LAPSE
 from elicit.model.comparator import ALLOWANCE, lapse_of
 from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
@@ -187,7 +188,7 @@ def test_bounds_for_all_rows_at_once_leave_out_the_fewest_particles() -> None:
     d = differences(np.random.default_rng(0), 6, 30)
     high, confidence = c.simultaneous_bounds(d)
     gaps, weights, _ = c.draws
-    at = tail_sums(d) @ gaps
+    at = product(tail_sums(d), gaps)
     order = np.argsort(at.max(axis=0))
     enough = next(n for n in range(1, 1001) if weights[order[:n]].sum() >= c.level - 1e-9)
     assert (high == at[:, order[:enough]].max(axis=1)).all()
