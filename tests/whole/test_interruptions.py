@@ -26,6 +26,7 @@ from tests.interruptions import interrupted_at_each_line
 K = 4
 MDP: OrdinalMDP
 MDP, VALUES = random_mdp(4, 3, K, rng=2, discount=0.8)
+HARDER, _ = random_mdp(12, 3, K, rng=5, discount=0.9)  # policy iteration asks too little of the other
 VECTORS = np.random.default_rng(0).dirichlet(np.ones(K), 5)
 
 
@@ -52,7 +53,7 @@ ASKERS: dict[str, Callable[..., Any]] = {
     ),
     "value iteration asking late": lambda known=(): LateValueIteration(MDP, comparator(), tolerance=0.05, known=known),
     "policy iteration": lambda known=(): InteractivePolicyIteration(
-        MDP, comparator(), tolerance=0.01, audit=0.2, known=known
+        HARDER, comparator(), tolerance=0.001, audit=0.2, known=known
     ),
     "choose": lambda known=(): choose(VECTORS, comparator(), order=True, known=known),
     "training": training,

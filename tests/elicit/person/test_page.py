@@ -296,10 +296,13 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
     ]
 
     def outlook(route: Any) -> None:
-        if route.request.post_data_json["do"] == "outlook" and route.request.post_data_json["id"] == "q0":
-            route.fulfill(json={"id": "q0", **(replies.pop(0) if len(replies) > 1 else replies[0])})
-        else:
+        message = route.request.post_data_json
+        if message["do"] != "outlook":
             route.continue_()
+        elif message["id"] == "q0":
+            route.fulfill(json={"id": "q0", **(replies.pop(0) if len(replies) > 1 else replies[0])})
+        else:  # of the next question nothing is known while this one looks
+            route.fulfill(json={"id": message["id"], "why": [], "to_come": None, "ready": False})
 
     with served(windows.log) as server:
         page = windows.open(server)
