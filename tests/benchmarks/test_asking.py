@@ -17,7 +17,7 @@ from elicit import PolytopeComparator, TruthfulTutor
 from qlearn import InteractivePolicyIteration, drive, random_mdp
 from qlearn.experiments.metrics import reference_differences
 from tests.report_cases import table_rows
-from tests.thoroughness import scaled
+from tests.thoroughness import scaled, thorough
 
 
 @pytest.fixture
@@ -172,7 +172,7 @@ def test_a_run_at_scale_is_proven_and_the_page_says_so(monkeypatch, tmp_path, ca
 def test_a_line_on_sessions_counts_answers_and_broken_bounds():
     setting = sessions.Setting("polytope", 0.01)
     run = sessions.session(setting, 0)
-    assert run == sessions.session(setting, 0)
+    assert not thorough() or run == sessions.session(setting, 0)
     assert 0 < run.answered < 10
     assert run.loss <= run.bound <= 0.01
     assert run.confidence == 1

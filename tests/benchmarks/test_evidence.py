@@ -295,7 +295,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-bradley-terry", fits),
     ("RESULTS-posteriors", believed, SLOW),
     ("RESULTS", learned, SLOW),
-    ("RESULTS-ivi", swept),
+    ("RESULTS-ivi", swept, SLOW),
     ("RESULTS-lp", streams),
     ("RESULTS-training", trained("random MDP, k = 5, truthful"), SLOW),
     ("RESULTS-training", trained("deep-sea-treasure, hidden weights"), SLOW),

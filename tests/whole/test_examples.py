@@ -62,6 +62,7 @@ def test_a_session_is_left_and_resumed_and_asks_nothing_twice(tmp_path):
     assert len(set(standing)) == len(standing) == 4
 
 
+@pytest.mark.slow
 def test_one_log_serves_three_comparators(tmp_path):
     values = {"died": 0.0, "severe": 3.0, "moderate": 5.0, "mild": 8.0, "well": 10.0}
     with example(tmp_path, "one_log_three_comparators.py", "other.jsonl") as run:

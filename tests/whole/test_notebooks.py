@@ -133,6 +133,7 @@ def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home
     assert [p for p in home.rglob("*") if p.is_file() and "matplotlib" not in str(p)] == []  # fonts may be cached
 
 
+@pytest.mark.slow
 def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(execute, "HERE", tmp_path)
     prints = "import time\nprint('a', flush=True)\ntime.sleep(0.2)\nprint('b')\n{'x', 'y', 'z'}, hash('x')"

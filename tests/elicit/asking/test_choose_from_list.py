@@ -287,7 +287,7 @@ def test_the_budget(order):
 
 
 def test_a_result_at_any_time():
-    vectors = shares(6, 20)
+    vectors = shares(6, scaled(12, 20))
     for order in (False, True):
         choice = choose(vectors, PolytopeComparator(K), order)
         while queries := choice.ask():

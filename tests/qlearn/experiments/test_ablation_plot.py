@@ -52,6 +52,7 @@ def test_the_ablation_shows_every_mean_beside_its_error_rate(summary: pd.DataFra
                 assert not drawn
 
 
+@pytest.mark.slow
 def test_nothing_of_the_ablations_picture_lies_on_other_parts_or_outside(summary: pd.DataFrame) -> None:
     one = summary[(summary.learner == "ivi") & (summary.problem == "random")]
     for part, budget in ((summary, 2000), (one, None)):

@@ -472,6 +472,7 @@ def test_slack_brings_the_truth_back() -> None:
     assert 0.1 * 300 * runs > wrong[0.0] > 2 * wrong[0.01] > 10 * wrong[0.05] >= wrong[0.2] == 0
 
 
+@pytest.mark.slow
 def test_it_is_fast_enough() -> None:
     """10,000 comparisons after 60 answers, some wrong: .2 to .9 s of computing time; an answer: 3 ms."""
     k = 10
