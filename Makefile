@@ -4,6 +4,8 @@ BIN := .venv/bin
 READY := .venv/.ready
 export OPENBLAS_NUM_THREADS = 1
 export OMP_NUM_THREADS = 1
+# the tests start many programs: each would read the whole source again where nothing compiled may be kept
+export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: ablation figures browser teach test test-portable test-slow lint docs evidence bench bench-huge notebooks clean
 

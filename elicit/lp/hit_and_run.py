@@ -17,6 +17,7 @@ from elicit.model.scale import Floats
 
 CHAINS, STEPS = 256, 60
 _KEY = name_code("draws of scales")
+_LEAST_SLACK = 1e-12  # a flat region has none: its middle lies on its constraints
 
 
 class Draws(NamedTuple):
@@ -57,5 +58,5 @@ def draws_within(region: Region, inside: Floats) -> Draws:
 def _ellipsoid(rows: Floats, limits: Floats, inside: Floats) -> Floats:
     """A matrix (p, p - 1) that turns standard normals into directions along sum g = 1 with the covariance of the
     Dikin ellipsoid at ``inside``, up to a factor."""
-    along, slack = sums_to_zero(len(inside)), np.maximum(product(rows, inside) - limits, 1e-300)
+    along, slack = sums_to_zero(len(inside)), np.maximum(product(rows, inside) - limits, _LEAST_SLACK)
     return product(along, LeastSquares(product(rows, along) / slack[:, None], least=1e-12).shape)

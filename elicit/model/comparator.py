@@ -263,6 +263,16 @@ class AllowsTies(Protocol):
         """The largest |d.e|, as a share of the value range, that the tutor may call equal."""
 
 
+def trusted_share(comparator: object) -> float | None:
+    """Return the share of a comparator's draws under which its bounds hold; None where they do not rest on draws.
+
+    Nothing is drawn to find out, as ``isinstance`` may do, which reads all members of a protocol, in an order that
+    changes from process to process (before Python 3.12)."""
+    if not hasattr(comparator, "level") or not hasattr(comparator, "draws"):
+        return None
+    return float(comparator.level)
+
+
 def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
     """A comparator's own ``draws``: gaps (p, m), weights (m,) and precisions (m,); None where it has none, or none yet.
     Raises TypeError that says what is wrong with them."""

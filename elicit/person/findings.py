@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elicit.model.comparator import Comparator, TrustsDraws, best_guess, bounds_of
+from elicit.model.comparator import Comparator, best_guess, bounds_of, trusted_share
 from elicit.person.showing import printable
 
 
@@ -39,6 +39,5 @@ def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
 
 def certainty(comparator: Comparator) -> str:
     """How certain each interval of ``scale_rows`` is."""
-    if isinstance(comparator, TrustsDraws):
-        return f"each interval with {comparator.level:.0%} probability"
-    return "if your answers are right"
+    level = trusted_share(comparator)
+    return "if your answers are right" if level is None else f"each interval with {level:.0%} probability"

@@ -13,7 +13,7 @@ import numpy as np
 from elicit._support.fixed_order import product
 from elicit._support.hashing import fold, key_of, name_code
 from elicit.asking.bags import says_left
-from elicit.model.comparator import Comparator, TrustsDraws, bounds_of, draws_in, lapse_of
+from elicit.model.comparator import Comparator, bounds_of, draws_in, lapse_of, trusted_share
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.person.session import Asker, Compares, tell
@@ -160,7 +160,8 @@ def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Gene
 
 def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
     """What the comparator leaves open of a question, in a sentence; None where it knows nothing."""
-    sure = f", with {comparator.level:.0%} probability," if isinstance(comparator, TrustsDraws) else ""
+    level = trusted_share(comparator)
+    sure = "" if level is None else f", with {level:.0%} probability,"
     left, right = shown.vectors
     d = left - right
     sides = np.flatnonzero(d > 0), np.flatnonzero(d < 0)

@@ -30,7 +30,7 @@ from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, StatesConfidence, TrustsDraws, draws_in, simultaneous_bounds
+from elicit.model.comparator import Comparator, StatesConfidence, draws_in, simultaneous_bounds, trusted_share
 from elicit.model.scale import Floats, tail_sums
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -119,12 +119,9 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """The draws that stand for what a comparator holds plausible, and the share of them that it trusts; None where it
     is not draws that its bounds rest on."""
-    # the level first: isinstance reads members in an order that changes from process to process (before Python 3.12),
-    # and to draw scales takes time, where nothing here would use them
-    if not hasattr(comparator, "level") or not isinstance(comparator, TrustsDraws):
-        return None
-    draws = draws_in(comparator)
-    return None if draws is None else (Draws(*draws), float(comparator.level))
+    level = trusted_share(comparator)
+    draws = None if level is None else draws_in(comparator)
+    return None if level is None or draws is None else (Draws(*draws), level)
 
 
 def loss_over_draws(

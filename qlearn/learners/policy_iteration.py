@@ -24,10 +24,10 @@ from elicit.model.comparator import (
     HasDraws,
     Tier,
     Tiers,
-    TrustsDraws,
     best_guess,
     draws_in,
     simultaneous_bounds,
+    trusted_share,
 )
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
@@ -287,8 +287,9 @@ def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
         raise ValueError(f"cuts=True asks about other questions than bags={bags!r} does: leave bags out, or {advice}")
     if batch != 1:
         raise ValueError(f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}")
-    drawn = hasattr(comparator, "level") and isinstance(comparator, TrustsDraws)
-    if drawn or not (isinstance(comparator, BoundsAllAtOnce) and isinstance(comparator, HasDraws)):
+    if trusted_share(comparator) is not None or not (
+        isinstance(comparator, BoundsAllAtOnce) and isinstance(comparator, HasDraws)
+    ):
         raise ValueError(
             "cuts=True needs bounds that are proven of every plausible scale, and draws of such scales, which "
             f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or {advice}"

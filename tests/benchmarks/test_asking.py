@@ -147,6 +147,7 @@ def test_a_grid_has_five_ways_on_from_each_cell():
     np.testing.assert_allclose(table[0, 1, [0, 1]], [0.9, 0.1])  # into the wall, or off to the west
 
 
+@pytest.mark.slow
 def test_a_run_at_scale_is_proven_and_the_page_says_so(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(scalar_solvers, "find_spec", lambda name: None)
     found = scale.run("grid", 36, 0.9, seed=1)

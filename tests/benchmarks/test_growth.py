@@ -5,7 +5,7 @@ import re
 import pytest
 
 from benchmarks.learning import growth_by_size as growth
-from tests.thoroughness import scaled
+from tests.thoroughness import quick_first, scaled
 
 pytest.importorskip("matplotlib")
 
@@ -51,7 +51,7 @@ def test_every_learner_is_measured(who, monkeypatch):
     assert found["bytes"][0] >= 0
 
 
-@pytest.mark.parametrize("who", growth.COMPARATORS)
+@pytest.mark.parametrize("who", quick_first(growth.COMPARATORS, 2))
 def test_every_comparator_is_measured(who, monkeypatch):
     monkeypatch.setattr(growth, "JUDGED", 50)
     found = growth.informed(who, 5)

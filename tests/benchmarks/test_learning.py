@@ -21,6 +21,7 @@ from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
 from tests.report_cases import table_rows
 from tests.scalar_q_learning import scalar_q_learning
+from tests.thoroughness import quick_first
 
 STEPS = 150
 TINY = Setting(k=4, states=8, actions=3, steps=STEPS, seeds=1, repeats=1)
@@ -148,7 +149,7 @@ def test_the_measurements_beside_the_loop_that_knows():
     assert found["asked"][0] > 0
 
 
-@pytest.mark.parametrize("rival", ["programs", "careful", "box", pytest.param("ensemble", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rival", quick_first(["box", "programs", "careful", "ensemble"], 1))
 def test_the_measurements_beside_a_rival(rival, few_resamples):
     noisy = {"comparator": "posterior", "particles": 50, "error": 0.1, "epsilon": 1.0}
     at = Setting(k=4, states=8, actions=3, steps=STEPS, repeats=1, fits=2, rival=rival, prefix=4)

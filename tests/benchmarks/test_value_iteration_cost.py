@@ -10,9 +10,10 @@ from benchmarks.learning import scalar_solvers
 from benchmarks.learning import value_iteration_cost as ivi
 from qlearn import policy_loss, random_mdp
 from tests.report_cases import table_rows
+from tests.thoroughness import quick_first
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", quick_first([1, 2], 1))
 def test_all_on_share_vectors_solve_the_problem(jobs: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ivi, "BLOCK", 32)
     mdp, values = random_mdp(100, 5, 10, rng=0)

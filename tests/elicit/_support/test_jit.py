@@ -145,6 +145,7 @@ def test_of_processes_that_compile_beside_each_other_one_says_so(tmp_path: Path)
     assert run(code, NUMBA_CACHE_DIR=str(tmp_path / "file")) == ["True True"]  # it is compiled each time, too
 
 
+@pytest.mark.slow
 def test_where_nothing_can_be_written_it_works_all_the_same() -> None:
     """A read-only installation, and no home."""
     code = """if True:

@@ -16,6 +16,7 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import dominance, tail_sums
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from tests.noisy_cases import log_terms
+from tests.thoroughness import quick_first
 
 FAST = 40  # particles enough for a rough check
 
@@ -44,9 +45,7 @@ TUTORS = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] if name == "flips 20%" else []) for name in TUTORS]
-)
+@pytest.mark.parametrize("name", quick_first(["flips 10%", "truthful", "precision 25", "flips 20%"], 1))
 def test_intervals_cover_what_simulated_tutors_are(name):
     make, lapse, precision = TUTORS[name]
     logs, covered, estimates = 30, np.zeros(4), []

@@ -284,6 +284,7 @@ def test_at_the_end_the_keys_of_the_end_are_said(
 MORE = r"Question \d+ \((about \d+( to \d+)? more|perhaps the last one)\)"
 
 
+@pytest.mark.slow
 def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> None:
     numbers = []
     with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.005", "--audit", "0") as teach:

@@ -140,6 +140,7 @@ def test_an_address_a_second_browser_and_the_command_that_goes_on(tmp_path: Path
     assert len(told(tmp_path / "answers-random.jsonl")) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the files of another process")
 def test_without_room_it_says_so_and_goes_on_once_there_is_some(tmp_path: Path, undisturbed: Undisturbed) -> None:
     import resource

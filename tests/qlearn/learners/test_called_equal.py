@@ -21,7 +21,7 @@ from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
-from tests.thoroughness import scaled
+from tests.thoroughness import quick_first, scaled
 
 LEARNERS = {
     "policy iteration": InteractivePolicyIteration,
@@ -46,7 +46,7 @@ def check_bound(result: Result, loss: float) -> None:
 
 
 @pytest.mark.parametrize("tie", [0.005, 0.02])
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize("name", quick_first(LEARNERS, 3))
 def test_no_bound_is_broken_by_a_tutor_who_calls_equal_what_is_close(name, tie):
     for k, seed in ((5, 1), (8, 3))[: scaled(1, 2)]:
         check_bound(*run(LEARNERS[name], k, tie, seed))
@@ -73,7 +73,7 @@ def test_a_tie_of_zero_takes_equal_at_its_word_and_breaks_the_bound():
     assert broken > 0
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize("name", quick_first(LEARNERS, 3))
 def test_a_tutor_who_answers_sharply_is_asked_not_one_question_more(name):
     told = [
         run(LEARNERS[name], 6, 0.0, 7, PolytopeComparator(6, tie=tie))[0]
@@ -86,7 +86,7 @@ def test_a_tutor_who_answers_sharply_is_asked_not_one_question_more(name):
         assert result.status is told[0].status
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize("name", quick_first(LEARNERS, 3))
 def test_a_learner_ends_where_all_that_is_left_is_called_equal_and_says_so(name):
     for seed in range(scaled(1, 3)):
         result, _ = run(LEARNERS[name], 8, 0.01, seed, max_queries=500)

@@ -118,7 +118,7 @@ def test_audits_count_when_a_run_goes_on():
 
 
 @pytest.mark.parametrize("batch", quick_first([1, 4], 1))
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize("name", quick_first(LEARNERS, 2))
 def test_audits_have_a_limit(name, batch):
     def audited(**settings: Any) -> int:
         learner = LEARNERS[name](MDP, PolytopeComparator(5), audit=1.0, batch=batch, **settings)

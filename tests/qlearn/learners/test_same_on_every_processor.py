@@ -9,6 +9,7 @@ from elicit.model.scale import tail_sums
 from tests import older_processor
 from tests.interpreter import run
 from tests.processor_cases import Run, report, resumed, runs
+from tests.thoroughness import quick_first
 
 
 def test_an_older_processor_asks_the_same() -> None:
@@ -26,7 +27,7 @@ PLANNED = [
 ]
 
 
-@pytest.mark.parametrize("case", PLANNED, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", quick_first(PLANNED, 3), ids=lambda case: case.name)
 def test_a_policy_iteration_that_is_resumed_asks_what_it_would_have_asked(case: Run) -> None:
     """Half of the answers of a batch or an audit would leave the other half open, so runs of these are left out."""
     undisturbed, rest = resumed(case)
