@@ -170,6 +170,7 @@ def test_a_run_at_scale_is_proven_and_the_page_says_so(monkeypatch, tmp_path, ca
     assert scale.row("random", 36, 0.9, 2, 1.0)[head.index("valid")] == "0 of 2"
 
 
+@pytest.mark.slow
 def test_a_line_on_sessions_counts_answers_and_broken_bounds():
     setting = sessions.Setting("polytope", 0.01)
     run = sessions.session(setting, 0)

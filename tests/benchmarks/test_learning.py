@@ -141,6 +141,7 @@ def test_the_box_decides_less_than_the_ensemble(few_resamples):
     assert decided["box"] < decided["ensemble"]
 
 
+@pytest.mark.slow
 def test_the_measurements_beside_the_loop_that_knows():
     found = learning_runs.beside_knowing(TINY)
     assert found["same"] == [True]
@@ -149,6 +150,7 @@ def test_the_measurements_beside_the_loop_that_knows():
     assert found["asked"][0] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rival", quick_first(["box", "programs", "careful", "ensemble"], 1))
 def test_the_measurements_beside_a_rival(rival, few_resamples):
     noisy = {"comparator": "posterior", "particles": 50, "error": 0.1, "epsilon": 1.0}
@@ -166,6 +168,7 @@ def test_the_measurements_beside_a_rival(rival, few_resamples):
         assert found["sizes"][-1] == found["asked"]
 
 
+@pytest.mark.slow
 def test_the_growth_is_measured_for_every_answer():
     found = learning_growth.per_answer(TINY)
     ends = [(a, b) for a, b, _ in found["parts"]]

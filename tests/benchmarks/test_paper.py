@@ -47,7 +47,8 @@ def test_a_loss_is_that_of_the_run():
 FEW = ("default", "m = 20", "tutor never errs", "start at zero (line 4)", "level .8")
 
 
-@pytest.mark.parametrize("chosen", [FEW, pytest.param((), id="all", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("chosen", [FEW, ()], ids=["few", "all"])
 def test_assumptions_changes_one_choice_a_line(chosen, capsys, tmp_path, monkeypatch):
     every, etas = assumptions.choices(), assumptions.etas()
     if chosen:

@@ -26,6 +26,7 @@ def test_the_slope_of_the_density_is_its_slope(problem):
         np.testing.assert_allclose((density(x + step)[0] - density(x - step)[0]) / 2e-5, slope[:, j], atol=1e-7)
 
 
+@pytest.mark.slow
 def test_without_answers_the_chains_find_the_prior():
     density = chains.log_posterior(Answers.none(4))
     kept, accepted = chains.hamiltonian(density, chains.start(4, 48, np.random.default_rng(1)), 400, 600,

@@ -104,6 +104,7 @@ class Browser:
             connection.close()
 
 
+@pytest.mark.slow
 def test_the_page_is_served_from_a_program_answered_and_stopped(tmp_path):
     values = {"standing still": 0, "in repair": 1, "slow": 8, "running well": 10}
     with example(tmp_path, "serve_the_page.py", "answers.jsonl", "0") as run:

@@ -34,6 +34,7 @@ def report() -> list[str]:
     return lines
 
 
+@pytest.mark.slow
 def test_compiled_and_interpreted() -> None:
     ours = report()
     assert len({line.split()[0] for line in ours}) > 10
@@ -137,6 +138,7 @@ print("later")
     assert (began.split(",")[0], ended.split(",")[0], later) == ("elicit: compiling", "elicit: compiled", "later")
 
 
+@pytest.mark.slow
 def test_of_processes_that_compile_beside_each_other_one_says_so(tmp_path: Path) -> None:
     code = "from elicit._support.jit import first_on_this_machine as first; print(first(), first())"
     both = [run(code, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
@@ -189,6 +191,7 @@ print(helper(1), Watch.seen)
     assert found == ["2 []", "2 ['helper']"]
 
 
+@pytest.mark.slow
 def test_machine_code_is_used_where_numba_has_it_on_its_disk(tmp_path: Path) -> None:
     """It has none of other sources, of another version of numba, and for other arguments."""
     file, kept = tmp_path / "helper.py", {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONDONTWRITEBYTECODE": "1"}

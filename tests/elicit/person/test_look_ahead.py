@@ -103,11 +103,11 @@ def answered(make: Any, rate: float, back: bool, ahead: int) -> tuple[list[Any],
 @pytest.mark.parametrize(
     ("make", "rate"),
     [
-        (choosing, 0.0),
+        pytest.param(choosing, 0.0, marks=pytest.mark.slow),
         (choosing, 0.2),
-        (choosing_by_the_posterior, 0.2),
+        pytest.param(choosing_by_the_posterior, 0.2, marks=pytest.mark.slow),
         (learning_by_bags, 0.0),
-        (learning_by_the_posterior, 0.1),
+        pytest.param(learning_by_the_posterior, 0.1, marks=pytest.mark.slow),
         (sweeping, 0.2),
     ],
 )

@@ -138,6 +138,7 @@ def test_sessions_that_were_answered_alike_go_on() -> None:
     assert found.why == (what_is_open(show(query), asker.comparator),)
 
 
+@pytest.mark.slow
 def test_one_who_answers_before_anything_is_computed_leaves_nothing_behind() -> None:
     first, asker = outlook_of(learning(())), learning(())
     now, said, given_up = first, [], []
@@ -163,6 +164,7 @@ def test_nothing_is_said_of_what_nothing_tells() -> None:
     assert outlook_of(SimpleNamespace(ask=asker.ask, tell=asker.tell, result=asker.result)).why == ("Much.",)
 
 
+@pytest.mark.slow
 def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
     subject = Subject(MDP.labels, stakes=lambda result: f"{result.asked} so far.")
     with Session(learning, AnswerLog()) as session, Interview(session, subject) as interview:

@@ -289,6 +289,7 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
     windows.complaints.clear()
 
 
+@pytest.mark.slow
 def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows) -> None:
     replies = [
         {"why": [], "to_come": None, "ready": False},
@@ -316,6 +317,7 @@ def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows
         assert "more" not in page.inner_text(".place")
 
 
+@pytest.mark.slow
 def test_a_slow_question_says_so(windows: Windows) -> None:
     ready = threading.Event()
 
@@ -402,7 +404,7 @@ ODD = tuple(f"{LONG[i % 3]} {i}" for i in range(20))
 ODD_WORDS = Words('<i>units</i> of "much"', "go", "<script>alert(1)</script>", "<img src=x onerror=alert(1)>")
 
 
-@pytest.mark.parametrize("total", [pytest.param(30, marks=pytest.mark.slow), 2_000_000])
+@pytest.mark.parametrize("total", [30, pytest.param(2_000_000, marks=pytest.mark.slow)])
 def test_odd_names_many_levels_and_large_numbers_are_only_shown(windows: Windows, total: int) -> None:
     rng = np.random.default_rng(0)
     questions = bags(*((rng.multinomial(total, np.ones(20) / 20), total * np.eye(20, dtype=int)[7]) for _ in range(2)))

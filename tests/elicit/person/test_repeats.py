@@ -78,6 +78,7 @@ def test_the_asker_asks_and_ends_as_without(path, other):
     assert make(AnswerLog.read(path)).ask() == ()
 
 
+@pytest.mark.slow
 def test_left_before_every_question_and_undone_it_is_the_same(path):
     with Session(make, AnswerLog(), audit=0.7, seed=1) as session:
         ids = answer(session)

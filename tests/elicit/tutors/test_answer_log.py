@@ -468,6 +468,7 @@ def test_a_log_of_version_1_is_read_and_continued(path):
         assert found.answers().ids == ("d",)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tail", ["", "torn", "whole"])
 def test_a_crash_while_a_log_of_version_1_is_sealed(path, tail):
     write_1(path, told(id="a"))

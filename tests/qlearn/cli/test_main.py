@@ -107,6 +107,7 @@ FIGURES = (
 FIGURE_FILES = ["claims.csv", "claims.md", *(f"figure{i}.{kind}" for i in (2, 3, 4) for kind in ("png", "svg"))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "files", "keys", "rows", "said"),
     [
@@ -245,6 +246,7 @@ def test_a_partial_table_and_picture_say_what_is_incomplete(
     assert titles[1].splitlines()[-1] == "means over 3 seeds, with 95% intervals"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_parts_of_the_users_go_in_from_the_current_directory(jobs: int, tmp_path: Path) -> None:
     (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef exact(k, seed):\n"

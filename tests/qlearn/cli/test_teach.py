@@ -83,6 +83,7 @@ def told(log: Path) -> list[tuple[str, Verdict | None]]:
     return [(e.answer.query.id, e.answer.verdict) for e in AnswerLog.read(log) if not e.retracted]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("comparator", ["polytope", pytest.param("posterior", marks=pytest.mark.slow)])
 def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: Path) -> None:
     with Teach(tmp_path, "--problem", "random", "--comparator", comparator, "--seed", "3") as teach:

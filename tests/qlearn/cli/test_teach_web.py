@@ -116,6 +116,7 @@ def test_killed_fifty_times_nothing_is_lost_and_the_end_is_the_same(tmp_path: Pa
     assert killed(tmp_path, undisturbed, 50, seed=2)
 
 
+@pytest.mark.slow
 def test_an_address_a_second_browser_and_the_command_that_goes_on(tmp_path: Path) -> None:
     with TeachWeb(tmp_path, "--problem", "random", "--tolerance", "0.05") as teach:
         assert re.fullmatch(r"http://127\.0\.0\.1:\d+", teach.visitor.at.scheme + "://" + teach.visitor.at.netloc)

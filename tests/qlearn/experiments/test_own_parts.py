@@ -57,6 +57,7 @@ def test_a_comparator_that_knows_the_scale_has_its_row_its_colour_and_its_marker
     assert len({line.get_color() for line in handles.values()}) == 3
 
 
+@pytest.mark.slow
 def test_rows_are_the_same_on_two_processes_and_read_back(tmp_path: Path) -> None:
     own = SMALL | {
         "comparators": {"mine": lambda k, seed: exact(k, seed), "polytope": ...},

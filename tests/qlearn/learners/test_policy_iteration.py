@@ -241,9 +241,9 @@ def test_audits_ask_what_the_finished_policy_rests_on(exact):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda k: RelaxedPolytopeComparator(k, slack=0.0),
+        pytest.param(lambda k: RelaxedPolytopeComparator(k, slack=0.0), marks=pytest.mark.slow),
         lambda k: BradleyTerryComparator(k, n_boot=scaled(20, 60), seed=1),
-        lambda k: BradleyTerryComparator(k, n_boot=scaled(20, 60), region="box", seed=1),
+        pytest.param(lambda k: BradleyTerryComparator(k, n_boot=60, region="box", seed=1), marks=pytest.mark.slow),
         Dominance,
         AlwaysAsk,
     ],
@@ -289,7 +289,7 @@ def of_cuts(result):
     return (np.abs(np.abs(result.answers.d).sum(axis=1) - 2.0) < 1e-9).sum()
 
 
-@both_ways
+@pytest.mark.parametrize("exact", quick_first([False, True], 1), ids=["nearly", "exactly"])
 def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
     monkeypatch.setattr(policy_iteration, "_SAMPLE", 100)
     monkeypatch.setattr(loss_bounds, "STATES", 1000)
@@ -311,7 +311,9 @@ def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
         InteractivePolicyIteration(mdp, PolytopeComparator(8), cuts=1)
 
 
-@pytest.mark.parametrize("settings", [{"batch": 2}, {"bags": Bags(10)}, {"strategy": "max_regret"}, {"cuts": False}])
+@pytest.mark.parametrize(
+    "settings", quick_first([{"batch": 2}, {"cuts": False}, {"bags": Bags(10)}, {"strategy": "max_regret"}], 2)
+)
 def test_cuts_are_asked_one_at_a_time_with_the_default_strategy(settings):
     mdp, values = random_mdp(60, 5, 8, rng=0)
     result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, **settings)
@@ -522,6 +524,7 @@ def few_that_decide(seed, n=4100, m=6, actions=4, k=6):
     return mdp, np.cumsum(rng.exponential(size=k))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, 8, 25])  # with a policy of earlier answers these ended far above the tolerance
 def test_a_large_model_is_not_given_up_with_a_policy_of_earlier_answers(seed):
     mdp, values = few_that_decide(seed)

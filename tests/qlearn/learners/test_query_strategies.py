@@ -142,6 +142,7 @@ def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
     assert silent.cannot_tell == silent.asked > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=100)])
 def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
     for seed in range(3):

@@ -8,6 +8,7 @@ from tests.interpreter import run
 FEW = ["policy iteration"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "learners", [pytest.param(FEW, id="few"), pytest.param([*LEARNERS], id="all", marks=pytest.mark.slow)]
 )

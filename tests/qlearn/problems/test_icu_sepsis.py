@@ -88,6 +88,7 @@ def test_states_and_doses_have_names(icu: OrdinalMDP) -> None:
     assert icu.action_names[22] == "fluids 4 with vasopressors 2"
 
 
+@pytest.mark.slow
 def test_bands_can_be_chosen(icu: OrdinalMDP) -> None:
     near = icu_sepsis(bands=(4.7, 6.5, 8.55))  # the quartiles, rounded
     assert 0 < np.count_nonzero((near.levels != icu.levels)[:, 0]) < 10

@@ -133,6 +133,7 @@ def flipped(case: Case, seed: int) -> Answers:
     return Answers(case.d, y)
 
 
+@pytest.mark.slow
 def test_nasty_answers_turned_round() -> None:
     """Ties, parallel and duplicated cuts, flat and thin polytopes, priors, tiny answers: with wrong ones among them."""
     inconsistent = 0
@@ -182,6 +183,7 @@ def test_consistent_answers_and_no_slack_are_the_polytope_comparator() -> None:
         assert (relaxed.violation, relaxed.violated) == (0.0, ())
 
 
+@pytest.mark.slow
 def test_slack_only_ever_loosens() -> None:
     decided = loosened = 0
     for i, case in enumerate(cases(32, 21, most_levels=8, most_answers=30)):
@@ -298,6 +300,7 @@ def test_where_the_blame_can_be_put_either_way_all_are_named() -> None:
     assert c.values[1] == pytest.approx(0.5, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_violated_names_whom_some_best_fit_violates() -> None:
     several = 0
     for seed in range(30):
@@ -378,6 +381,7 @@ def test_it_keeps_the_contract_where_answers_contradict_each_other(k: int, slack
     assert not c.values.flags.writeable
 
 
+@pytest.mark.slow
 def test_verdicts_depend_on_the_answers_only() -> None:
     """Not on how they were told, nor on what was asked before, alone or in a batch."""
     rng = np.random.default_rng(2)
@@ -418,6 +422,7 @@ def test_what_is_retracted_was_never_told() -> None:
         c.retract("nobody")
 
 
+@pytest.mark.slow
 def test_extreme_answers_turned_round() -> None:
     """As large and as small as floats can be: nothing overflows, and what is decided does not depend on the unit."""
     seen = 0
