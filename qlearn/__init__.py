@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from elicit.asking.elicitation import Audit
+    from qlearn.certificates.loss_bound import Guarantee, loss_bound
     from qlearn.environments.level_rewards import LevelVector, OrdinalReward
     from qlearn.environments.rollout_shares import RolloutShares
     from qlearn.environments.rollouts import rollout_shares
     from qlearn.learners.learner import Learner, Result, Status, drive
-    from qlearn.learners.loss_bound import Guarantee, loss_bound
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
     from qlearn.learners.q_learning_asking_late import LateQLearning
@@ -27,7 +27,7 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.environments.rollout_shares": ("RolloutShares",),
     "qlearn.environments.rollouts": ("rollout_shares",),
     "qlearn.learners.learner": ("Learner", "Result", "Status", "drive"),
-    "qlearn.learners.loss_bound": ("Guarantee", "loss_bound"),
+    "qlearn.certificates.loss_bound": ("Guarantee", "loss_bound"),
     "qlearn.learners.policy_iteration": ("InteractivePolicyIteration",),
     "qlearn.learners.q_learning": ("InteractiveQLearning",),
     "qlearn.learners.q_learning_asking_late": ("LateQLearning",),

@@ -1,9 +1,11 @@
 """MDPs for tests of all folders."""
 
+from typing import Any
+
 import numpy as np
 
-from elicit.model.scale import Floats
-from qlearn import OrdinalMDP, draw_values
+from elicit.model.scale import Floats, values_of
+from qlearn import OrdinalMDP, draw_values, policy_loss
 
 
 def messy_mdp(
@@ -26,3 +28,8 @@ def messy_mdp(
         admissible=admissible,
     )
     return mdp, draw_values(k, seed)
+
+
+def losses_under(mdp: OrdinalMDP, policy: Any, gaps: Floats) -> Floats:
+    """Return the policy's greatest loss under each column of gaps, by solving the MDP for each."""
+    return np.array([policy_loss(mdp, policy, values_of(np.maximum(g, 1e-9))).max() for g in gaps.T])

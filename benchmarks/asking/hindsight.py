@@ -31,7 +31,9 @@ from elicit.asking.bags import says_left
 from elicit.model.comparator import best_guess, simultaneous_bounds
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, tail_sums
-from qlearn.learners.loss_bound import Advantages, advantages, collected, guarantee
+from qlearn.certificates.advantages import Advantages, advantages
+from qlearn.certificates.collected_total import collected
+from qlearn.certificates.loss_bound import guarantee
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
 

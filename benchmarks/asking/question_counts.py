@@ -28,9 +28,9 @@ from benchmarks.reporting import save, with_interval
 from benchmarks.stamps import sources
 from elicit.model.scale import Floats
 from qlearn import strategies
+from qlearn.certificates.loss_bound import loss_bound
 from qlearn.experiments.parallel import Cell, sweep
 from qlearn.learners.learner import Learner
-from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.q_learning_asking_late import LateQLearning

@@ -21,8 +21,8 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
+from qlearn.certificates.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.learners.action_pair_kernel import AnswersInLoops
-from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 R_co = TypeVar("R_co", covariant=True)

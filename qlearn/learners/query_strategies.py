@@ -26,10 +26,10 @@ from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.asking.bags import Bags, entropy, says_left
 from elicit.asking.elicitation import Elicitation, Pair, Place
-from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.lp.region import Region
-from elicit.model.comparator import Comparator, draws_in, lapse_of, simultaneous_bounds
+from elicit.lp.hit_and_run import Draws
+from elicit.model.comparator import Comparator, lapse_of, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
+from qlearn.certificates.drawn_scales import draws_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +129,6 @@ def strategy_of(choice: Strategy | str) -> Strategy:
     known = choice in STRATEGIES if isinstance(choice, str) else callable(choice)
     require(known, "strategy", wanted, choice)
     return STRATEGIES[choice] if isinstance(choice, str) else choice
-
-
-def draws_of(comparator: Comparator) -> Draws:
-    """A comparator's ``draws``, or draws from all ordered scales where it has none."""
-    own = draws_in(comparator)
-    if own is not None:
-        return Draws(*own)
-    p = comparator.k - 1
-    return draws_within(Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, np.int64)), np.full(p, 1.0 / p))
 
 
 def worth_asking(

@@ -17,6 +17,7 @@ from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Told
 from elicit.model.comparator import Comparator, Tier
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
+from qlearn.certificates.loss_bound import loss_bound
 from qlearn.learners.learner import (
     Learner,
     Result,
@@ -27,7 +28,6 @@ from qlearn.learners.learner import (
     pair_of,
     state_of,
 )
-from qlearn.learners.loss_bound import loss_bound
 from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
 from qlearn.learners.state_sweep import StateSweep
 from qlearn.mdp.backup import model_of, q_of

@@ -27,13 +27,13 @@ from elicit.model.comparator import (
 )
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums, values_of
+from qlearn.certificates.drawn_scales import draws_of
 from qlearn.environments.rollout_shares import STANDARD_ERRORS, RolloutShares
 from qlearn.learners.learner import check_tolerance
 from qlearn.learners.query_strategies import (
     Candidates,
     Strategy,
     best,
-    draws_of,
     simple_pair,
     strategy_of,
     telling_violation,

@@ -17,8 +17,10 @@ from elicit._support.validation import require
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.model.comparator import Comparator, StatesConfidence, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
+from qlearn.certificates.drawn_losses import upper_quantile
+from qlearn.certificates.drawn_scales import drawn_set
+from qlearn.certificates.loss_bound import Guarantee
 from qlearn.environments.rollout_shares import STANDARD_ERRORS
-from qlearn.learners.loss_bound import Guarantee, drawn_set, upper_quantile
 from qlearn.training.reachable_set import ReachableSet
 from qlearn.training.training_result import TrainedPolicy
 

@@ -12,7 +12,7 @@ from elicit.asking.elicitation import Audit
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answers
 from elicit.model.scale import Floats
-from qlearn.learners.loss_bound import Guarantee
+from qlearn.certificates.loss_bound import Guarantee
 
 
 class TrainingStatus(Enum):

@@ -23,6 +23,8 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit",),  # the modules at the top, and __init__ itself
     ("qlearn.mdp", "qlearn.environments"),
     ("qlearn.problems",),
+    ("qlearn.certificates",),
+    ("qlearn.learners.rounds",),
     ("qlearn.learners",),
     ("qlearn.training",),
     ("qlearn.experiments",),

@@ -1,0 +1,59 @@
+"""Rounds of policy iteration that look at every state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from elicit._support.fixed_order import product
+from elicit.model.comparator import Comparator, best_guess
+from elicit.model.scale import Floats
+from qlearn.certificates.advantages import Advantages, advantages
+from qlearn.certificates.loss_bound import Guarantee, guarantee
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import optimal_policy
+
+_TIE = 1e-13  # gains up to this are rounding
+
+
+class ExactRounds:
+    """Rounds for a model of up to some thousands of states.
+
+    A round solves for a policy that is optimal for the central scale, takes all advantages over it, and bounds its
+    loss."""
+
+    def __init__(self, mdp: OrdinalMDP, enough: float) -> None:
+        self._mdp = mdp
+        self._enough = enough
+        self._over: Advantages | None = None
+        self.rounds = 0  # policies solved for so far
+
+    def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """Return the advantages that questions may be about, and the loss bound, inf if it exceeds what is enough."""
+        values, over = best_guess(comparator), self._over
+        if over is None or self._changes(over, values):
+            start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
+            over = advantages(self._mdp, optimal_policy(self._mdp, values, start))
+        self._over, self.rounds = over, self.rounds + 1
+        return self.look_further(comparator)
+
+    @staticmethod
+    def _changes(over: Advantages, values: Floats) -> bool:
+        """Return whether ``optimal_policy`` would find another policy for this scale.
+
+        It does if an action is better than the policy's, or as good and earlier in order."""
+        gain = product(over.d, values)
+        return bool(((gain > _TIE) | ((gain >= -_TIE) & (over.actions < over.policy[over.states]))).any())
+
+    def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """Return the same without solving again: a round has already looked at everything."""
+        over = self.everything()
+        return over, guarantee(self._mdp, over, comparator, self._enough)
+
+    def everything(self) -> Advantages:
+        """Return all advantages over the current policy."""
+        assert self._over is not None, "no round yet"
+        return self._over
+
+    def some_of(self, over: Advantages) -> Advantages:
+        """Return the advantages from which audits are drawn: all of them."""
+        return over

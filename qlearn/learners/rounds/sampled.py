@@ -1,0 +1,128 @@
+"""Rounds of policy iteration that look at a sample of the states until the sample cannot refute the bound."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.fixed_order import product
+from elicit._support.hashing import Seed, key_of
+from elicit.decision.votes import LEVEL_ROUNDING
+from elicit.model.comparator import Comparator, best_guess
+from elicit.model.scale import Floats, tail_sums
+from qlearn.certificates.advantages import Advantages, advantages
+from qlearn.certificates.box_bounds import bounds_of_many
+from qlearn.certificates.collected_total import collected
+from qlearn.certificates.drawn_losses import most_of
+from qlearn.certificates.drawn_scales import drawn_set, draws_of
+from qlearn.certificates.loss_bound import Guarantee, guarantee
+from qlearn.learners.rounds.tuning import TUNING
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+from qlearn.mdp.planning import backed_up, rewarded
+from qlearn.mdp.warm_planning import nearly_optimal, nearly_valued
+
+
+class SampledRounds:
+    """Rounds for a large model: approximate solutions, improved from the last ones."""
+
+    def __init__(self, mdp: OrdinalMDP, enough: float, seed: Seed) -> None:
+        self._mdp = mdp
+        self._enough = enough
+        self._key = key_of(seed)
+        self._worth = np.full(mdp.n_states, 0.5)  # (S,) values under the last central scale
+        self._policy: NDArray[np.int64] | None = None
+        self._v: Floats | None = None  # (S, k) the policy's value, approximately
+        self._total = np.zeros(mdp.n_states)  # the most that can be collected, by the last bounds
+        small = mdp.n_states <= TUNING.slow
+        self._most = TUNING.questions_a_solution if small else TUNING.questions_a_slow_solution
+        self._error = TUNING.error * enough
+        self.rounds = 0  # policies solved for so far
+        self._asked = 0  # rounds with the current policy
+        self._pool: Advantages | None = None
+        self._all: Advantages | None = None
+
+    def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """Return what ``ExactRounds.round`` does. The bound may be inf also because it was not computed."""
+        self._asked += 1
+        if self._pool is None or self._asked >= self._most or not self._in_vain(self._pool, comparator):
+            self._solve(best_guess(comparator))
+            sample = self._sample()
+            self._pool = advantages(self._mdp, self._kept(), self._v, sample)
+            if not self._too_much(self._pool, comparator):
+                return self.look_further(comparator)
+        return self._pool, Guarantee(np.inf, np.nan)
+
+    def _in_vain(self, pool: Advantages, comparator: Comparator) -> bool:
+        """Return whether these advantages alone show that the current policy's bound is still too large."""
+        if self._too_much(pool, comparator):
+            return True
+        if self._all is None or drawn_set(comparator) is not None:
+            return False  # a sample, or drawn scales, cannot show more
+        high, _ = bounds_of_many(comparator, pool.d)
+        total = collected(self._mdp, pool, high, self._total, self._error)
+        return bool(total.max(initial=0.0) > self._enough)
+
+    def everything(self) -> Advantages:
+        """Return all advantages over the current policy."""
+        if self._all is None:
+            self._all = advantages(self._mdp, self._kept(), self._v)
+        return self._all
+
+    def some_of(self, over: Advantages) -> Advantages:
+        """Return the advantages from which audits are drawn: those of a sample of the states."""
+        return advantages(self._mdp, self._kept(), self._v, self._sample())
+
+    def _kept(self) -> NDArray[np.int64]:
+        """Return the current policy."""
+        assert self._policy is not None, "no round yet"
+        return self._policy
+
+    def _solve(self, values: Floats) -> None:
+        """Find a policy for the central scale.
+
+        An action of the last policy stays if it is as good as the new one. If all stay, V stays too: otherwise pairs
+        that differ by rounding only would be asked about again."""
+        mdp, little = self._mdp, self._error
+        gain, ends = rewarded(mdp, values)
+        self._worth, policy, _ = nearly_optimal(mdp, gain, ends, self._worth, little)
+        last = self._policy
+        if last is not None:
+            q, rows = backed_up(mdp, gain, ends, self._worth), np.arange(mdp.n_states)
+            policy = np.where(q[rows, last] >= q[rows, policy] - little * (1 - mdp.discount), last, policy)
+        if last is None or (policy != last)[~mdp.terminal].any():
+            self._v = nearly_valued(mdp, policy, self._v, little * (1 - mdp.discount))
+            self._policy, self._all = policy, None
+        self.rounds, self._asked = self.rounds + 1, 0
+
+    def _sample(self) -> NDArray[np.int64]:
+        n = self._mdp.n_states
+        rng = np.random.default_rng((self._key, self.rounds))
+        return np.sort(rng.choice(n, min(n, TUNING.sample), replace=False))
+
+    def _too_much(self, over: Advantages, comparator: Comparator) -> bool:
+        """Return whether too many draws refute the bound.
+
+        A draw does if some alternative, taken once, gains more than is enough. Then no bound can be small enough, and
+        these alternatives are what to ask about."""
+        draws, trusted = draws_of(comparator), drawn_set(comparator)
+        scores = product(tail_sums(over.d), draws.gaps)
+        too_much = scores > self._enough
+        too_much[scores.min(axis=1) >= 0] = False  # all draws agree on these: the next policy takes them
+        beyond = product(too_much.any(axis=0), draws.weights)
+        return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
+
+    def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
+        """Bound all advantages, over a policy for the central scale, and keep those with the greatest bounds."""
+        if self._asked:
+            self._solve(best_guess(comparator))
+        mdp, over, trusted = self._mdp, self.everything(), drawn_set(comparator)
+        if trusted is None:
+            high, confidence = bounds_of_many(comparator, over.d)
+            self._total = collected(mdp, over, high, self._total, self._error)
+            found = Guarantee(float(self._total.max(initial=0.0)), confidence)
+        else:
+            found = guarantee(mdp, over, comparator, self._enough)
+            high = most_of(over.d, trusted[0].gaps, axis=1)
+        rows = np.argsort(-high, kind="stable")[: TUNING.pool]
+        self._pool = over.only(np.sort(rows))
+        return self._pool, found

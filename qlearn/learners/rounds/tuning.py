@@ -1,0 +1,32 @@
+"""Settings of policy iteration that trade questions for CPU time. Every loss bound holds with any of them."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Which advantages are looked at, and when.
+
+    benchmarks/RESULTS-question-rules.md compares the rules for questions; RESULTS-scale.md and RESULTS-growth.md show
+    the time that large models take.
+    """
+
+    matters: float = 0.5
+    """An advantage counts for a strategy if it exceeds this part of the tolerance. In one state, taken once, it then
+    costs that much. With the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions
+    were asked."""
+
+    signs: int = 12  # advantages, the best to ask about, whose signs a simple question should tell
+    undecided: float = 0.5  # cuts are asked if at most this weight of the scales sees a better action
+    closed: int = 200  # advantages, those with the greatest bounds, that a cut is meant to close
+    close: float = 0.3  # the part of the tolerance to which a cut should bring them down
+
+    sample: int = 1000  # states in a sample
+    pool: int = 4000  # advantages, those with the greatest bounds, that a question may be about
+    questions_a_solution: int = 4  # after which the policy is solved for again
+    questions_a_slow_solution: int = 8  # the same for models of more than ``slow`` states
+    slow: int = 30_000  # states
+    error: float = 0.02  # the part of the tolerance that errors in V and in the bound may use up
+
+
+TUNING = Tuning()
