@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
     from elicit.model.scale_variable import scale_variable
+    from elicit.person.hosts.widget import InterviewWidget as InterviewWidget
     from elicit.person.interview import Interview, Subject
     from elicit.person.session import Session
     from elicit.person.showing import Words
-    from elicit.person.widget import InterviewWidget as InterviewWidget
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -49,7 +49,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
 _LATER = {name: place for place, names in _PLACES.items() for name in names}
-_LATER["InterviewWidget"] = "elicit.person.widget"  # needs an extra, so `from elicit import *` leaves it out
+_LATER["InterviewWidget"] = "elicit.person.hosts.widget"  # needs an extra, so `from elicit import *` leaves it out
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
     "objectives": "elicit.objectives",

@@ -13,7 +13,7 @@ import numpy as np
 
 import elicit
 import qlearn
-from elicit.person.web import WebServer
+from elicit.person.hosts.web import WebServer
 
 LEVELS = ("standing still", "in repair", "slow", "running well")  # worst first
 STATES = ("good", "worn", "broken")

@@ -90,7 +90,7 @@ def served(
     ask: type[Listed] = Listed,
 ) -> Iterator[Any]:
     """A ``WebServer`` of a session that asks these."""
-    from elicit.person.web import WebServer
+    from elicit.person.hosts.web import WebServer
 
     subject = Subject(tuple(labels), words, report=says)
     with (

@@ -53,12 +53,13 @@ from typing import Any
 
 from elicit._support.closing import Closing
 from elicit.model.query import Answer, Query, Verdict
+from elicit.person.asker import AfterAnswer, Asker, Compares
 from elicit.person.background import Background
 from elicit.person.findings import certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
 from elicit.person.report import report_page
-from elicit.person.session import Asker, Compares, Session, SessionStatus, Told
+from elicit.person.session import Session, SessionStatus
 from elicit.person.showing import MOST_ICONS, Shown, Words, near_in_whole_numbers, practice, printable, show
 from elicit.tutors.answer_log import Entry
 
@@ -221,7 +222,7 @@ class Interview(Closing):
     def _compute_beside(self, shown: Shown) -> None:
         """See to it that what is to be known beside a question, which is on the screen now, is computed."""
         session, subject, now = self._session, self._subject, self._beside
-        asker = session.asker
+        asker = session.current_asker()
         if now is not None and now.shown == shown.id and now.asker is asker:
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
@@ -240,7 +241,7 @@ class Interview(Closing):
         self._beside = _Beside(shown.id, asker, ahead, outlook)
         self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
 
-    def _told_ahead(self, asker: Asker, answer: Answer) -> Told | None:
+    def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """The asker after an answer, where that was computed; what else is computed beside is given up."""
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
@@ -322,7 +323,7 @@ class Interview(Closing):
     def _end(self, open_still: bool) -> dict[str, Any]:
         session, subject = self._session, self._subject
         status = session.status()
-        asker = session.asker
+        asker = session.current_asker()
         known = asker.comparator if isinstance(asker, Compares) else None
         return {
             "open": f"There is no finer question of whole numbers. {subject.finer}".strip() if open_still else None,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from threading import Condition
 
 from elicit.model.query import Answer, Query, Verdict
-from elicit.person.session import Asker, Told, tell
+from elicit.person.asker import AfterAnswer, Asker, tell
 
 _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
 
@@ -21,7 +21,7 @@ class LookAhead:
     def __init__(self, asker: Asker, twin: Asker, query: Query, swapped: bool) -> None:
         self.asker, self.query = asker, query
         self._twin, self._swapped = twin, swapped
-        self._told: dict[Verdict | None, Told] = {}
+        self._told: dict[Verdict | None, AfterAnswer] = {}
         self._computing: tuple[Verdict | None] | None = None
         self._changed = Condition()
 
@@ -34,7 +34,7 @@ class LookAhead:
                 self._computing = (verdict,)
             try:
                 asker = copy.deepcopy(self._twin)
-                found = Told(asker, tell(asker, Answer(self.query, verdict, self._swapped)))
+                found = AfterAnswer(asker, tell(asker, Answer(self.query, verdict, self._swapped)))
                 asker.ask()
                 self._told[verdict] = found
             except Exception:
@@ -49,7 +49,7 @@ class LookAhead:
         """Whether it is about the answers to this query of this asker."""
         return asker is self.asker and query.id == self.query.id
 
-    def told(self, asker: Asker, answer: Answer) -> Told | None:
+    def told(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
         """The asker after this answer, which is given away; None where that was not computed. Waits for it where it is
         being computed."""
         if not self.waits_for(asker, answer.query) or answer.swapped != self._swapped:

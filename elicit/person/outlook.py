@@ -16,7 +16,7 @@ from elicit.asking.bags import says_left
 from elicit.model.comparator import Comparator, bounds_of, draws_in, lapse_of, trusted_share
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
-from elicit.person.session import Asker, Compares, tell
+from elicit.person.asker import Asker, Compares, tell
 from elicit.person.showing import Shown, printable
 
 _PLAYS = 12

@@ -162,8 +162,8 @@ def run(
 
 def _served(session: Session, subject: Subject, again: str, host: str, port: int, let_others_in: bool) -> int:
     """The page until Ctrl+C; returns the exit code."""
+    from elicit.person.hosts.web import serve
     from elicit.person.showing import printable
-    from elicit.person.web import serve
 
     try:
         serve(session, subject, host, port, let_others_in=let_others_in)

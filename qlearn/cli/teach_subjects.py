@@ -19,8 +19,8 @@ from elicit.comparators.bradley_terry.particle_comparator import PosteriorCompar
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats
+from elicit.person.asker import MakeAsker
 from elicit.person.interview import Subject
-from elicit.person.session import MakeAsker
 from elicit.person.showing import Words
 from qlearn.experiments.factories import Own
 from qlearn.learners.learner import Result, Status

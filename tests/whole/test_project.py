@@ -20,6 +20,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.tutors",),
     ("elicit.asking",),
     ("elicit.diagnostics", "elicit.person"),
+    ("elicit.person.hosts",),
     ("elicit",),  # the modules at the top, and __init__ itself
     ("qlearn.mdp", "qlearn.environments"),
     ("qlearn.problems",),

@@ -86,7 +86,7 @@ def answered(make: Any, rate: float, back: bool, ahead: int) -> tuple[list[Any],
                 break
             twin = session.twin()
             assert twin is not None
-            look = LookAhead(session.asker, twin, query, False)
+            look = LookAhead(session.current_asker(), twin, query, False)
             assert len([*zip(range(ahead), look.steps(), strict=False)]) == ahead
             session.answer(query.id, says(query).verdict, ahead=look.told)
             if back and number in (3, 7):
@@ -252,7 +252,7 @@ def test_an_asker_that_was_given_is_told_itself() -> None:
         for _ in range(3):
             reads_all(0)
             screen = interview.handle({"do": "answer", "id": screen["question"]["id"], "choice": "a"})
-        assert session.asker is asker
+        assert session.current_asker() is asker
         assert asker.result().asked == 3
 
 
@@ -260,7 +260,7 @@ def test_a_program_that_ends_without_closing_ends_at_once() -> None:
     code = (
         "import time\nfrom elicit import AnswerLog, Session\nfrom elicit.person.interview import Interview, Subject\n"
         "from tests.elicit.person.test_look_ahead import LEVELS, Slow\n"
-        "session = Session(Slow, AnswerLog())\nsession.asker.seconds = 1.0\n"
+        "session = Session(Slow, AnswerLog())\nsession.current_asker().seconds = 1.0\n"
         "interview = Interview(session, Subject(LEVELS))\n"
         "interview.handle({'do': 'practised', 'choice': 'a'})\n"
         "while not Slow.told:\n    time.sleep(0.01)\n"

@@ -305,7 +305,7 @@ def test_interrupted_where_an_answer_contradicts_it_is_marked_once(tmp_path):
         assert session.question() is None
         assert [row[2] for row in told(session.log)] == [True, True, False]
         assert len(session.log[-1].metadata[CONTRADICTS]) == 2
-        assert session.asker.result().answers.ids == session.log.answers().ids
+        assert session.current_asker().result().answers.ids == session.log.answers().ids
         session.close()
         read = AnswerLog.read(session.log.path)
         assert told(read) == told(session.log)
@@ -403,7 +403,7 @@ def test_an_answer_that_was_logged_and_not_told(path, then):
     """It counts once, whether the host tries again, goes on, or dies."""
     session = Session(Telling, path)
     query = session.question()
-    session.asker.fails = True
+    session.current_asker().fails = True
     with pytest.raises(FloatingPointError):
         session.answer(query.id, says(query))
     assert len(session.log) == 1
@@ -421,7 +421,7 @@ def test_an_answer_that_cannot_be_told_can_be_taken_back(path):
     ids = answer(session, 3)
     query = session.question()
     for _ in range(2):
-        session.asker.fails = True
+        session.current_asker().fails = True
         with pytest.raises(FloatingPointError):
             session.answer(query.id, says(query))
         session.undo()
@@ -538,7 +538,7 @@ class Batch:
 
 def test_answers_out_of_order(path):
     with Session(Batch, path) as session:
-        queries = session.asker.ask()
+        queries = session.current_asker().ask()
         for i in (2, 0, 3):
             session.answer(queries[i].id, says(queries[i]))
     with Session(Batch, path) as session:

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, PolytopeComparator, Session, Subject, choose
-from elicit.person import web_app
+from elicit.person.hosts import web_app
+from elicit.person.hosts.web import WebServer
 from elicit.person.interview import Interview
-from elicit.person.web import WebServer
 from elicit.tutors.log_lines import BadLog
 from tests.interpreter import run
 from tests.web_person import Visitor, answer_all
@@ -506,7 +506,7 @@ def test_after_close_nothing_listens_and_the_session_goes_on(session: Session) -
 
 def test_a_missing_package_is_named() -> None:
     code = (
-        "import sys\nfrom elicit.person.web import WebServer\nfor package in ('starlette', 'uvicorn'):\n"
+        "import sys\nfrom elicit.person.hosts.web import WebServer\nfor package in ('starlette', 'uvicorn'):\n"
         "    sys.modules[package] = None\n"
         "    try:\n        WebServer(None, None)\n    except ModuleNotFoundError as error:\n        print(error)\n"
         "    del sys.modules[package]\n"

@@ -1,4 +1,4 @@
-"""The widget speaks the messages of ``elicit.person.widget``, and says what is missing where it cannot."""
+"""The widget speaks the messages of ``elicit.person.hosts.widget``, and says what is missing where it cannot."""
 
 from typing import Any
 

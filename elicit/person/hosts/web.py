@@ -41,7 +41,7 @@ class WebServer(Closing):
         try:
             import uvicorn
 
-            from elicit.person.web_app import Door, Impatient, application
+            from elicit.person.hosts.web_app import Door, Impatient, application
         except ModuleNotFoundError as error:
             raise with_advice(error) from None
         listening = _listening(host, port, let_others_in)

@@ -16,7 +16,7 @@ from elicit.person.interview import Interview, Subject
 from elicit.person.session import Session
 from elicit.person.showing import printable
 
-_PAGE = files("elicit.person") / "page"
+_PAGE = files("elicit.person.hosts") / "page"
 # Several windows, in several browsers perhaps, hear each other's replies: each asks with ids of its own. A letter typed
 # in the widget is no command to the notebook around it, where A and B insert cells and X cuts them; Ctrl+S still is.
 _GLUE = """

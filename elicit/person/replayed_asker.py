@@ -1,0 +1,248 @@
+"""An asker that is kept in step with the answer log of its session.
+
+The log alone says where a session stands. The answers that stand since the asker was last (re)started are told again,
+in order, to a new asker, so that the next question and the end are those of a session that nothing disturbed. An asker
+is restarted where its questions are not those of the log, for example with another comparator, and where an answer is
+withdrawn that others followed. It then knows the earlier answers from the start (``known=``).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from inspect import Parameter, signature
+from typing import Any, NamedTuple
+
+from elicit.model.query import InconsistentAnswers
+from elicit.person.asker import AfterAnswer, Asker, MakeAsker, counts, tell
+from elicit.tutors.answer_log import CONTRADICTS, AnswerLog, Entry
+
+_ANY_NUMBER = Parameter.VAR_POSITIONAL  # of arguments
+_NOT_ITS_QUESTIONS = (
+    "this asker does not ask what the log answers: it was told something already, has another comparator or other "
+    "settings, or an answer was withdrawn. Give Session a function known -> asker in its place, such as lambda known: "
+    "choose(vectors, comparator, known=known)"
+)
+
+
+class _Standing(NamedTuple):
+    """An asker, and how many entries of the log it knows.
+
+    An interruption may come at any line, so these are replaced together."""
+
+    asker: Asker
+    known: int
+    telling: bool = False  # whether it may have been told the next entry already
+    contradicts: list[str] | None = None  # what the next entry contradicts, if it is known to
+    unmarked: list[str] | None = None  # what the last entry known contradicts, until the log says so
+
+
+class ReplayedAsker:
+    """Makes the asker that a log stands for, and tells it what is appended to the log.
+
+    Parameters
+    ----------
+    asker : Asker or MakeAsker
+        A function that makes an asker from the answers it is to know, or a new asker.
+    log : AnswerLog
+    stamp : callable
+        Returns the metadata of a line of the log.
+
+    Raises
+    ------
+    TypeError
+        For something that is neither.
+    ValueError
+        If only a function can go on with this log.
+    """
+
+    def __init__(self, asker: Asker | MakeAsker, log: AnswerLog, stamp: Callable[[], dict[str, Any]]) -> None:
+        self.check(asker)
+        given = isinstance(asker, Asker) and not isinstance(asker, type)
+        self._given: Asker | None = asker if given else None  # type: ignore[assignment]
+        self._make: MakeAsker | None = None if given else asker  # type: ignore[assignment]
+        self._log = log
+        self._stamp = stamp
+        self._stands: _Standing | None = None  # None: the asker is to be made from the log
+
+    @staticmethod
+    def check(asker: Any) -> None:
+        """Raise TypeError for something that neither is an asker nor makes one."""
+        if isinstance(asker, type):
+            _check_makes(asker)
+        elif not isinstance(asker, Asker) and not callable(asker):
+            raise TypeError(
+                f"a session takes a function known -> asker, or an asker with ask, tell and result, not {asker!r}"
+            )
+
+    @property
+    def makes_askers(self) -> bool:
+        """Whether it was given a function that makes an asker, not an asker."""
+        return self._make is not None
+
+    def current(self) -> Asker:
+        """Return the asker, told all that is in the log.
+
+        It is another one after an answer was taken back, and after an answer that was looked ahead to."""
+        if self._stands is None:
+            self._know(self._resumed())
+        self._mark_contradiction()
+        while (now := self._standing_now).known < len(self._log):  # logged, but telling it failed or was interrupted
+            self._tell_next(now)
+            self._mark_contradiction()
+        return self._standing_now.asker
+
+    def go_on_with(self, after: AfterAnswer) -> None:
+        """Take an asker that knows all that is in the log already."""
+        self._stands = _Standing(after.asker, len(self._log), unmarked=after.contradicts)
+
+    def withdraw(self, id: str, metadata: dict[str, Any]) -> None:
+        """Take back the answer to the query of this id, and go on without it.
+
+        Raises ValueError if no answer of this id stands, or if a new asker would be needed and cannot be made."""
+        if self._make is None:
+            raise ValueError(
+                "to take back an answer the session must make a new asker: give Session a function known -> asker, "
+                "such as lambda known: choose(vectors, comparator, known=known)"
+            )
+        known = {entry.answer.query.id for entry in self.standing()[0]}
+        repeat = any(entry.repeat for entry in self._log if entry.answer.query.id == id)
+        before = self._stands
+        if not repeat:  # the asker knows nothing of repeats
+            self._stands = None  # now, for an interruption may come when the answer is taken back already
+        try:
+            self._log.retract(id, **metadata)
+        except Exception:
+            self._stands = before
+            raise
+        if not repeat:
+            # without the last answer, what came before is told again, and its question comes back
+            self._know(self._restarted() if id in known else self._resumed())
+
+    def standing(self) -> tuple[list[Entry], list[Entry]]:
+        """Return the entries that are not withdrawn, without repeats.
+
+        First those that the asker knew when it was made, then those that it was told since."""
+        entries = list(self._log)
+        n = self._log.restarted
+        before, since = ([e for e in some if not e.retracted and not e.repeat] for some in (entries[:n], entries[n:]))
+        return before, since
+
+    @property
+    def _standing_now(self) -> _Standing:
+        assert self._stands is not None
+        return self._stands
+
+    def _know(self, asker: Asker) -> None:
+        """Go on with an asker that knows all that is in the log."""
+        self._stands = _Standing(asker, len(self._log))
+
+    def _tell_next(self, now: _Standing) -> None:
+        """Tell the asker the next entry of the log that it does not know.
+
+        After an interruption this is called again. A query that the asker no longer waits for was then told already."""
+        entry, asker = self._log[now.known], now.asker
+        if entry.repeat or entry.retracted:
+            self._stands = _Standing(asker, now.known + 1)
+            return
+        if any(query.id == entry.answer.query.id for query in asker.ask()):
+            self._stands = now = now._replace(telling=True)
+            if now.contradicts is None:
+                try:
+                    asker.tell([entry.answer])
+                except InconsistentAnswers as error:
+                    self._stands = now = now._replace(contradicts=[name for _, name in error.answers])
+            if now.contradicts is not None:
+                asker.tell([entry.answer], "drop")
+        elif not now.telling and counts(entry):  # it was in place of a query, or comes from elsewhere
+            if self._make is None:
+                raise ValueError(_NOT_ITS_QUESTIONS)
+            self._stands = None
+            self._know(self._restarted())
+            return
+        self._stands = _Standing(asker, now.known + 1, unmarked=now.contradicts)
+
+    def _mark_contradiction(self) -> None:
+        """Mark the last entry that the asker knows as unused, if it had to be dropped."""
+        now = self._standing_now
+        if now.unmarked is not None:
+            last = self._log[now.known - 1]
+            if last.used:
+                self._mark_unused(last.answer.query.id, now.unmarked)
+            self._stands = now._replace(unmarked=None)
+
+    def _mark_unused(self, id: str, contradicts: Sequence[str]) -> None:
+        self._log.mark_unused(id, **{CONTRADICTS: [name for name in contradicts if name != id]})
+
+    def _resumed(self) -> Asker:
+        """Return an asker that stands where the log does."""
+        before, since = self.standing()
+        if self._make is None:
+            assert self._given is not None
+            if not before and self._told_again(self._given, since):
+                return self._given
+            raise ValueError(_NOT_ITS_QUESTIONS)
+        try:
+            asker = self._made(before)
+        except InconsistentAnswers:  # with another comparator, perhaps
+            return self._restarted()
+        return asker if self._told_again(asker, since) else self._restarted()
+
+    def _told_again(self, asker: Asker, entries: Sequence[Entry]) -> bool:
+        """Tell an asker these entries, and return whether it asks the same questions."""
+        for entry in entries:
+            id = entry.answer.query.id
+            if id not in {query.id for query in asker.ask()}:
+                if counts(entry):
+                    return False
+                continue  # a practice question, say
+            contradicts = tell(asker, entry.answer)
+            if contradicts is None and not entry.used:
+                return False
+            if contradicts is not None and entry.used:  # a crash came between
+                self._mark_unused(id, contradicts)
+        return True
+
+    def _restarted(self) -> Asker:
+        """Return an asker that knows all that stands, except what contradicts the rest, and mark that in the log."""
+        before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
+        known = [replace(entry, used=True) if counts(entry) else entry for entry in before]
+        contradicts: dict[int, list[str]] = {}
+        while True:
+            try:
+                asker = self._made(known)
+                break
+            except InconsistentAnswers as error:
+                names = [name for _, name in error.answers]
+                told = [i for i, entry in enumerate(known) if entry.used and entry.answer.verdict is not None]
+                last = next((i for i in reversed(told) if known[i].answer.query.id in names), None)
+                if last is None:
+                    raise
+                known[last], contradicts[last] = replace(known[last], used=False), names
+        for i, (was, entry) in enumerate(zip(before, known, strict=True)):
+            if was.used and not entry.used:
+                self._mark_unused(entry.answer.query.id, contradicts[i])
+            elif entry.used and not was.used:
+                self._log.mark_used(entry.answer.query.id)
+        self._log.mark_restart(**self._stamp())
+        return asker
+
+    def _made(self, known: list[Entry]) -> Asker:
+        assert self._make is not None
+        asker = self._make(list(known))
+        if not isinstance(asker, Asker):
+            raise TypeError(f"the function given to Session must return what has ask, tell and result, not {asker!r}")
+        return asker
+
+
+def _check_makes(asker: type) -> None:
+    """Raise TypeError for a class that cannot be called with the known answers alone."""
+    try:
+        takes = list(signature(asker).parameters.values())
+        signature(asker).bind([])
+    except (TypeError, ValueError):
+        takes = []
+    if not takes or (isinstance(asker, Asker) and takes[0].name != "known" and takes[0].kind is not _ANY_NUMBER):
+        name = asker.__name__
+        raise TypeError(
+            f"a session takes an asker, or a function known -> asker, but {name} is a class: make one, "
+            f"{name}(...), or give a function that does, lambda known: {name}(..., known=known)"
+        )
