@@ -68,6 +68,16 @@ def exact_dot(t: Iterable[Any], g: Iterable[Any]) -> Fraction:
     return sum((Fraction(a) * Fraction(b) for a, b in zip(t, g, strict=True)), Fraction())
 
 
+def rounded_to_total(parts: Floats, digits: int = 0) -> Floats:
+    """Round parts (k,) to so many decimals and keep their total, itself rounded: the largest remainders go up."""
+    unit = 10.0**digits
+    exact = np.round(parts * unit, 6)  # a part that is whole but for float error stays as it is
+    counts = np.floor(exact)
+    missing = round(float(exact.sum())) - int(counts.sum())
+    counts[np.argsort(counts - exact, kind="stable")[:missing]] += 1
+    return np.asarray(counts / unit)
+
+
 def normalise(values: ArrayLike) -> Floats:
     """The scale (k,) as (values - values[0]) / (values[-1] - values[0]). Raises ValueError unless
     values are k >= 2 finite, strictly increasing numbers."""

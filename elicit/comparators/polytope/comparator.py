@@ -19,7 +19,7 @@ from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
 from elicit.decision.verdicts import decide_by
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.lp.infeasibility import Contradiction
+from elicit.lp.infeasibility import contradiction
 from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import ALLOWANCE, TIE, Decisions, Verdicts, check_answers, check_levels, check_tie
@@ -89,7 +89,7 @@ class PolytopeComparator:
         try:
             new._set = self._set.cut(*answer_rows(answers, len(self.answers), self.tie))
         except Empty as empty:
-            raise Contradiction(empty.region, empty.proof, new.answers) from None
+            raise contradiction(empty.region, empty.proof, new.answers) from None
         if self._wide is self._set and (self.tie == 0 or (answers.y != 0).all()):
             new._wide = new._set
         else:
