@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import partial
 
 import numpy as np
@@ -149,6 +150,7 @@ class InteractivePolicyIteration(Learner):
         self._cuts = wanted and bags is None and batch == 1
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
+        self._seen_between: tuple[Comparator, _Exactly | _Nearly, Advantages, Guarantee] | None = None
 
     def _go_on(self) -> tuple[Query, ...]:
         if self._end is not None:
@@ -179,19 +181,36 @@ class InteractivePolicyIteration(Learner):
 
     @one_thread
     def result(self) -> Result:
-        """The policy for the central scale, what it can lose, and the counts so far. ``decided`` counts the present
-        policy's alternatives by what settled them, and the questions."""
-        over, found = self._round()
+        """Return the policy for the central scale, what it can lose, and the counts so far.
+
+        ``decided`` counts the present policy's alternatives by what settled them, and the questions. Asking for a
+        result changes no later question.
+        """
+        solver, over, found = self._present()
         comparator = self._elicitation.comparator
         in_full = partial(_in_full, found, self._mdp, over, comparator)
-        looked_at = over if self._end is None else self._solver.everything()
+        looked_at = over if self._end is None else solver.everything()
         settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
         shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
         policy = over.policy.copy()
-        return self._result(self._mdp, policy, shares, self._end, self._solver.rounds, more=settled, guarantee=in_full)
+        return self._result(self._mdp, policy, shares, self._end, solver.rounds, more=settled, guarantee=in_full)
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
         """Has no effect: each question is asked and logged, also by a comparator that never learns."""
+
+    def _present(self) -> tuple[_Exactly | _Nearly, Advantages, Guarantee]:
+        """Return the solver after a round with what is known now, and that round.
+
+        While only some of several questions are answered, ``ask`` will never see this comparator. A round of the
+        learner's own solver would then change its next questions, so a copy makes it.
+        """
+        comparator = self._elicitation.comparator
+        if not self._elicitation.pending or (self._found is not None and self._found[0] is comparator):
+            return self._solver, *self._round()
+        if self._seen_between is None or self._seen_between[0] is not comparator:
+            solver = copy(self._solver)  # a round puts new arrays in the place of old ones, and writes into none
+            self._seen_between = comparator, solver, *solver.round(comparator)
+        return self._seen_between[1:]
 
     def _round(self) -> tuple[Advantages, Guarantee]:
         """The policy for the central scale, and the bound on its loss, which is only right about being enough."""
