@@ -7,7 +7,8 @@
 
 Each raises AssertionError with what was asked, what came back, and what the contract says.
 
-A comparator must have five members, and needs no more to work in every learner, in ``choose`` and in every report:
+A comparator must have five members, and needs no more to work in every learner, in ``choose`` and in every report
+(``elicit.as_differences(d, k)`` makes an array of what its methods are given, and refuses what is none):
 
     k                       the number of levels
     values                  (k,) the best single guess at the scale, from 0 to 1, not decreasing, the same each time
@@ -20,7 +21,7 @@ It may have more, of which use is then made (the Protocols in ``elicit.model.com
 
     simultaneous_bounds(d)  upper bounds (n,) on d.e that hold for all rows at once, and the confidence that they do.
                             Without them what a policy may lose is bounded by ``bounds``, with a confidence of nan, and
-                            policy iteration ends BOUNDED, not CONVERGED
+                            policy iteration and value iteration end BOUNDED, not CONVERGED
     draws                   plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now. Questions
                             are chosen by them; without them by scales drawn from all ordered ones
     level                   beside ``draws``, if the bounds rest on them: the weight of draws that a verdict needs. The
@@ -198,11 +199,16 @@ def _check_errors(comparator: Comparator, d: Floats) -> None:
     for method, argument, what in (*calls, (comparator.update, Answers.none(k + 1), f"update with {k + 1} levels")):
         try:
             method(argument)
-        except ValueError:
+        except (ValueError, TypeError):
             continue
         except Exception as error:
-            raise AssertionError(f"{what} must raise ValueError, not {type(error).__name__}: {error}") from error
-        raise AssertionError(f"{what} must raise ValueError")
+            raise AssertionError(
+                f"{what} must raise ValueError or TypeError, not {type(error).__name__}: {error}; "
+                "elicit.as_differences(d, k) checks differences for you"
+            ) from error
+        raise AssertionError(
+            f"{what} must raise ValueError or TypeError; elicit.as_differences(d, k) checks differences for you"
+        )
 
 
 def _check_verdicts(comparator: Comparator, d: Floats) -> None:

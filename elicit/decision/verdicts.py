@@ -10,14 +10,14 @@ from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, ru
 from elicit.decision.judge_kernel import judge_all
 from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
+from elicit.model.scale import Floats, as_differences, dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
     """``comparator.compare(d)`` of differences d (n, k), with the tiers (n,). Of a comparator without a rule, what is
     neither equal nor dominated counts as MODEL."""
-    rows = as_vectors(d, comparator.k)
+    rows = as_differences(d, comparator.k)
     if compares_by_rule(type(comparator)):
         return decide_by(rule_of(comparator), rows, comparator.settle if isinstance(comparator, Settling) else None)
     verdicts = _checked(comparator.compare(rows), comparator, len(rows))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_number, is_whole, require
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
-from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
+from elicit.model.scale import Floats, as_differences, order_bounds, tail_sums
 
 Verdicts = NDArray[np.int8]
 Tiers = NDArray[np.int8]
@@ -104,6 +104,19 @@ class Foretells(Protocol):
         ends of an interval, say) the last is the best guess."""
 
 
+def offers(comparator: object, member: str) -> bool:
+    """Return whether a comparator has an optional member, without computing it.
+
+    ``isinstance`` with a runtime Protocol reads all members before Python 3.12, in an order that changes from process
+    to process: of a property such as ``draws`` it computes the value. A member that is None counts as missing.
+    """
+    kind = type(comparator)
+    if getattr(kind, member, None) is not None or getattr(comparator, "__dict__", {}).get(member) is not None:
+        return True
+    # one that hands on whatever it does not have is asked itself
+    return hasattr(kind, "__getattr__") and getattr(comparator, member, None) is not None
+
+
 def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
     """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi (n,), no nan."""
     found = comparator.bounds(d)
@@ -136,7 +149,7 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
     comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan. None lies beyond
     the bounds that the order of levels gives, but for rounding."""
-    rows = as_vectors(d, comparator.k)
+    rows = as_differences(d, comparator.k)
     if isinstance(comparator, BoundsAllAtOnce):
         found = comparator.simultaneous_bounds(d)
         high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))

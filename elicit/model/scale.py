@@ -32,6 +32,29 @@ def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Flo
     return a
 
 
+def as_differences(d: ArrayLike, k: int) -> Floats:
+    """Return differences of share vectors as an array (n, k) of finite floats: call it first in a comparator's methods.
+
+    Parameters
+    ----------
+    d : array_like
+        (n, k) left - right, one row a comparison. One difference (k,) becomes (1, k).
+    k : int
+        The number of levels.
+
+    Raises
+    ------
+    ValueError
+        If d holds no numbers, has another shape, or is not finite. The message says which row and level.
+
+    Examples
+    --------
+    >>> elicit.as_differences([0.25, -0.5, 0.25], k=3)
+    array([[ 0.25, -0.5 ,  0.25]])
+    """
+    return as_vectors(d, k)
+
+
 def tail_sums(d: Floats) -> Floats:
     """t (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
 

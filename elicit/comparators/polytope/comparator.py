@@ -24,7 +24,7 @@ from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import ALLOWANCE, TIE, Decisions, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, values_of
+from elicit.model.scale import Floats, as_differences, values_of
 
 if TYPE_CHECKING:
     import cvxpy
@@ -103,7 +103,7 @@ class PolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k): the sign of the exact optimum over K_t."""
-        return decide_by(self.rule, as_vectors(d, self.k), self.settle).verdicts
+        return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -118,19 +118,19 @@ class PolytopeComparator:
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over K_t, tight to 1e-9 |d|_1."""
-        return self._set.bounds(as_vectors(d, self.k))
+        return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and with what confidence: 1, for they
         are proven of every scale in K_t (its support function), its ties taken twice as wide. Far cheaper than
         ``bounds``."""
-        return self._wide.greatest(as_vectors(d, self.k)), 1.0
+        return self._wide.greatest(as_differences(d, self.k)), 1.0
 
     @one_thread
     def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
         """The same bounds (n,), up to ``slack``, one or (n,), above them, without linear programs where that shows."""
-        return self._wide.greatest(as_vectors(d, self.k), slack)
+        return self._wide.greatest(as_differences(d, self.k), slack)
 
     @cached_property
     def draws(self) -> Draws:
