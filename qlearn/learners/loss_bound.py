@@ -30,7 +30,7 @@ from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.model.comparator import Comparator, StatesConfidence, draws_in, simultaneous_bounds, trusted_share
+from elicit.model.comparator import Comparator, draws_in, simultaneous_bounds, stated_confidence, trusted_share
 from elicit.model.scale import Floats, tail_sums
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -110,7 +110,7 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
     drawn = drawn_set(comparator)
     if drawn is not None:
         draws, level = drawn
-        confidence = comparator.confidence if isinstance(comparator, StatesConfidence) else level
+        confidence = stated_confidence(comparator, level)
         return Guarantee(loss_over_draws(mdp, over, draws, level, enough), confidence)
     high, confidence = simultaneous_bounds(comparator, over.d)
     return Guarantee(float(collected(mdp, over, high).max(initial=0.0)), confidence)

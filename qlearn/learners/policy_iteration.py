@@ -20,13 +20,12 @@ from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair, Plac
 from elicit.decision.verdicts import decide
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.model.comparator import (
-    BoundsAllAtOnce,
     Comparator,
-    HasDraws,
     Tier,
     Tiers,
     best_guess,
     draws_in,
+    offers,
     simultaneous_bounds,
     trusted_share,
 )
@@ -246,7 +245,7 @@ class InteractivePolicyIteration(Learner):
         elicitation, scores = self._elicitation, candidates.scores
         plain = not (elicitation.unsure or elicitation.cannot_tell or (elicitation.answers.y == 0).any())
         known = elicitation.comparator
-        proven = isinstance(known, BoundsAllAtOnce) and isinstance(known, HasDraws) and drawn_set(known) is None
+        proven = _has_bounds_and_draws(known) and drawn_set(known) is None
         if not (plain and proven) or product((scores > candidates.limit).any(axis=0), candidates.weights) > _UNDECIDED:
             return None
         high = simultaneous_bounds(known, candidates.d)[0]
@@ -299,6 +298,10 @@ class InteractivePolicyIteration(Learner):
         return place(self._mdp, state, int(over.actions[row]), int(over.policy[state]))
 
 
+def _has_bounds_and_draws(comparator: Comparator) -> bool:
+    return offers(comparator, "simultaneous_bounds") and offers(comparator, "draws")
+
+
 def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
     """Raise ValueError where no cut could be asked about, though it was wanted."""
     advice = "leave cuts out, or say cuts=False, to ask about pairs only"
@@ -306,9 +309,7 @@ def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
         raise ValueError(f"cuts=True asks about other questions than bags={bags!r} does: leave bags out, or {advice}")
     if batch != 1:
         raise ValueError(f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}")
-    if trusted_share(comparator) is not None or not (
-        isinstance(comparator, BoundsAllAtOnce) and isinstance(comparator, HasDraws)
-    ):
+    if trusted_share(comparator) is not None or not _has_bounds_and_draws(comparator):
         raise ValueError(
             "cuts=True needs bounds that are proven of every plausible scale, and draws of such scales, which "
             f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or {advice}"

@@ -17,12 +17,11 @@ from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, OnConflict, Pair
 from elicit.model.comparator import (
-    BoundsAllAtOnce,
     Comparator,
-    HasDraws,
     Tier,
     best_guess,
     check_comparator_made,
+    offers,
     simultaneous_bounds,
 )
 from elicit.model.query import Answer, Query, Verdict
@@ -398,12 +397,12 @@ def _check_able(comparator: Comparator) -> None:
     """Raise TypeError for a comparator that cannot bound what no policy has reached, or names no plausible scales."""
     check_comparator_made(comparator)
     name = type(comparator).__name__
-    if not isinstance(comparator, BoundsAllAtOnce):
+    if not offers(comparator, "simultaneous_bounds"):
         raise TypeError(
             f"{name} has no simultaneous_bounds, which bound what no policy has reached, under all plausible scales at "
             "once: take PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
         )
-    if not isinstance(comparator, HasDraws):
+    if not offers(comparator, "draws"):
         raise TypeError(
             f"{name} has no draws, the plausible scales among which the next one to train on is found: take "
             "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
