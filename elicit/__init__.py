@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+from elicit.model.scale import as_differences
 from elicit.model.tutor import Tutor
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ __all__ = [
     "Tutor",
     "Verdict",
     "Words",
+    "as_differences",
     "choose",
     "compare_held_out",
     "decide",

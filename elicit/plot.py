@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator, KeepsAnswers
+from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats, exact_dot, normalise
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def polytope(
     the point. labels (4,): the levels' names, worst first. values (4,): the true scale, in any unit, a star. cuts=False
     leaves out the lines of the last one's answers and prior. Raises ValueError for k other than 4.
     """
-    shown = [comparators] if isinstance(comparators, Comparator) else list(comparators)
+    shown = list(comparators) if isinstance(comparators, Iterable) else [comparators]
     if not shown:
         raise ValueError("polytope needs at least one comparator")
     areas = [_plane(corners(one)) for one in shown]
@@ -357,9 +357,9 @@ def _clipped(area: _Points, row: Floats, limit: Fraction) -> _Points:
 def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Comparator]) -> list[tuple[str, Comparator]]:
     if isinstance(comparators, Mapping):
         return list(comparators.items())
-    several = [comparators] if isinstance(comparators, Comparator) else comparators
+    several = comparators if isinstance(comparators, Iterable) else [comparators]
     kinds = [(type(one).__name__.removesuffix("Comparator"), one) for one in several]
-    return [(f"{kind}, {_count(one)}" if isinstance(one, KeepsAnswers) else kind, one) for kind, one in kinds]
+    return [(f"{kind}, {_count(one)}" if offers(one, "answers") else kind, one) for kind, one in kinds]
 
 
 def _looks(comparators: Sequence[Comparator]) -> list[dict[str, Any]]:

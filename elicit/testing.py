@@ -7,7 +7,8 @@
 
 Each raises AssertionError with what was asked, what came back, and what the contract says.
 
-A comparator must have five members, and needs no more to work in every learner, in ``choose`` and in every report:
+A comparator must have five members, and needs no more to work in every learner, in ``choose`` and in every report
+(``elicit.as_differences(d, k)`` makes an array of what its methods are given, and refuses what is none):
 
     k                       the number of levels
     values                  (k,) the best single guess at the scale, from 0 to 1, not decreasing, the same each time
@@ -20,11 +21,15 @@ It may have more, of which use is then made (the Protocols in ``elicit.model.com
 
     simultaneous_bounds(d)  upper bounds (n,) on d.e that hold for all rows at once, and the confidence that they do.
                             Without them what a policy may lose is bounded by ``bounds``, with a confidence of nan, and
-                            policy iteration ends BOUNDED, not CONVERGED
+                            policy iteration and value iteration end BOUNDED, not CONVERGED
+    rough_bounds(d, slack)  beside it: such bounds, up to ``slack`` above the least there are, in less time. Cuts are
+                            chosen by them; without them by ``simultaneous_bounds``
     draws                   plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now. Questions
                             are chosen by them; without them by scales drawn from all ordered ones
     level                   beside ``draws``, if the bounds rest on them: the weight of draws that a verdict needs. The
                             loss of a policy is then bounded under that share of the draws
+    confidence              beside ``level``: the probability with which guarantees hold that rest on the draws, nan for
+                            none; without it the level
     probability(d)          (n,) the chance that the tutor says left is better; of several arrays the last is the best
                             guess. ``held_out`` scores it; without it there is no log-likelihood
     lapse                   the share of answers given at random, 0 up to 1. Questions are chosen by it; without it 0
@@ -39,7 +44,7 @@ It may have more, of which use is then made (the Protocols in ``elicit.model.com
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,16 +54,14 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import NOTHING, Rule, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
-    AllowsLapses,
-    AllowsTies,
-    BoundsAllAtOnce,
     Comparator,
     Foretells,
     KeepsAnswers,
-    LearnsInSteps,
+    RoughBounds,
     Tier,
-    TrustsDraws,
     draws_in,
+    is_comparator,
+    offers,
     simultaneous_bounds,
 )
 from elicit.model.query import Answer, Answers, Query, Verdict
@@ -76,7 +79,7 @@ def check_comparator(comparator: Comparator, seed: int = 0) -> None:
     dominance does not come first (``AlwaysAsk``, Bradley-Terry with ``dominance=False``) may leave it undecided.
     Raises AssertionError.
     """
-    _say(isinstance(comparator, Comparator), "it must have k, values, bounds, compare and update")
+    _say(is_comparator(comparator), "it must have k, values, bounds, compare and update")
     k = comparator.k
     _say(isinstance(k, (int, np.integer)) and k >= 2, f"k must be a whole number of at least 2, not {k!r}")
     d = sample_differences(k, seed)
@@ -198,11 +201,16 @@ def _check_errors(comparator: Comparator, d: Floats) -> None:
     for method, argument, what in (*calls, (comparator.update, Answers.none(k + 1), f"update with {k + 1} levels")):
         try:
             method(argument)
-        except ValueError:
+        except (ValueError, TypeError):
             continue
         except Exception as error:
-            raise AssertionError(f"{what} must raise ValueError, not {type(error).__name__}: {error}") from error
-        raise AssertionError(f"{what} must raise ValueError")
+            raise AssertionError(
+                f"{what} must raise ValueError or TypeError, not {type(error).__name__}: {error}; "
+                "elicit.as_differences(d, k) checks differences for you"
+            ) from error
+        raise AssertionError(
+            f"{what} must raise ValueError or TypeError; elicit.as_differences(d, k) checks differences for you"
+        )
 
 
 def _check_verdicts(comparator: Comparator, d: Floats) -> None:
@@ -262,27 +270,28 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
 
 def _check_settings(comparator: Comparator) -> None:
     """What is a number, or the answers."""
-    if isinstance(comparator, AllowsLapses):
-        _say(
-            is_number(comparator.lapse, 0, 1),
-            f"lapse, a share of the answers, must be in 0..1, not {comparator.lapse!r}",
-        )
-    if isinstance(comparator, AllowsTies):
-        right = is_number(comparator.tie, 0) and comparator.tie < 1
-        _say(right, f"tie, a share of the value range, must be at least 0 and below 1, not {comparator.tie!r}")
-    if isinstance(comparator, TrustsDraws):
-        right = is_number(comparator.level) and 0 < comparator.level < 1
-        _say(right, f"level, a share of the draws' weight, must lie between 0 and 1, not {comparator.level!r}")
-    if isinstance(comparator, LearnsInSteps):
-        more = comparator.answers_to_next_step
+    known: Any = comparator
+    if offers(known, "lapse"):
+        _say(is_number(known.lapse, 0, 1), f"lapse, a share of the answers, must be in 0..1, not {known.lapse!r}")
+    if offers(known, "tie"):
+        right = is_number(known.tie, 0) and known.tie < 1
+        _say(right, f"tie, a share of the value range, must be at least 0 and below 1, not {known.tie!r}")
+    if offers(known, "level") and offers(known, "draws"):
+        right = is_number(known.level) and 0 < known.level < 1
+        _say(right, f"level, a share of the draws' weight, must lie between 0 and 1, not {known.level!r}")
+    if offers(known, "confidence"):
+        right = is_number(known.confidence, 0, 1) or np.isnan(known.confidence)
+        _say(right, f"confidence, a probability, must be in 0..1, or nan for none, not {known.confidence!r}")
+    if offers(known, "answers_to_next_step"):
+        more = known.answers_to_next_step
         _say(is_whole(more, 1), f"answers_to_next_step must be a whole number of at least 1, not {more!r}")
-    if isinstance(comparator, KeepsAnswers):
-        right = isinstance(comparator.answers, Answers) and comparator.answers.k == comparator.k
-        _say(right, f"answers must be elicit.Answers over k = {comparator.k} levels, not {comparator.answers!r}")
+    if offers(known, "answers"):
+        right = isinstance(known.answers, Answers) and known.answers.k == comparator.k
+        _say(right, f"answers must be elicit.Answers over k = {comparator.k} levels, not {known.answers!r}")
 
 
 def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
-    if not isinstance(comparator, BoundsAllAtOnce):
+    if not offers(comparator, "simultaneous_bounds"):
         return
     high, confidence = _wanted(lambda: simultaneous_bounds(comparator, np.concatenate([d, -d])))
     right = is_number(confidence, 0, 1) or np.isnan(confidence)
@@ -292,6 +301,22 @@ def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
     i = int(np.argmax(crossed))
     said = f"on d = {d[i]} simultaneous_bounds of d and -d say that d.e is at most {upper[i]} and at least {lower[i]}"
     _say(not crossed.any(), f"bounds that hold for all rows at once leave room for some scale, but {said}")
+    if offers(comparator, "rough_bounds"):
+        _check_rough_bounds(cast(RoughBounds, comparator), d, upper)
+
+
+def _check_rough_bounds(comparator: RoughBounds, d: Floats, tight: Floats) -> None:
+    slack = 0.1 * np.abs(d).sum(axis=1)
+    for given in (0.1 * float(np.abs(d).sum(axis=1).min()), slack):
+        high = comparator.rough_bounds(d, given)
+        right = np.shape(high) == (len(d),) and np.asarray(high).dtype == np.float64
+        _say(right, f"rough_bounds of d {d.shape} must be ({len(d)},) float64, not {high!r}")
+        room = _TOLERANCE * np.abs(d).sum(axis=1)
+        # below 0 it does not matter how far: such a difference is settled
+        wrong = (high < tight - room) | (high > np.maximum(tight, 0.0) + given + room)
+        i = int(np.argmax(wrong))
+        said = f"on d = {d[i]} rough_bounds is {high[i]}, and simultaneous_bounds {tight[i]}"
+        _say(not wrong.any(), f"a rough bound lies above the least there is, by the slack at most, but {said}")
 
 
 def _check_draws(comparator: Comparator) -> None:
@@ -302,9 +327,10 @@ def _check_draws(comparator: Comparator) -> None:
 
 
 def _check_probability(comparator: Comparator, d: Floats) -> None:
-    if not isinstance(comparator, Foretells):
+    if not offers(comparator, "probability"):
         return
-    ends = [found if isinstance(found, tuple) else (found,) for found in map(comparator.probability, (d, -d))]
+    probability = cast(Foretells, comparator).probability
+    ends = [found if isinstance(found, tuple) else (found,) for found in map(probability, (d, -d))]
     for part in ends[0]:
         right = np.shape(part) == (len(d),) and ((np.asarray(part) >= 0) & (np.asarray(part) <= 1)).all()
         _say(right, f"probability of d {d.shape} must be ({len(d)},) numbers in 0..1, or a tuple of such, not {part}")
@@ -338,21 +364,22 @@ def _wanted(call: Callable[[], _T]) -> _T:
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:
     """A comparator that has learned what a tutor of its best guess says; checked against the old one."""
     before, bounds, values = comparator.compare(d), comparator.bounds(d), comparator.values.copy()
-    kept = comparator.answers.ids if isinstance(comparator, KeepsAnswers) else ()
+    kept = cast(KeepsAnswers, comparator).answers.ids if offers(comparator, "answers") else ()
     told = d[before == Verdict.UNKNOWN][:12]
     y = np.sign(tail_sums(told) @ np.diff(values)).astype(np.int8)
     told, y = told[y != 0], y[y != 0]
     answers = Answers(told, y, [f"check {i}" for i in range(len(y))]) if len(y) else Answers.none(comparator.k)
     learned = comparator.update(answers)
-    _say(isinstance(learned, Comparator), f"update must return a comparator, not {type(learned).__name__}")
+    _say(is_comparator(learned), f"update must return a comparator, not {type(learned).__name__}")
     _say(learned.k == comparator.k, f"update must keep k = {comparator.k}, not make it {learned.k}")
     _same("after update, the old comparator's compare", comparator.compare(d), "what it said before", before, d)
     for old, new in zip(bounds, comparator.bounds(d), strict=True):
         _near("after update, the old comparator's bounds must be what they were", new, old, d)
     _say((comparator.values == values).all(), "update must not change the old comparator's values")
-    if isinstance(comparator, KeepsAnswers) and isinstance(learned, KeepsAnswers):
-        _say(learned.answers.ids == kept + answers.ids, "answers must be all that it was told, in order")
-        _say(comparator.answers.ids == kept, "update must not change the old comparator's answers")
+    if offers(comparator, "answers") and offers(learned, "answers"):
+        told_before, told_now = cast(KeepsAnswers, comparator).answers, cast(KeepsAnswers, learned).answers
+        _say(told_now.ids == kept + answers.ids, "answers must be all that it was told, in order")
+        _say(told_before.ids == kept, "update must not change the old comparator's answers")
     one_by_one = comparator
     for i in range(len(answers)):
         one_by_one = one_by_one.update(answers[i : i + 1])

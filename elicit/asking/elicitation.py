@@ -33,6 +33,7 @@ from elicit.model.comparator import (
     bounds_of,
     check_answers,
     learn,
+    offers,
     tie_of,
 )
 from elicit.model.pairs import first_of_each_pair
@@ -384,7 +385,8 @@ class Elicitation:
             if not isinstance(known, Iterable):
                 raise TypeError(f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}")
             told = Answers.of([answer for answer in map(self._enter, known) if answer is not None], k)
-        had = Counter(_rows(self.comparator.answers) if isinstance(self.comparator, KeepsAnswers) else ())
+        own = cast(KeepsAnswers, self.comparator).answers if offers(self.comparator, "answers") else None
+        had = Counter(() if own is None else _rows(own))
         new = []
         for i, row in enumerate(_rows(told)):
             had[row] -= 1

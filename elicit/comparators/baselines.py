@@ -12,7 +12,7 @@ from elicit.decision.comparator_rule import Rule, asking, silent
 from elicit.decision.verdicts import decide_by
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, as_differences, order_bounds, tail_sums, values_of
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class _Unlearning:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k)."""
-        return decide_by(self.rule, as_vectors(d, self.k)).verdicts
+        return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Least and greatest d.e (n,) over every ordered scale."""
-        return order_bounds(tail_sums(as_vectors(d, self.k)), 0.0)
+        return order_bounds(tail_sums(as_differences(d, self.k)), 0.0)
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e over every ordered scale, and their confidence, 1."""

@@ -1,6 +1,7 @@
 """Verdicts of any comparator, and the tier that decided each: by its rule, and by itself where that leaves any open."""
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,18 +9,19 @@ from numpy.typing import ArrayLike
 from elicit._support import jit
 from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
 from elicit.decision.judge_kernel import judge_all
-from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts
+from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts, offers
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, as_vectors, dominance, tail_sums
+from elicit.model.scale import Floats, as_differences, dominance, tail_sums
 from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
     """``comparator.compare(d)`` of differences d (n, k), with the tiers (n,). Of a comparator without a rule, what is
     neither equal nor dominated counts as MODEL."""
-    rows = as_vectors(d, comparator.k)
+    rows = as_differences(d, comparator.k)
     if compares_by_rule(type(comparator)):
-        return decide_by(rule_of(comparator), rows, comparator.settle if isinstance(comparator, Settling) else None)
+        settle = cast(Settling, comparator).settle if offers(comparator, "settle") else None
+        return decide_by(rule_of(comparator), rows, settle)
     verdicts = _checked(comparator.compare(rows), comparator, len(rows))
     tiers = np.array([Tier.EQUAL, Tier.DOMINANCE, Tier.MODEL, Tier.DOMINANCE], dtype=np.int8)
     return Decisions(verdicts, tiers[dominance(tail_sums(rows))])  # whose -1, worse, is the last

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, read_log
-from elicit.model.comparator import Comparator, Foretells, learn
+from elicit.model.comparator import Comparator, Foretells, learn, offers
 from elicit.model.pairs import pair_numbers
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dot, tail_sums
@@ -175,8 +175,8 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
         draws = comparator.draws
         each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(t @ draws.gaps * draws.precision)
         chance = each @ draws.weights
-    elif isinstance(comparator, Foretells):
-        found = comparator.probability(d)
+    elif offers(comparator, "probability"):
+        found = cast(Foretells, comparator).probability(d)
         chance = found[-1] if isinstance(found, tuple) else found
     return np.array([comparator.compare(d), dot(t, np.diff(comparator.values)), chance])
 

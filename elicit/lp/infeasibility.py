@@ -1,6 +1,6 @@
 """Contradictory answers: whether a region is empty, and a smallest set of answers that makes it so."""
 
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -28,37 +28,28 @@ def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
     return owners
 
 
-class Contradiction(InconsistentAnswers):
-    """The answers leave the region empty. The minimal set is found when it is first looked at: a learner that
-    drops the latest answer needs only to know that there is a contradiction."""
+def contradiction(region: Region, proof: Vertex, answers: Answers) -> InconsistentAnswers:
+    """Return the error that says that the answers leave the region empty, which this proof shows."""
+    return InconsistentAnswers(partial(_explained, region, proof, answers))
 
-    def __init__(self, region: Region, proof: Vertex, answers: Answers) -> None:
-        ValueError.__init__(self)
-        self._found_in = region, proof, answers
 
-    def __getattr__(self, name: str) -> Any:
-        if name not in ("answers", "margin"):
-            raise AttributeError(name)
-        region, proof, answers = self._found_in
-        owners = minimal_conflict(region, proof)
-        keep = np.isin(region.owner, owners) | (region.owner < 0)
-        self.answers = tuple((row, answers.ids[row]) for row in owners)
-        self.margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
-        return self.__dict__[name]
-
-    def __str__(self) -> str:
-        listed = ", ".join(f"row {row} (id {name})" for row, name in self.answers)
-        said = (
-            f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
-            "correct one of them."
-            if len(self.answers) > 1
-            else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, or the "
-            "prior. Drop or correct it."
-        )
-        if self.margin:
-            allowed = f"the margin {self._found_in[0].margin:g} is above the least gap they allow."
-            said += f" With a margin of 0 they would be consistent: {allowed}"
-        equal = [row for row, _ in self.answers if self._found_in[2].y[row] == 0]
-        if equal:
-            said += " An answer 'equal' is taken to mean |d.e| <= tie: a wider tie may make room for them."
-        return said
+def _explained(region: Region, proof: Vertex, answers: Answers) -> tuple[str, tuple[tuple[int, str], ...], bool]:
+    """Return the sentence, a minimal contradictory set as (row, id) pairs, and whether the margin is a culprit."""
+    owners = minimal_conflict(region, proof)
+    keep = np.isin(region.owner, owners) | (region.owner < 0)
+    found = tuple((row, answers.ids[row]) for row in owners)
+    margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
+    listed = ", ".join(f"row {row} (id {name})" for row, name in found)
+    said = (
+        f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
+        "correct one of them."
+        if len(found) > 1
+        else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, or the "
+        "prior. Drop or correct it."
+    )
+    if margin:
+        allowed = f"the margin {region.margin:g} is above the least gap they allow."
+        said += f" With a margin of 0 they would be consistent: {allowed}"
+    if any(answers.y[row] == 0 for row, _ in found):
+        said += " An answer 'equal' is taken to mean |d.e| <= tie: a wider tie may make room for them."
+    return said, found, margin

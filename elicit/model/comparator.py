@@ -2,14 +2,14 @@
 signs to verdicts."""
 
 from enum import IntEnum
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeGuard, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_number, is_whole, require
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
-from elicit.model.scale import Floats, as_vectors, order_bounds, tail_sums
+from elicit.model.scale import Floats, as_differences, order_bounds, tail_sums
 
 Verdicts = NDArray[np.int8]
 Tiers = NDArray[np.int8]
@@ -40,6 +40,9 @@ ALLOWANCE = 2.0
 
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 """The tiers that rest on the tutor's answers."""
+
+
+_MEMBERS = ("k", "values", "bounds", "compare", "update")
 
 
 @runtime_checkable
@@ -104,6 +107,24 @@ class Foretells(Protocol):
         ends of an interval, say) the last is the best guess."""
 
 
+def offers(comparator: object, member: str) -> bool:
+    """Return whether a comparator has an optional member, without computing it.
+
+    ``isinstance`` with a runtime Protocol reads all members before Python 3.12, in an order that changes from process
+    to process: of a property such as ``draws`` it computes the value. A member that is None counts as missing.
+    """
+    kind = type(comparator)
+    if getattr(kind, member, None) is not None or getattr(comparator, "__dict__", {}).get(member) is not None:
+        return True
+    # one that hands on whatever it does not have is asked itself
+    return hasattr(kind, "__getattr__") and getattr(comparator, member, None) is not None
+
+
+def is_comparator(thing: object) -> TypeGuard[Comparator]:
+    """Return whether a thing has the five members that every comparator has. Computes none of them."""
+    return not isinstance(thing, type) and all(offers(thing, member) for member in _MEMBERS)
+
+
 def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
     """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi (n,), no nan."""
     found = comparator.bounds(d)
@@ -136,9 +157,9 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
     """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
     comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan. None lies beyond
     the bounds that the order of levels gives, but for rounding."""
-    rows = as_vectors(d, comparator.k)
-    if isinstance(comparator, BoundsAllAtOnce):
-        found = comparator.simultaneous_bounds(d)
+    rows = as_differences(d, comparator.k)
+    if offers(comparator, "simultaneous_bounds"):
+        found = cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
         high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
         # what lies beyond the order's bounds, such as inf, says no more than these do; rounding stays as it is
         most, rounding = order_bounds(tail_sums(rows), 0.0)[1], 1e-9 * np.maximum(np.abs(rows).sum(axis=1), 1.0)
@@ -149,8 +170,8 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
 def rough_bounds(comparator: Comparator, d: Floats, slack: float | Floats) -> Floats:
     """``simultaneous_bounds`` (n,) of differences d (n, k), or up to ``slack``, one or (n,), more where that takes less
     time."""
-    if isinstance(comparator, RoughBounds):
-        return comparator.rough_bounds(d, slack)
+    if offers(comparator, "rough_bounds"):
+        return cast(RoughBounds, comparator).rough_bounds(d, slack)
     return simultaneous_bounds(comparator, d)[0]
 
 
@@ -266,17 +287,22 @@ class AllowsTies(Protocol):
 def trusted_share(comparator: object) -> float | None:
     """Return the share of a comparator's draws under which its bounds hold; None where they do not rest on draws.
 
-    Nothing is drawn to find out, as ``isinstance`` may do, which reads all members of a protocol, in an order that
-    changes from process to process (before Python 3.12)."""
-    if not hasattr(comparator, "level") or not hasattr(comparator, "draws"):
+    Nothing is drawn to find out.
+    """
+    if not (offers(comparator, "level") and offers(comparator, "draws")):
         return None
-    return float(comparator.level)
+    return float(cast(TrustsDraws, comparator).level)
+
+
+def stated_confidence(comparator: Comparator, level: float) -> float:
+    """Return the confidence of guarantees under a comparator's draws: its own statement, else the share ``level``."""
+    return cast(StatesConfidence, comparator).confidence if offers(comparator, "confidence") else level
 
 
 def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
     """A comparator's own ``draws``: gaps (p, m), weights (m,) and precisions (m,); None where it has none, or none yet.
     Raises TypeError that says what is wrong with them."""
-    found = comparator.draws if isinstance(comparator, HasDraws) else None
+    found = getattr(comparator, "draws", None)
     if found is None:
         return None
     p = comparator.k - 1
@@ -305,12 +331,12 @@ def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
 
 def tie_of(comparator: Comparator) -> float:
     """The largest |d.e| that the comparator's tutor may call equal: 0 where it does not say."""
-    return float(comparator.tie) if isinstance(comparator, AllowsTies) else 0.0
+    return float(cast(AllowsTies, comparator).tie) if offers(comparator, "tie") else 0.0
 
 
 def lapse_of(comparator: Comparator) -> float:
     """The share of answers that the comparator takes to be given at random: 0 where it does not say."""
-    return float(comparator.lapse) if isinstance(comparator, AllowsLapses) else 0.0
+    return float(cast(AllowsLapses, comparator).lapse) if offers(comparator, "lapse") else 0.0
 
 
 def check_levels(k: int) -> int:
@@ -329,7 +355,7 @@ def check_tie(tie: float) -> float:
 
 def check_comparator_made(comparator: Comparator) -> None:
     """Raise TypeError for anything but a comparator, such as the class of one, and say what it lacks."""
-    lacking = sorted({"k", "values", "bounds", "compare", "update"} - set(dir(comparator)))
+    lacking = sorted(set(_MEMBERS) - set(dir(comparator)))
     if isinstance(comparator, type) or lacking:
         without = f", which has no {', '.join(lacking)}" if lacking else ""
         raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}{without}")

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from operator import index
-from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit.model.pairs import whole_numbers
-from elicit.model.scale import Floats, as_vectors
+from elicit.model.scale import Floats, as_vectors, rounded_to_total
 
 if TYPE_CHECKING:
     from elicit.model.answers_csv import File
@@ -59,21 +59,62 @@ class StaleAnswer(ValueError):
     """The caller's fault: there is no such pending query (answered already, or of another run)."""
 
 
+_Conflict: TypeAlias = tuple[str, tuple[tuple[int, str], ...], bool]
+
+
 class InconsistentAnswers(ValueError):
     """No scale satisfies the answers.
 
-    ``answers`` is a minimal contradictory set as (row, id) pairs: drop any one of them and the rest
-    are consistent. ``margin`` says whether the margin eta is a culprit, that is, whether these
-    answers would be consistent with a margin of zero.
+    Parameters
+    ----------
+    message : str or callable
+        The sentence, or a function that computes it together with the two other parts when one of them is first read.
+        Finding a minimal set can take long, and a learner that drops the latest answer needs none.
+    answers : sequence of (row, id), optional
+        A minimal contradictory set: drop any one of them and the rest are consistent.
+    margin : bool, optional
+        Whether the margin eta is a culprit: whether these answers would be consistent with a margin of zero.
     """
 
-    def __init__(self, message: str, answers: Sequence[tuple[int, str]], margin: bool) -> None:
-        super().__init__(message)
-        self.answers = tuple(answers)
-        self.margin = margin
+    def __init__(
+        self,
+        message: str | Callable[[], _Conflict],
+        answers: Sequence[tuple[int, str]] = (),
+        margin: bool = False,
+    ) -> None:
+        super().__init__()
+        self._find = message if callable(message) else None
+        self._found: _Conflict | None = None
+        if not callable(message):
+            self._found = message, tuple(answers), margin
+            self.args = (message,)
 
-    def __reduce__(self) -> tuple[type[InconsistentAnswers], tuple[str, tuple[tuple[int, str], ...], bool]]:
-        return InconsistentAnswers, (str(self), self.answers, self.margin)
+    def _parts(self) -> _Conflict:
+        if self._found is None and self._find is not None:
+            message, answers, margin = self._find()
+            self._found = message, tuple(answers), margin
+            self.args = (message,)
+        assert self._found is not None
+        return self._found
+
+    @property
+    def answers(self) -> tuple[tuple[int, str], ...]:
+        """A minimal contradictory set, as (row, id) pairs."""
+        return self._parts()[1]
+
+    @property
+    def margin(self) -> bool:
+        """Whether these answers would be consistent with a margin of zero."""
+        return self._parts()[2]
+
+    def __str__(self) -> str:
+        return self._parts()[0]
+
+    def __repr__(self) -> str:
+        return f"InconsistentAnswers({self._parts()[0]!r})"
+
+    def __reduce__(self) -> tuple[type[InconsistentAnswers], _Conflict]:
+        return InconsistentAnswers, self._parts()
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,9 +149,12 @@ class Query:
             object.__setattr__(self, "labels", names)
 
     def __str__(self) -> str:
-        """The question for people to read: shares in percent, rounded to a tenth of the greatest difference or finer,
-        so that what differs is seen to differ; without labels, levels by number, the worst being 1. Other vectors than
-        shares in their own unit."""
+        """Return the question for people to read.
+
+        Shares are in percent, and those of a side total 100. They are rounded to a tenth of the greatest difference or
+        finer, so that what differs is seen to differ. Vectors that are no shares stay in their own unit. Without
+        labels, levels go by number: the worst is 1.
+        """
         both = np.stack([self.left, self.right])
         shares = bool((both >= 0).all() and (np.abs(both.sum(axis=1) - 1.0) <= 1e-9).all())
         unit, factor = ("%", 100.0) if shares else ("", 1.0)
@@ -119,7 +163,8 @@ class Query:
         names = self.labels or [f"level {i + 1}" for i in range(len(self.left))]
         lines = [self.about or "Which is better, left or right?"]
         for side, vector in (("left: ", self.left), ("right:", self.right)):
-            said = [f"{factor * share:.{digits}f}" for share in vector]
+            shown = rounded_to_total(factor * vector, digits) if shares else vector
+            said = [f"{share:.{digits}f}" for share in shown]
             parts = [f"{x}{unit} {name}" for x, name in zip(said, names, strict=True) if float(x)]
             lines.append(f"  {side} {', '.join(parts) or 'nothing'}")
         totals = self.left.sum(), self.right.sum()

@@ -32,6 +32,29 @@ def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Flo
     return a
 
 
+def as_differences(d: ArrayLike, k: int) -> Floats:
+    """Return differences of share vectors as an array (n, k) of finite floats: call it first in a comparator's methods.
+
+    Parameters
+    ----------
+    d : array_like
+        (n, k) left - right, one row a comparison. One difference (k,) becomes (1, k).
+    k : int
+        The number of levels.
+
+    Raises
+    ------
+    ValueError
+        If d holds no numbers, has another shape, or is not finite. The message says which row and level.
+
+    Examples
+    --------
+    >>> elicit.as_differences([0.25, -0.5, 0.25], k=3)
+    array([[ 0.25, -0.5 ,  0.25]])
+    """
+    return as_vectors(d, k)
+
+
 def tail_sums(d: Floats) -> Floats:
     """t (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
 
@@ -66,6 +89,16 @@ def dot(t: Floats, g: Floats) -> Floats:
 def exact_dot(t: Iterable[Any], g: Iterable[Any]) -> Fraction:
     """t.g of tail sums t (k-1,) and gaps g (k-1,), floats or Fractions, without rounding."""
     return sum((Fraction(a) * Fraction(b) for a, b in zip(t, g, strict=True)), Fraction())
+
+
+def rounded_to_total(parts: Floats, digits: int = 0) -> Floats:
+    """Round parts (k,) to so many decimals and keep their total, itself rounded: the largest remainders go up."""
+    unit = 10.0**digits
+    exact = np.round(parts * unit, 6)  # a part that is whole but for float error stays as it is
+    counts = np.floor(exact)
+    missing = round(float(exact.sum())) - int(counts.sum())
+    counts[np.argsort(counts - exact, kind="stable")[:missing]] += 1
+    return np.asarray(counts / unit)
 
 
 def normalise(values: ArrayLike) -> Floats:

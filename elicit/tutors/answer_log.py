@@ -9,9 +9,6 @@ The events: a question was "asked", "answered" (the verdict 0 is "equal", null "
 "withdrawn", or found "unused" for what it contradicts, and "used" once that was withdrawn; and whoever asks has
 "restarted", knowing the answers so far. Nothing is deleted. What is withdrawn are the answers before it that have this
 id, so the query can be answered anew.
-
-Logs of version 1, which had no checksums, are read, and continued after one line that seals what was there. Programs
-that know only version 1 stop at that line with BadLog, instead of misreading what follows.
 """
 
 import json
@@ -36,14 +33,12 @@ from elicit.tutors.log_lines import (
     damage,
     json_of,
     parse,
-    sealed,
     with_check,
 )
 
 T = TypeVar("T")
 
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
-_RETRACT = "retract"  # in a log of version 1, what names the id of the answer that is withdrawn
 EXPECTED = "expected"
 """The metadata of an audit's answer: the verdict that the other answers imply; of a repeat's: the first answer's."""
 REPEATS = "repeats"
@@ -121,7 +116,7 @@ class AnswerLog(Closing):
         given = {**fixed, **({} if k is None else {"k": k}), **(header or {})}
         if header and not {*fixed, "k", CHECK}.isdisjoint(header):
             raise ValueError(f"a header's format, version, k and check are not free fields: {dict(header)}")
-        self._path = None if path is None else Path(path)
+        self._path = None if path is None else _as_path(path)
         self._header: dict[str, Any] = json.loads(json_of(given, "header"))
         self._entries: list[Entry] = []
         self._asked: list[Asked] = []
@@ -142,10 +137,17 @@ class AnswerLog(Closing):
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], faults: list[BadLog] | None = None) -> Self:
-        """The log in a file, for reading only; the file is not touched, nor locked. With a list for ``faults`` damaged
-        lines are left out and told there; without, the first one raises. Raises BadLog, FileNotFoundError."""
+        """Return the log in a file, for reading only; the file is not touched, nor locked.
+
+        Where a line was changed or is missing, nothing after it can be trusted. Without ``faults`` that raises. With a
+        list for ``faults`` the log holds what stands before, and the error is put into the list; so is that of a line
+        that is as it was written, but says what cannot be, and only this line is left out.
+
+        Raises BadLog, FileNotFoundError, and TypeError for what is no path.
+        """
+        path = _as_path(path)
         log = cls()
-        log._path, log._read_only = Path(path), True
+        log._path, log._read_only = path, True
         log._load(log._path, read_bytes(log._path), faults)
         return log
 
@@ -185,14 +187,9 @@ class AnswerLog(Closing):
 
     @property
     def checksum(self) -> str | None:
-        """That of the last line on the disk; None where it has none."""
+        """Checksum of the last line on the disk; None of an empty file and of a log in memory."""
         self._finish()
-        return self._lines.check
-
-    @property
-    def checked(self) -> bool:
-        """Whether checksums cover all of it: not so of a file of version 1 before it is continued."""
-        return self.checksum is not None
+        return self._lines.check or None
 
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
         """Add an answer; when this returns it is on the disk, and when it raises nothing has changed. Only an
@@ -306,20 +303,17 @@ class AnswerLog(Closing):
         if not self._lines.kept:
             first, check = with_check(json_of(header, "header"), "")
             data += first
-        elif check is None:
-            seal, check = sealed(file.content[: self._lines.kept] + self._lines.joint)
-            data += seal
-        line, check = with_check(text, check or "")
+        line, check = with_check(text, check)
         return data + line, Lines(kept=self._lines.kept + len(data) + len(line), check=check)
 
     def _load(self, path: Path, data: bytes, faults: list[BadLog] | None) -> None:
-        found: list[BadLog] = []
-        lines = parse(data, path, found)
+        lines = parse(data, path)
+        found = [] if lines.damage is None else [lines.damage]
         if lines.header is not None:
             self._header = _agreed(lines.header, self._header, path)
-        for number, checked, fields in lines.lines:
+        for number, fields in lines.lines:
             try:
-                self._event(*(_parts(fields) if checked else _parts_1(fields)))()
+                self._event(*_parts(fields))()
             except (ValueError, TypeError, KeyError, AttributeError) as error:
                 why = f"it has no field {error}" if isinstance(error, KeyError) else str(error)
                 found.append(damage(path, number, data.split(b"\n", number)[number - 1], why))
@@ -359,6 +353,15 @@ class AnswerLog(Closing):
         self._restarted = len(self._entries)
 
 
+def _as_path(path: object) -> Path:
+    """Return a path given as text or as a path. Raises TypeError that says what to write in place of anything else."""
+    try:
+        return Path(path)  # type: ignore[arg-type]
+    except TypeError:
+        advice = f": the number of levels is k={path}" if type(path) is int else ""
+        raise TypeError(f"path must be the name of a file, or None for a log in memory, not {path!r}{advice}") from None
+
+
 def _end_with(items: list[T], n: int, last: T) -> None:
     """Put an item behind the first n; twice comes to the same as once."""
     items[n:] = [last]
@@ -368,23 +371,10 @@ def _fields_of(query: Query) -> dict[str, Any]:
     return {"id": query.id, "left": query.left.tolist(), "right": query.right.tolist(), "about": query.about}
 
 
-def _parts(fields: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
+def _parts(fields: dict[str, Any]) -> tuple[str, dict[str, Any], dict[str, Any]]:
     """A parsed line: its event, its fields, and the caller's metadata."""
-    if not isinstance(fields, dict):
-        raise ValueError("it is no JSON object")
     told = {name: fields[name] for name in fields if name not in _FIELDS and name != EVENT}
     return fields[EVENT], {name: fields[name] for name in _FIELDS if name in fields}, told
-
-
-def _parts_1(fields: Any) -> tuple[str, dict[str, Any], dict[str, Any]]:
-    """The same of a line of version 1, which does not name its event."""
-    if not isinstance(fields, dict):
-        raise ValueError("it is no JSON object")
-    if _RETRACT in fields and fields.keys().isdisjoint(_FIELDS):
-        told = {name: fields[name] for name in fields if name != _RETRACT}
-        return "withdrawn", {"id": fields[_RETRACT]}, told
-    told = {name: fields[name] for name in fields if name not in _FIELDS}
-    return "answered", {name: fields[name] for name in _FIELDS if name in fields}, told
 
 
 def _entry(query: Query, fields: Mapping[str, Any], metadata: Mapping[str, Any]) -> Entry:

@@ -16,11 +16,8 @@ FORMAT = "elicit answers"
 VERSION = 2
 EVENT = "event"
 CHECK = "check"
-SEALED = "sealed"
-"""The event after which the lines of a log of version 1 have checksums. Its own one is over all that is before it."""
 
 _START = f'{{"format": "{FORMAT}"'
-_SEAL = f'{{"{EVENT}": "{SEALED}"'.encode()
 _DIGITS = 16
 _END = len(f', "{CHECK}": "{"0" * _DIGITS}"}}')
 
@@ -52,27 +49,28 @@ def with_check(text: bytes, before: str) -> tuple[bytes, str]:
     return body + f', "{CHECK}": "{check}"}}\n'.encode("ascii"), check
 
 
-def sealed(text: bytes) -> tuple[bytes, str]:
-    """The line that seals a log of version 1 with this content, and its checksum."""
-    return with_check(json_of({EVENT: SEALED, "version": VERSION}, "a seal"), _digest(text))
-
-
 @dataclass
 class Lines:
-    """What a file holds. ``lines``: number, whether it has a checksum, and the fields, of all lines after the header
-    (of seals none). ``kept``: bytes of whole lines; ``joint``: what the next line needs before it; ``check``: the
-    checksum of the last line, None where it has none; ``header``: None in an empty file."""
+    """The content of a file.
+
+    header: None in an empty file. lines: the number and the fields of each line after the header. kept: bytes of whole
+    lines. joint: bytes that the next line needs before it. check: the checksum of the last line. damage: the error for
+    the first line that does not follow from the one before; then ``lines`` are those before it.
+    """
 
     header: dict[str, Any] | None = None
-    lines: list[tuple[int, bool, Any]] = field(default_factory=list)
+    lines: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
     kept: int = 0
     joint: bytes = b""
-    check: str | None = ""
+    check: str = ""
+    damage: BadLog | None = None
 
 
-def parse(data: bytes, path: Path, faults: list[BadLog]) -> Lines:
-    """The lines of a file. What is wrong with one is added to ``faults``, and it is left out; a last line that was
-    never finished is no fault. Raises BadLog where the header is none."""
+def parse(data: bytes, path: Path) -> Lines:
+    """Return the lines of a file, up to the first damaged one. A last line that was never finished is no damage.
+
+    Raises BadLog where the header is none.
+    """
     *lines, last = data.split(b"\n")
     found = Lines(kept=len(data))
     if last and _is_torn(last, first=not lines):
@@ -82,59 +80,37 @@ def parse(data: bytes, path: Path, faults: list[BadLog]) -> Lines:
         found.joint = b"\n"
     if not lines:
         return found
-    found.header, checks = _header(lines[0], path)
-    place = 0
-    for number, line in enumerate(lines, start=1):
-        start, place = place, place + len(line) + 1
-        if number == 1:
-            continue
-        seals = not checks and line.startswith(_SEAL)
-        if seals:
-            checks = {_digest(data[:start])}
+    found.header, found.check = _header(lines[0], path)
+    for number, line in enumerate(lines[1:], start=2):
+        check = _check_after(line, found.check)
         try:
-            fits = True
-            if checks:
-                fits, checks = _follow(line, checks)
             fields = json.loads(line)
+            wrong = "its checksum does not fit: it was changed, or a line before it is missing" if check is None else ""
         except ValueError as error:
-            faults.append(damage(path, number, line, str(error)))
-            continue
-        if not checks and isinstance(fields, dict) and {EVENT, CHECK} <= fields.keys():
-            fits, checks = False, {_stated(line)}
-        if not fits:
-            what = "some line up to it was changed" if seals else "it was changed, or a line before it is missing"
-            faults.append(damage(path, number, line, f"its checksum does not fit: {what}"))
-        elif not seals:
-            if checks:
-                del fields[CHECK]
-            found.lines.append((number, bool(checks), fields))
-    found.check = next(iter(checks), None)
+            wrong = str(error)
+        if wrong or check is None:
+            found.damage = damage(path, number, line, wrong, f"or save the {len(found.lines)} events before it")
+            break
+        del fields[CHECK]
+        found.lines.append((number, fields))
+        found.check = check
     return found
 
 
-def damage(path: Path, number: int, line: bytes, why: str) -> BadLog:
-    """The error for a line that is damaged."""
+def damage(path: Path, number: int, line: bytes, why: str, advice: str = "or keep what is whole") -> BadLog:
+    """Return the error for a line that is damaged. The advice is what ``--salvage`` does."""
     text = line[:60].decode("utf-8", "replace")
     return BadLog(
-        f"line {number} of {path} is damaged ({why}): {text!r}. Take a copy of the file from before; or keep what is "
-        f"whole: qlearn log merge --salvage --out NEW {path}",
+        f"line {number} of {path} is damaged ({why}): {text!r}. Take a copy of the file from before; {advice}: "
+        f"qlearn log merge --salvage --out NEW {path}",
         number,
     )
 
 
-def _follow(line: bytes, before: set[str]) -> tuple[bool, set[str]]:
-    """Whether a line fits to one of the checksums before it, and the checksums that the next line may chain to: its
-    own; of a damaged line that which it should have, and that which stands there."""
-    own = {check: with_check(line[:-_END] + b"}", check) for check in sorted(before)}
-    for text, check in own.values():
-        if text[:-1] == line:
-            return True, {check}
-    return False, {check for _, check in own.values()} | {_stated(line)}
-
-
-def _stated(line: bytes) -> str:
-    """What stands where a line has its checksum."""
-    return line[-_DIGITS - 2 : -2].decode("latin-1")
+def _check_after(line: bytes, before: str) -> str | None:
+    """Return a line's checksum if it is the one that has to stand there after the checksum ``before``, else None."""
+    text, check = with_check(line[:-_END] + b"}", before)
+    return check if text[:-1] == line else None
 
 
 def _digest(data: bytes) -> str:
@@ -151,23 +127,27 @@ def _is_torn(line: bytes, first: bool) -> bool:
     return not first or text.startswith(_START) or _START.startswith(text)
 
 
-def _header(line: bytes, path: Path) -> tuple[dict[str, Any], set[str]]:
-    """The header of a file, and its checksum, if its version has one."""
+def _header(line: bytes, path: Path) -> tuple[dict[str, Any], str]:
+    """Return the header of a file, and its checksum. Raises BadLog."""
     header = None
     with suppress(ValueError):
         header = json.loads(line)
     if not isinstance(header, dict) or header.get("format") != FORMAT:
         text = line[:60].decode("utf-8", "replace")
         raise BadLog(f"{path} is no answer log: its first line is {text!r}, not {_START}, ...}}", 1)
-    if type(header.get("version")) is not int or header["version"] not in (1, VERSION):
-        reads = f"this program reads versions 1 and {VERSION}"
-        raise BadLog(f"{path} is of version {header.get('version')!r}; {reads}", 1)
-    checks: set[str] = set()
-    if header["version"] == VERSION:
-        fits, checks = _follow(line, {""})
-        if not fits:
-            raise damage(path, 1, line, "its checksum does not fit: it was changed")
-        del header[CHECK]
+    version = header.get("version")
+    if type(version) is not int or version != VERSION:
+        why = ", which no release has written" if version == 1 and type(version) is int else ""
+        raise BadLog(f"{path} is a log of version {version!r}{why}: this program reads version {VERSION}", 1)
+    check = _check_after(line, "")
+    if check is None:
+        text = line[:60].decode("utf-8", "replace")
+        raise BadLog(
+            f"line 1 of {path} is damaged (its checksum does not fit: it was changed): {text!r}. Take a copy of the "
+            "file from before",
+            1,
+        )
+    del header[CHECK]
     if type(header.get("k")) is not int or header["k"] < 2:
         raise BadLog(f"the header of {path} gives k = {header.get('k')!r}, not a number of levels", 1)
-    return header, checks
+    return header, check

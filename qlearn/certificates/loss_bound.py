@@ -25,7 +25,7 @@ from typing import NamedTuple
 from numpy.typing import ArrayLike
 
 from elicit._support.threads import one_thread
-from elicit.model.comparator import Comparator, StatesConfidence, simultaneous_bounds
+from elicit.model.comparator import Comparator, simultaneous_bounds, stated_confidence
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.collected_total import collected
 from qlearn.certificates.drawn_losses import loss_over_draws
@@ -81,7 +81,7 @@ def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough:
     drawn = drawn_set(comparator)
     if drawn is not None:
         draws, level = drawn
-        confidence = comparator.confidence if isinstance(comparator, StatesConfidence) else level
+        confidence = stated_confidence(comparator, level)
         return Guarantee(loss_over_draws(mdp, over, draws, level, enough), confidence)
     high, confidence = simultaneous_bounds(comparator, over.d)
     return Guarantee(float(collected(mdp, over, high).max(initial=0.0)), confidence)

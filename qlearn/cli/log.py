@@ -33,7 +33,9 @@ def add_to(commands: Any) -> None:
         one.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a log")
         if name == "merge":
             one.add_argument("--out", type=Path, required=True, metavar="NEW", help="the file to write; a new one")
-            one.add_argument("--salvage", action="store_true", help="leave damaged lines out, and say which")
+            one.add_argument(
+                "--salvage", action="store_true", help="of a damaged log, write what stands before the damage"
+            )
         if name == "export":
             one.add_argument("--out", type=Path, metavar="CSV", help="the file to write [standard output]")
 
@@ -69,9 +71,8 @@ def check(files: list[Path]) -> int:
             withdrawn = sum(entry.retracted for entry in entries)
             repeats = sum(entry.repeat and not entry.retracted for entry in entries)
             unused = sum(not entry.used for entry in entries) - withdrawn - repeats
-            checked = "whole" if log.checked else "readable, but of version 1, which has no checksums"
             kinds = f"{withdrawn} of them withdrawn, {unused} unused" + (f", {repeats} repeats" if repeats else "")
-            print(f"{path}: {checked}; {len(entries)} answers, {kinds}")
+            print(f"{path}: whole; {len(entries)} answers, {kinds}")
     return code
 
 
@@ -90,7 +91,7 @@ def merge(files: list[Path], out: Path, salvage: bool) -> int:
     except (ValueError, OSError) as error:
         return fail(str(error))
     print(f"written to {out}: {sum(map(len, logs))} answers of {len(logs)} logs", end="")
-    print(f", without {len(faults)} damaged lines; one that withdrew an answer may be among them" if faults else "")
+    print("; what stood behind the damage is not among them, also where it withdrew an answer" if faults else "")
     return code
 
 
@@ -112,7 +113,7 @@ def export(files: list[Path], out: Path | None) -> int:
 
 
 def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
-    """A log, without its damaged lines, and what is wrong with it; None where it is none at all."""
+    """Return what stands in a log before any damage, and what is wrong with it; None where it is none at all."""
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.log_lines import BadLog
 

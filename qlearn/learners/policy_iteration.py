@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from functools import partial
 
 import numpy as np
@@ -18,11 +19,10 @@ from elicit.asking.cuts import closing_cut
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair, Place
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
-    BoundsAllAtOnce,
     Comparator,
-    HasDraws,
     Tier,
     Tiers,
+    offers,
     simultaneous_bounds,
     trusted_share,
 )
@@ -163,6 +163,7 @@ class InteractivePolicyIteration(Learner):
         self._cuts = wanted and bags is None and batch == 1
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
+        self._seen_between: tuple[Comparator, ExactRounds | SampledRounds, Advantages, Guarantee] | None = None
 
     def _go_on(self) -> tuple[Query, ...]:
         if self._end is not None:
@@ -199,18 +200,33 @@ class InteractivePolicyIteration(Learner):
     def result(self) -> Result:
         """Return the policy for the central scale, its loss bound, and the counts so far.
 
-        ``decided`` counts the current policy's alternatives by what decided them, and the questions."""
-        over, found = self._round()
+        ``decided`` counts the current policy's alternatives by what decided them, and the questions. Asking for a
+        result changes no later question."""
+        rounds, over, found = self._present()
         comparator = self._elicitation.comparator
         in_full = partial(_in_full, found, self._mdp, over, comparator)
-        looked_at = over if self._end is None else self._rounds.everything()
+        looked_at = over if self._end is None else rounds.everything()
         settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
         shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
         policy = over.policy.copy()
-        return self._result(self._mdp, policy, shares, self._end, self._rounds.rounds, more=settled, guarantee=in_full)
+        return self._result(self._mdp, policy, shares, self._end, rounds.rounds, more=settled, guarantee=in_full)
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
         """Do nothing: each question is asked and logged, also for a comparator that never learns."""
+
+    def _present(self) -> tuple[ExactRounds | SampledRounds, Advantages, Guarantee]:
+        """Return the rounds after one with what is known now, and that round.
+
+        While only some of several questions are answered, ``ask`` will never see this comparator. A round of the
+        learner's own would then change its next questions, so a copy makes it.
+        """
+        comparator = self._elicitation.comparator
+        if not self._elicitation.pending or (self._found is not None and self._found[0] is comparator):
+            return self._rounds, *self._round()
+        if self._seen_between is None or self._seen_between[0] is not comparator:
+            rounds = copy(self._rounds)  # a round puts new arrays in the place of old ones, and writes into none
+            self._seen_between = comparator, rounds, *rounds.round(comparator)
+        return self._seen_between[1:]
 
     def _round(self) -> tuple[Advantages, Guarantee]:
         """Return the advantages over the current policy, and its loss bound, inf if it exceeds what is enough."""
@@ -247,11 +263,11 @@ class InteractivePolicyIteration(Learner):
         elicitation, scores = self._elicitation, candidates.scores
         plain = not (elicitation.unsure or elicitation.cannot_tell or (elicitation.answers.y == 0).any())
         known = elicitation.comparator
-        proven = isinstance(known, BoundsAllAtOnce) and isinstance(known, HasDraws) and drawn_set(known) is None
-        if (
-            not (plain and proven)
-            or product((scores > candidates.limit).any(axis=0), candidates.weights) > TUNING.undecided
-        ):
+        proven = _has_bounds_and_draws(known) and drawn_set(known) is None
+        if not (plain and proven):
+            return None
+        undecided = product((scores > candidates.limit).any(axis=0), candidates.weights)
+        if undecided > TUNING.undecided:
             return None
         high = simultaneous_bounds(known, candidates.d)[0]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
@@ -304,6 +320,10 @@ class InteractivePolicyIteration(Learner):
         return place(self._mdp, state, int(over.actions[row]), int(over.policy[state]))
 
 
+def _has_bounds_and_draws(comparator: Comparator) -> bool:
+    return offers(comparator, "simultaneous_bounds") and offers(comparator, "draws")
+
+
 def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
     """Raise ValueError if no cut could be asked about, though cuts=True was given."""
     advice = "leave cuts out, or say cuts=False, to ask about pairs only"
@@ -311,9 +331,7 @@ def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
         raise ValueError(f"cuts=True asks about other questions than bags={bags!r} does: leave bags out, or {advice}")
     if batch != 1:
         raise ValueError(f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}")
-    if trusted_share(comparator) is not None or not (
-        isinstance(comparator, BoundsAllAtOnce) and isinstance(comparator, HasDraws)
-    ):
+    if trusted_share(comparator) is not None or not _has_bounds_and_draws(comparator):
         raise ValueError(
             "cuts=True needs bounds that are proven of every plausible scale, and draws of such scales, which "
             f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or {advice}"

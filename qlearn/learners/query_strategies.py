@@ -31,6 +31,23 @@ from elicit.model.comparator import Comparator, lapse_of, simultaneous_bounds
 from elicit.model.scale import Floats, tail_sums
 from qlearn.certificates.drawn_scales import draws_of
 
+__all__ = [
+    "STRATEGIES",
+    "Candidates",
+    "Strategy",
+    "first_come",
+    "max_regret",
+    "most_even_cut",
+    "mutual_information",
+    "telling_violation",
+    "violated_weight",
+    "widest_bound",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)  # completion offers the strategies, not what the learners use beside them
+
 
 @dataclass(frozen=True, eq=False)
 class Candidates:

@@ -14,7 +14,7 @@ from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Told
-from elicit.model.comparator import Comparator, Tier
+from elicit.model.comparator import Comparator, Tier, offers
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.certificates.loss_bound import loss_bound
@@ -45,7 +45,9 @@ class InteractiveValueIteration(Learner):
     ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose bounds lie within it
     counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
     UNSURE in place of CONVERGED; so does what she calls equal, which may be farther apart (the comparator's ``tie``):
-    then it is CALLED_EQUAL, unless the loss is bounded within the tolerance all the same. Stops when a sweep's changes
+    then it is CALLED_EQUAL, unless the loss is bounded within the tolerance all the same. With a comparator that has
+    no ``simultaneous_bounds`` it ends BOUNDED in place of CONVERGED: nothing says that its verdicts hold together.
+    Stops when a sweep's changes
     of V differ from state to state by less than tolerance (1 - discount) / (2 discount) under every ordered scale (what
     all states change alike moves no comparison), or after ``max_sweeps`` (default: twice what value iteration with
     known values can need; a tutor who errs anew each time can keep V moving for ever).
@@ -189,7 +191,7 @@ class InteractiveValueIteration(Learner):
             found = loss_bound(self._mdp, self._states.best, self.comparator)
             proven = found.loss_bound <= self._tolerance and not math.isnan(found.confidence)
             return Status.CONVERGED if proven else Status.CALLED_EQUAL
-        return Status.CONVERGED
+        return Status.CONVERGED if offers(self.comparator, "simultaneous_bounds") else Status.BOUNDED
 
 
 class LateValueIteration(InteractiveValueIteration):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,12 +17,11 @@ from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.bags import Bags
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, OnConflict, Pair
 from elicit.model.comparator import (
-    BoundsAllAtOnce,
     Comparator,
-    HasDraws,
     Tier,
     best_guess,
     check_comparator_made,
+    offers,
     simultaneous_bounds,
 )
 from elicit.model.query import Answer, Query, Verdict
@@ -54,6 +53,13 @@ _MATTERS = 0.5  # of the tolerance: what a difference must exceed to count for a
 _LEAST = 0.1  # of the tolerance: what a training must promise where there is no question left
 _ABOUT = 12  # differences whose signs a simple question should tell
 _LOOKED_AT = 512  # differences, those with the greatest bounds, among which a strategy picks
+
+
+class _Question(NamedTuple):
+    """A pair to ask about next, and whether one of its vectors is a corner that no policy has reached."""
+
+    pair: Pair
+    at_corner: bool = False
 
 
 class InteractiveTraining:
@@ -140,7 +146,7 @@ class InteractiveTraining:
         self._policies: list[TrainedPolicy] = []
         self._cuts: list[tuple[float, ReachableSet]] = []  # of the trainings, in order: the limit, and the set then
         self._corners_left = 0  # to be asked about before the next training
-        self._next: Floats | TrainingStatus | None = None  # to train on, or where it stands
+        self._next: Floats | _Question | TrainingStatus | None = None  # to train on, to ask, or where it stands
         self._given: Floats | None = None  # the scale that to_train gave, until a policy comes
 
     def __repr__(self) -> str:
@@ -196,8 +202,13 @@ class InteractiveTraining:
 
     @one_thread
     def ask(self) -> tuple[Query, ...]:
-        """The pending query, the same until told; () when a policy is to be trained first, and at the end."""
+        """Return the pending query, the same until told; () when a policy is to be trained first, and at the end."""
         self._advance()
+        if isinstance(self._next, _Question):
+            pair, at_corner = self._next
+            if not self._elicitation.pending:
+                self._elicitation.open([pair])
+            vars(self).update(_next=None, _corners_left=self._corners_left - at_corner)  # both, or neither
         return self._elicitation.ask()
 
     @one_thread
@@ -229,10 +240,11 @@ class InteractiveTraining:
 
     @one_thread
     def result(self) -> TrainingResult:
-        """The best policy so far, and what can be said of it, at any time."""
+        """Return the best policy so far, and what can be said of it, at any time. Changes no later question."""
         self._advance()
         asked, comparator = self._elicitation, self._elicitation.comparator
-        waits = TrainingStatus.WAITING if asked.pending else TrainingStatus.TRAINING
+        asks = bool(asked.pending) or isinstance(self._next, _Question)
+        waits = TrainingStatus.WAITING if asks else TrainingStatus.TRAINING
         at = self._best() if self._policies else None
         policies, gap = tuple(self._policies), self.optimality_gap
         return TrainingResult(
@@ -251,12 +263,12 @@ class InteractiveTraining:
         )
 
     def _advance(self) -> None:
-        """Find out what comes next: a question, a training, or the end."""
+        """Find out what comes next: a question, a training, or the end. Asks nothing yet."""
         if self._next is None and not self._elicitation.pending:
             self._next = self._find_next()
 
-    def _find_next(self) -> Floats | TrainingStatus | None:
-        """The scale to train on, or the status at the end; None where a question is pending now."""
+    def _find_next(self) -> Floats | _Question | TrainingStatus:
+        """Return the scale to train on, the question to ask, or the status at the end."""
         comparator = self._elicitation.comparator
         centre = np.diff(best_guess(comparator))
         if not self._policies:
@@ -265,10 +277,11 @@ class InteractiveTraining:
         unseen = reach.vectors - shares[at]
         loss, high, confidence = greatest_loss(unseen, comparator)
         if loss <= self.tolerance:
-            return None if self._audit(shares, at) else self._converged(confidence)
+            return self._audit(shares, at) or self._converged(confidence)
         spent = self._elicitation.spent
-        if not spent and self._ask(np.delete(shares, at, axis=0) - shares[at], partial(self._pair_of_policies, at)):
-            return None
+        others = np.delete(shares, at, axis=0) - shares[at]
+        if not spent and (pair := self._best_pair(others, partial(self._pair_of_policies, at))) is not None:
+            return _Question(pair)
         gaps = np.column_stack([centre, draws_of(comparator).gaps])
         gain = reach.greatest(gaps) - product(tail_sums(shares), gaps).max(axis=0)
         least = (_MATTERS if spent else _LEAST) * self.tolerance
@@ -279,15 +292,15 @@ class InteractiveTraining:
         promising = gain.max() > _MATTERS * self.tolerance
         if not spent and (self._corners_left > 0 or not promising):
             rows = np.flatnonzero(high > self.tolerance)
-            if self._ask(unseen[rows], partial(self._pair_with_unseen, at, reach.vectors[rows])):
-                self._corners_left -= 1
-                return None
+            pair = self._best_pair(unseen[rows], partial(self._pair_with_unseen, at, reach.vectors[rows]))
+            if pair is not None:
+                return _Question(pair, at_corner=True)
         if gain[0] > _MATTERS * self.tolerance:
             return _values(centre)
         if gain.max() > least:
             return _values(gaps[:, int(np.argmax(gain))])
-        if not spent and self._ask_simply(unseen[high > self.tolerance]):
-            return None
+        if not spent and (pair := self._simple_pair(unseen[high > self.tolerance])) is not None:
+            return _Question(pair)
         return self._stopped(spent, missed)
 
     def _at_the_limit(self) -> bool:
@@ -314,29 +327,24 @@ class InteractiveTraining:
             reach, done = self._cuts[done][1], done + 1
         return reach
 
-    def _ask(self, d: Floats, pair: Callable[[int], Pair]) -> bool:
-        """Ask about the best of the differences d (n, k) that may matter and may be asked about, if there is one."""
+    def _best_pair(self, d: Floats, pair: Callable[[int], Pair]) -> Pair | None:
+        """Return the best of the differences d (n, k) that may matter and may be asked about, if there is one."""
         elicitation = self._elicitation
         high = simultaneous_bounds(elicitation.comparator, d)[0]
         rows = np.argsort(-high, kind="stable")[:_LOOKED_AT]
         rows = rows[high[rows] > max(self.tolerance, elicitation.indifference)]
         rows = rows[elicitation.may_ask(d[rows], lambda i: pair(int(rows[i])).place)]
         if not len(rows):
-            return False
-        row = int(rows[best(self._strategy, self._candidates(d[rows]))[0]])
-        elicitation.open([pair(row)])
-        return True
+            return None
+        return pair(int(rows[best(self._strategy, self._candidates(d[rows]))[0]]))
 
-    def _ask_simply(self, d: Floats) -> bool:
-        """Ask a question of simple bags that tells of the signs of some of these differences (n, k), if any does."""
+    def _simple_pair(self, d: Floats) -> Pair | None:
+        """Return a question of simple bags that tells of the signs of some of these differences (n, k), if any does."""
         if self._bags is None or not len(d):
-            return False
+            return None
         candidates = self._candidates(d[:_LOOKED_AT])
         about = candidates.d[best(self._strategy, candidates, _ABOUT)]
-        simple = simple_pair(self._elicitation, self._bags, candidates, about, self._labels)
-        if simple is not None:
-            self._elicitation.open([simple])
-        return simple is not None
+        return simple_pair(self._elicitation, self._bags, candidates, about, self._labels)
 
     def _candidates(self, d: Floats) -> Candidates:
         nowhere = np.zeros(len(d), dtype=np.int64)
@@ -355,15 +363,14 @@ class InteractiveTraining:
         place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)
 
-    def _audit(self, shares: Floats, at: int) -> bool:
-        """Ask about a pair of policies that the answers have settled, if audits are wanted; whether it does."""
+    def _audit(self, shares: Floats, at: int) -> _Question | None:
+        """Return a pair of policies that the answers have settled, if audits are wanted."""
         d = np.delete(shares, at, axis=0) - shares[at]
         judged = self._elicitation.judge(d, lambda row: self._pair_of_policies(at, row).place)
         rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
         if not len(rows) or not self._elicitation.audits_left:
-            return False
-        self._elicitation.open([self._pair_of_policies(at, int(rows[0]), int(judged.tiers[rows[0]]))])
-        return True
+            return None
+        return _Question(self._pair_of_policies(at, int(rows[0]), int(judged.tiers[rows[0]])))
 
     def _converged(self, confidence: float) -> TrainingStatus:
         if self.optimality_gap is None:
@@ -390,12 +397,12 @@ def _check_able(comparator: Comparator) -> None:
     """Raise TypeError for a comparator that cannot bound what no policy has reached, or names no plausible scales."""
     check_comparator_made(comparator)
     name = type(comparator).__name__
-    if not isinstance(comparator, BoundsAllAtOnce):
+    if not offers(comparator, "simultaneous_bounds"):
         raise TypeError(
             f"{name} has no simultaneous_bounds, which bound what no policy has reached, under all plausible scales at "
             "once: take PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
         )
-    if not isinstance(comparator, HasDraws):
+    if not offers(comparator, "draws"):
         raise TypeError(
             f"{name} has no draws, the plausible scales among which the next one to train on is found: take "
             "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"

@@ -15,7 +15,7 @@ from scipy.stats import norm
 from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.decision.votes import LEVEL_ROUNDING
-from elicit.model.comparator import Comparator, StatesConfidence, simultaneous_bounds
+from elicit.model.comparator import Comparator, simultaneous_bounds, stated_confidence
 from elicit.model.scale import Floats, tail_sums
 from qlearn.certificates.drawn_losses import upper_quantile
 from qlearn.certificates.drawn_scales import drawn_set
@@ -50,7 +50,7 @@ def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, flo
     draws, level = drawn
     at = product(tail_sums(d), draws.gaps)
     loss = upper_quantile(at.max(axis=0, initial=0.0), draws.weights, 1.0 - level + LEVEL_ROUNDING)
-    confidence = comparator.confidence if isinstance(comparator, StatesConfidence) else level
+    confidence = stated_confidence(comparator, level)
     return loss + ROUNDING, at.max(axis=1, initial=-np.inf), confidence
 
 

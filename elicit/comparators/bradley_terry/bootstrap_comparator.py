@@ -33,7 +33,7 @@ from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_sums, values_of
 
 Region = Literal["box", "ensemble"]
 NoMaximum = Literal["ask", "take"]
@@ -161,7 +161,7 @@ class BradleyTerryComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k): dominance first, if at all, then BETTER or WORSE where the whole region agrees."""
-        return decide_by(self.rule, as_vectors(d, self.k)).verdicts
+        return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -175,7 +175,7 @@ class BradleyTerryComparator:
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """lo, hi (n,) of d.e over the region, in units of the point estimate's theta_k (eq. 6 without the
         logistic function), and with ``dominance`` never beyond what the order of the levels allows."""
-        rows, power = _in_range(as_vectors(d, self.k))
+        rows, power = _in_range(as_differences(d, self.k))
         t = tail_sums(rows)
         least, greatest = order_bounds(t, 0.0)
         if not self.dominance:
@@ -198,7 +198,7 @@ class BradleyTerryComparator:
         greatest d.e over the fits, without the share 1 - ``level`` of them with the greatest d.e of any row. It is the
         bootstrap's, not a posterior probability. Where the model says nothing, and for the box, whose levels are not
         bounded together: what holds for every ordered scale, at confidence 1."""
-        rows = as_vectors(d, self.k)
+        rows = as_differences(d, self.k)
         draws, t = self.draws, tail_sums(rows)
         if draws is None or not len(rows):
             return order_bounds(t, 0.0)[1], 1.0
@@ -222,7 +222,7 @@ class BradleyTerryComparator:
         an end that dominance rules out) and the point is the prior's, equal gaps."""
         model = self._model
         lo, hi = self.bounds(d)
-        point = np.clip(dot(tail_sums(as_vectors(d, self.k)), np.diff(model.values)), lo, hi)
+        point = np.clip(dot(tail_sums(as_differences(d, self.k)), np.diff(model.values)), lo, hi)
         if model.region is None:
             return np.where(lo < 0, 0.0, 0.5), np.where(hi > 0, 1.0, 0.5), sigmoid(self.precision * point)
         # the logistic function rises, but its last bit need not

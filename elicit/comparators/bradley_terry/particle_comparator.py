@@ -37,7 +37,7 @@ from elicit.lp.prior_inequalities import PriorLike, as_prior
 from elicit.lp.region import Region, prior_rows
 from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, dot, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_sums, values_of
 
 WORN = 0.02  # below this share of an effective sample the particles are reported
 _FAR = 1e12  # tail sums are no larger for the likelihood
@@ -193,7 +193,7 @@ class PosteriorComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on d (n, k): dominance first, then the sign that has probability ``level``."""
-        return decide_by(self.rule, as_vectors(d, self.k)).verdicts
+        return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -203,13 +203,13 @@ class PosteriorComparator:
     def probability(self, d: ArrayLike) -> Floats:
         """P(d.e > 0 | answers) (n,) for d (n, k)."""
         gaps, weights = self._gaps_and_weights
-        shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_vectors(d, self.k))]
+        shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_differences(d, self.k))]
         return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may be a rounding more
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""
         gaps, weights = self._gaps_and_weights
-        t = tail_sums(as_vectors(d, self.k))
+        t = tail_sums(as_differences(d, self.k))
         low, high = np.empty(len(t)), np.empty(len(t))
         for i, row in enumerate(t):
             scores = dot(row, gaps.T)
@@ -225,7 +225,7 @@ class PosteriorComparator:
         """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the posterior probability of that:
         of the particles, those with the greatest d.e of any row are left out, up to the weight 1 - ``level``."""
         gaps, weights = self._gaps_and_weights
-        at = product(tail_sums(as_vectors(d, self.k)), gaps)
+        at = product(tail_sums(as_differences(d, self.k)), gaps)
         if not len(at):
             return np.empty(0), 1.0
         order = np.argsort(at.max(axis=0), kind="stable")

@@ -19,12 +19,12 @@ from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
 from elicit.decision.verdicts import decide_by
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.lp.infeasibility import Contradiction
+from elicit.lp.infeasibility import contradiction
 from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import ALLOWANCE, TIE, Decisions, Verdicts, check_answers, check_levels, check_tie
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, values_of
+from elicit.model.scale import Floats, as_differences, values_of
 
 if TYPE_CHECKING:
     import cvxpy
@@ -89,7 +89,7 @@ class PolytopeComparator:
         try:
             new._set = self._set.cut(*answer_rows(answers, len(self.answers), self.tie))
         except Empty as empty:
-            raise Contradiction(empty.region, empty.proof, new.answers) from None
+            raise contradiction(empty.region, empty.proof, new.answers) from None
         if self._wide is self._set and (self.tie == 0 or (answers.y != 0).all()):
             new._wide = new._set
         else:
@@ -103,7 +103,7 @@ class PolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k): the sign of the exact optimum over K_t."""
-        return decide_by(self.rule, as_vectors(d, self.k), self.settle).verdicts
+        return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -118,19 +118,19 @@ class PolytopeComparator:
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over K_t, tight to 1e-9 |d|_1."""
-        return self._set.bounds(as_vectors(d, self.k))
+        return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and with what confidence: 1, for they
         are proven of every scale in K_t (its support function), its ties taken twice as wide. Far cheaper than
         ``bounds``."""
-        return self._wide.greatest(as_vectors(d, self.k)), 1.0
+        return self._wide.greatest(as_differences(d, self.k)), 1.0
 
     @one_thread
     def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
         """The same bounds (n,), up to ``slack``, one or (n,), above them, without linear programs where that shows."""
-        return self._wide.greatest(as_vectors(d, self.k), slack)
+        return self._wide.greatest(as_differences(d, self.k), slack)
 
     @cached_property
     def draws(self) -> Draws:

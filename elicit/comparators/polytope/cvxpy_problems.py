@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from elicit.lp.prior_inequalities import Prior
 from elicit.lp.region import Region
-from elicit.model.scale import Floats, as_vectors
+from elicit.model.scale import Floats, as_differences
 from elicit.model.scale_variable import scale_variable
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def least_and_greatest(
     import cvxpy as typed
 
     cp: Any = typed  # its types lack half of what it offers
-    rows = as_vectors(d, region.p + 1)
+    rows = as_differences(d, region.p + 1)
     if len(rows) != 1:
         raise ValueError(f"problems takes one difference of shape ({region.p + 1},), not {len(rows)} of them")
     e = scale_variable(region.p + 1)

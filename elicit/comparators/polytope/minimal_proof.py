@@ -29,7 +29,7 @@ from elicit.lp.prior_inequalities import Prior
 from elicit.lp.region import Region, strictly_inside
 from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_vectors, exact_dot, order_bounds, tail_sums
+from elicit.model.scale import Floats, as_differences, exact_dot, order_bounds, tail_sums
 
 _MOST_SINGLES = 3  # single answers to try in rationals before a set of them
 
@@ -55,7 +55,7 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
     of them, where an interior point leaves a trace of every step of the order in its dual solution. Clarabel,
     made rigorous, does the many tests of what can be left out. Of proofs, one that needs no margin is preferred.
     """
-    rows = as_vectors(d, comparator.k)
+    rows = as_differences(d, comparator.k)
     if len(rows) != 1:
         raise ValueError(f"explain takes one difference of shape ({comparator.k},), not {len(rows)} of them")
     require(labels is None or is_list(labels, comparator.k), "labels", f"{comparator.k} names, one a level", labels)

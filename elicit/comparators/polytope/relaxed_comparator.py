@@ -37,7 +37,7 @@ from elicit.lp.prior_inequalities import PriorLike
 from elicit.lp.region import rounding
 from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
-from elicit.model.scale import Floats, as_vectors, values_of
+from elicit.model.scale import Floats, as_differences, values_of
 
 if TYPE_CHECKING:
     import cvxpy
@@ -104,7 +104,7 @@ class RelaxedPolytopeComparator:
 
     def compare(self, d: ArrayLike) -> Verdicts:
         """Verdicts (n,) on differences d (n, k): what every plausible scale says of them."""
-        return decide_by(self.rule, as_vectors(d, self.k), self.settle).verdicts
+        return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
@@ -119,13 +119,13 @@ class RelaxedPolytopeComparator:
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
-        return self._set.bounds(as_vectors(d, self.k))
+        return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Upper bounds (n,) on d.e over the plausible scales, for all rows of d (n, k) at once, and their confidence: 1
         while the answers are consistent; nan after that, for nothing says how likely the slack is to be enough."""
-        high = self._set.simultaneous_bounds(rows := as_vectors(d, self.k))[0]
+        high = self._set.simultaneous_bounds(rows := as_differences(d, self.k))[0]
         if self._exact is None:
             return high, np.nan
         return np.maximum(high, self._exact.simultaneous_bounds(rows)[0]) if (self.answers.y == 0).any() else high, 1.0

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+import elicit
 from elicit import AlwaysAsk, Answers, Dominance, Verdict, decide
 from elicit.decision.comparator_rule import nothing
 from elicit.model.comparator import (
@@ -18,6 +19,7 @@ from elicit.model.comparator import (
     TrustsDraws,
     check_levels,
     draws_in,
+    offers,
     simultaneous_bounds,
     verdicts_from,
 )
@@ -146,7 +148,10 @@ class Forgetful(OneScale):
         ({"compare": unless(lambda self, d, _: np.abs(self.product(d)) < 1e-3, unknown)}, "dominance|same sign"),
         # shrinks from deciding a single row
         ({"compare": unless(lambda self, d, v: left_open(self, d) & (len(v) == 1), unknown)}, "compared alone"),
-        ({"compare": lambda self, d: OneScale.compare(self, np.nan_to_num(np.atleast_2d(d)))}, "must raise ValueError"),
+        (
+            {"compare": lambda self, d: OneScale.compare(self, np.nan_to_num(np.atleast_2d(d)))},
+            "must raise ValueError or TypeError",
+        ),
         ({"values": property(lambda self: np.linspace(0, 2, self.k))}, "from 0 to 1"),
         ({"compare": unless(lambda self, d, verdicts: verdicts == 0, unknown)}, "dominance"),
         (
@@ -155,13 +160,65 @@ class Forgetful(OneScale):
         ),
         ({"bounds": lambda self, d: (self.product(d) - 0.01, self.product(d) - 0.02)}, "of two identical|lo <= hi"),
         ({"bounds": lambda self, d: (-np.abs(self.product(d)), np.abs(self.product(d)))}, "BETTER goes with"),
-        ({"update": lambda self, answers: type(self)(self.k)}, "must raise ValueError"),
+        ({"update": lambda self, answers: type(self)(self.k)}, "must raise ValueError or TypeError"),
         ({"update": lambda self, answers: OneScale.update(self, answers) and None}, "must return a comparator"),
     ],
 )
 def test_bad_comparators_are_found_out(bad, complaint):
     with pytest.raises(AssertionError, match=complaint):
         check_comparator(type("Bad", (OneScale,), bad)())
+
+
+def test_what_bad_input_raises_may_be_either_kind_of_error():
+    def refuses(self, d):
+        try:
+            return OneScale.compare(self, d)
+        except ValueError as error:
+            raise TypeError("no such differences") from error
+
+    check_comparator(type("Own", (OneScale,), {"compare": refuses})())
+
+    def breaks(self, d):
+        return OneScale.compare(self, d) if np.shape(d)[-1] == self.k else d[99]
+
+    with pytest.raises(AssertionError, match=r"must raise ValueError or TypeError, not IndexError.*as_differences"):
+        check_comparator(type("Bad", (OneScale,), {"compare": breaks})())
+
+
+def test_differences_for_authors_of_comparators():
+    assert elicit.as_differences([1, -1, 0], 3).tolist() == [[1.0, -1.0, 0.0]]
+    assert elicit.as_differences(np.zeros((0, 3)), 3).shape == (0, 3)
+    for wrong, message in (
+        ([[1, -1]], r"d must have shape \(n, 3\), one column a level, not \(1, 2\)"),
+        (np.zeros((1, 2, 3)), r"not \(1, 2, 3\)"),
+        ([[0, 0, 0], [0, np.nan, 0]], "row 1, level 2 is nan"),
+        ([[0, 0, np.inf]], "row 0, level 3 is inf"),
+        ("abc", "d must be numbers"),
+        (None, "d must"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            elicit.as_differences(wrong, 3)
+
+
+def test_a_member_is_found_without_computing_it():
+    class Costly(OneScale):
+        @property
+        def draws(self):
+            raise AssertionError("drawn")
+
+    assert offers(Costly(), "draws")
+    assert not offers(OneScale(), "draws")
+    assert not offers(type("Without", (Costly,), {"draws": None})(), "draws")
+    one = OneScale()
+    one.__dict__["lapse"] = 0.1
+    assert offers(one, "lapse")
+
+    class HandedOn:
+        def __getattr__(self, name):
+            return getattr(OneScale(), name)
+
+    assert offers(HandedOn(), "values")
+    assert not offers(HandedOn(), "draws")
 
 
 def test_other_things_are_found_out_too():

@@ -2,6 +2,8 @@
 
 import io
 import json
+import re
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -312,3 +314,17 @@ def test_answers_to_nothing_pending_are_stale(told, complaint):
 def test_what_is_no_answer(told):
     with pytest.raises(TypeError, match=r"into a list|must return elicit\.Answer"):
         match(told, [Query("1", LEFT, RIGHT)])
+
+
+def test_percentages_of_a_side_total_a_hundred() -> None:
+    query = Query("q", [0.102, 0.384, 0.514], [0.10954, 0.29674, 0.59372])
+    assert str(query).splitlines()[2] == "  right: 10.9% level 1, 29.7% level 2, 59.4% level 3"
+    rng = np.random.default_rng(0)
+    for k in (2, 3, 7, 12):
+        for _ in range(100):
+            query = Query("q", *rng.dirichlet(np.full(k, 0.3), 2))
+            for line in str(query).splitlines()[1:3]:
+                shown = [Decimal(x) for x in re.findall(r"([\d.]+)%", line)]
+                assert sum(shown) == 100
+    third = str(Query("q", [1 / 3] * 3, [0.0, 0.5, 0.5])).splitlines()[1]
+    assert third == "  left:  34% level 1, 33% level 2, 33% level 3"

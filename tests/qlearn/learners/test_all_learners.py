@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AlwaysAsk, Answer, Dominance, FlippingTutor, PolytopeComparator, TruthfulTutor, Verdict
+from elicit import AlwaysAsk, Answer, Dominance, FlippingTutor, PolytopeComparator, TruthfulTutor, Verdict, choose
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.scale import Floats
 from qlearn import InteractivePolicyIteration, InteractiveQLearning, LateQLearning, OrdinalMDP, Status, drive
@@ -198,3 +198,64 @@ def test_a_person_and_the_comparator_that_always_asks(make: Make) -> None:
     result = drive(make(mdp, AlwaysAsk(4), **settings), person)
     assert result.asked == len(result.answers)
     assert result.q.tobytes() == drive(make(mdp, AlwaysAsk(4), **settings), truth).q.tobytes()
+
+
+def asked_by(asker: Any, values: Floats, look: bool) -> list[str]:
+    """The ids of all questions, answered one at a time; with ``look`` a result is read before and after each."""
+    ids: list[str] = []
+    tutor = TruthfulTutor(values)
+    while queries := asker.ask():
+        ids += [query.id for query in queries]
+        for query in queries:
+            if look:
+                assert asker.result().loss_bound >= 0
+            asker.tell([tutor(query)])
+            if look:
+                assert asker.result().asked <= len(ids)
+    return ids
+
+
+@pytest.mark.parametrize("batch", [1, 3])
+@pytest.mark.parametrize(
+    "learner",
+    [
+        InteractivePolicyIteration,
+        partial(InteractivePolicyIteration, exact=False),
+        InteractiveValueIteration,
+        LateValueIteration,
+        partial(InteractiveQLearning, steps=400, epsilon=0.3),
+        partial(LateQLearning, steps=2000),
+    ],
+    ids=["policy iteration", "on large models", "value iteration", "asking late", "Q-learning", "Q-learning late"],
+)
+def test_a_result_changes_no_later_question(learner: Make, batch: int) -> None:
+    mdp, values = random_mdp(12, 3, 5, discount=0.9, rng=1)
+    runs = [
+        asked_by(learner(mdp, PolytopeComparator(5), batch=batch, max_queries=12), values, look)
+        for look in (False, True)
+    ]
+    assert len(runs[0]) > 2
+    assert runs[0] == runs[1]
+
+
+def test_a_result_changes_no_later_question_about_a_sample_of_states() -> None:
+    mdp, values = random_mdp(1500, 2, 7, discount=0.9, rng=0)
+    runs = [
+        asked_by(
+            InteractivePolicyIteration(mdp, PolytopeComparator(7), tolerance=0.05, exact=False, batch=4), values, look
+        )
+        for look in (False, True)
+    ]
+    assert len(runs[0]) > 4
+    assert runs[0] == runs[1]
+
+
+@pytest.mark.parametrize("order", [False, True])
+def test_a_result_of_a_choice_changes_no_later_question(order: bool) -> None:
+    vectors, values = (
+        np.random.default_rng(0).dirichlet(np.ones(5), 9 if order else 60),
+        np.array([0.0, 0.1, 0.5, 0.6, 1.0]),
+    )
+    runs = [asked_by(choose(vectors, PolytopeComparator(5), order=order), values, look) for look in (False, True)]
+    assert len(runs[0]) > 2
+    assert runs[0] == runs[1]

@@ -300,3 +300,13 @@ def test_every_strategy_has_its_name():
     takes = {name: [*inspect.signature(made).parameters] for name, made in functions.items()}
     assert {name for name in functions if takes[name] == ["candidates"]} == set(strategies.STRATEGIES)
     assert all(strategies.strategy_of(name) is functions[name] for name in strategies.STRATEGIES)
+
+
+def test_the_module_lists_its_strategies_and_little_else():
+    listed = dir(strategies)
+    assert (
+        set(strategies.STRATEGIES) | {"STRATEGIES", "Candidates", "Strategy"} == set(listed) == set(strategies.__all__)
+    )
+    namespace = {}
+    exec("from qlearn.learners.query_strategies import *", namespace)
+    assert set(strategies.__all__) <= set(namespace)

@@ -336,3 +336,30 @@ def test_a_disaster_that_no_episode_showed_is_within_the_bound():
         assert loss <= result.loss_bound
         assert 0.98 < result.confidence < 1
     assert unseen > 20
+
+
+def test_a_result_changes_no_later_question():
+    """Nor do `finished`, `start_from` and `to_train`, also between two policies that are brought in together."""
+    rng, values = np.random.default_rng(3), np.array([0.0, 0.2, 0.7, 1.0])
+    seen = rng.dirichlet(np.ones(4), 12)
+
+    def asked(look):
+        training, questions = InteractiveTraining(PolytopeComparator(4), discount=0.9, optimality_gap=0.0), []
+        for round_ in range(3):
+            training.to_train()
+            for i, vector in enumerate(seen[4 * round_ : 4 * round_ + 4]):
+                training.add(i, vector, trained=not i)
+                if look:
+                    found = training.result()
+                    assert not found.loss_bound < 0  # nan where a gap is seen not to hold
+                    assert (training.finished, training.start_from) is not None
+            while queries := training.ask():
+                questions += [query.id for query in queries]
+                training.tell([TruthfulTutor(values)(query) for query in queries])
+                if look:
+                    assert training.result().asked == len(questions)
+        return questions
+
+    plain = asked(look=False)
+    assert len(plain) > 3
+    assert asked(look=True) == plain

@@ -2,6 +2,7 @@
 
 import pickle
 import time
+import traceback
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -470,3 +471,12 @@ def test_five_hundred_answers(k: int, flat: int) -> None:
     oracle = Oracle(region_of(k, 1e-6, None, d, list(y)))
     for row, got in zip(ask, given, strict=True):
         assert got == verdict(*oracle.range(exact(tails(row)[0])))
+
+
+def test_a_contradiction_goes_by_its_documented_name() -> None:
+    d = np.array([from_tails(t) for t in ([1.0, -2.0], [-2.0, 1.0])])
+    with pytest.raises(InconsistentAnswers) as caught:
+        PolytopeComparator(3, tie=0.0).update(Answers(d, [1, 1], ["a", "b"]))
+    assert type(caught.value) is InconsistentAnswers
+    assert repr(caught.value).startswith("InconsistentAnswers('no scale satisfies these answers together: row 0 (id a)")
+    assert "InconsistentAnswers: no scale satisfies" in "".join(traceback.format_exception(caught.value))
