@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any, Protocol, TypeVar, cast, runtime_checkable
+from typing import Any, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,15 +17,18 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, as_verdict, match
 from elicit.model.scale import Floats
-from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
+from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.learners.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 R_co = TypeVar("R_co", covariant=True)
+
+TutorLike: TypeAlias = Callable[[Query], Answer | int]
+"""A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an Answer."""
 
 
 class Status(Enum):
@@ -89,7 +92,9 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
         raise TypeError(f"an OrdinalMDP is wanted, not {mdp!r}")
     check_comparator_made(comparator)
     if mdp.k != comparator.k:
-        raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
+        raise ValueError(
+            f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}: make it with k = {mdp.k}"
+        )
 
 
 _SHARE = "a share of the value range, above 0 and below 1 (0.01: a policy may lose 1% of the range)"
@@ -302,12 +307,15 @@ class AsksWithin(Protocol):
 
 def drive(
     learner: Drivable[R_co],
-    tutor: Tutor,
+    tutor: TutorLike,
     log: AnswerLog | None = None,
     progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
 ) -> R_co:
     """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be trained.
+
+    The tutor returns an Answer, or a verdict on the query's left vector: a Verdict, or 1, 0, -1. To say "cannot tell",
+    it returns ``Answer(query, None)``.
 
     Every answer goes to ``log`` before the learner is told. One that contradicts the others is then marked unused
     there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. Where the tutor
@@ -334,7 +342,7 @@ def drive(
             learner.ask_within(None)
 
 
-def _signs_of(tutor: Tutor) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
+def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
     """How the tutor answers many questions at once; None for one that does not, or whose way to answer a single one is
     of a class derived from that which has ``signs``, or wraps it: it would be left out."""
     if isinstance(tutor, TutorOfMany):
@@ -349,7 +357,7 @@ def _signs_of(tutor: Tutor) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
 
 def _driven(
     learner: Drivable[R_co],
-    tutor: Tutor,
+    tutor: TutorLike,
     log: AnswerLog | None,
     progress: Callable[[R_co], None] | None,
     on_conflict: OnConflict,
@@ -358,7 +366,7 @@ def _driven(
         given: list[Answer] = []
         try:
             for query in queries:
-                given.append(tutor(query))
+                given.append(_answer_of(tutor(query), query))
         except BaseException as error:  # also Ctrl+C: what she said before is kept
             try:
                 _log_and_tell(learner, match(given, queries), log, on_conflict)
@@ -369,6 +377,11 @@ def _driven(
         if progress is not None:
             progress(learner.result())
     return learner.result()
+
+
+def _answer_of(reply: Answer | int, query: Query) -> Answer:
+    """Return the tutor's reply as an Answer to the query. ``match`` refuses what is neither an Answer nor a verdict."""
+    return Answer(query, as_verdict(reply)) if isinstance(reply, (int, np.integer)) else reply
 
 
 def _log_and_tell(
