@@ -21,6 +21,7 @@ import numpy as np
 
 from elicit._support.closing import Closing
 from elicit._support.hashing import Seed, fold, key_of, name_code, uniform
+from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import OnConflict
 from elicit.comparators.polytope.comparator import PolytopeComparator
@@ -148,7 +149,7 @@ class Session(Closing):
         *,
         who: str | None = None,
         audit: float = 0.0,
-        seed: Seed = 0,
+        seed: Seed | None = 0,
         clock: Callable[[], float] = time.time,
     ) -> None:
         require(
@@ -157,7 +158,9 @@ class Session(Closing):
             "in 0..1",
             audit,
         )
-        self._audit, self._key = float(audit), fold(key_of(seed), name_code("questions put again"))
+        self.seed = seed_of(seed)
+        """Gives the same repeats again."""
+        self._audit, self._key = float(audit), fold(key_of(self.seed), name_code("questions put again"))
         if isinstance(asker, type):
             _check_makes(asker)
         self._given = asker if isinstance(asker, Asker) and not isinstance(asker, type) else None
