@@ -30,7 +30,7 @@ exec(next(block for block in blocks if block.startswith("import")), {})
 _SESSION = """
 import elicit, qlearn
 mdp = qlearn.icu_sepsis()
-tutor = elicit.TruthfulTutor(qlearn.draw_values(mdp.k, rng=0))
+tutor = elicit.TruthfulTutor(qlearn.draw_values(mdp.k, seed=0))
 comparator = elicit.{comparator}
 learner = qlearn.InteractivePolicyIteration(mdp, comparator, bags=elicit.Bags(10))
 queries = learner.ask()

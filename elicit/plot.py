@@ -253,19 +253,19 @@ def preference_graph(
     graph: nx.DiGraph,
     ax: Axes | None = None,
     *,
-    labels: Mapping[int, str] | Sequence[str] | None = None,
+    names: Mapping[int, str] | Sequence[str] | None = None,
     cycles: Iterable[Cycle] = (),
 ) -> Axes:
     """``graph.preference_graph`` in layers, better vectors above worse ones; on a circle some arrows lead upwards.
 
     Solid arrows: answers "better". Dashed lines: "equal". Dotted arrows: dominance, without what follows from other
-    dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. labels: a text for each node; by default
+    dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. names: a text for each node; by default
     its shares in percent, worst level first.
     """
     import networkx as nx
 
-    if isinstance(labels, str):
-        raise ValueError(f"labels must be a list or a dict with a text for each node, not the one text {labels!r}")
+    if isinstance(names, str):
+        raise ValueError(f"names must be a list or a dict with a text for each node, not the one text {names!r}")
     ax = _axes(ax, (7.0, 6.0))
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
@@ -293,7 +293,7 @@ def preference_graph(
         shares = "/".join(f"{100 * share:.3g}" for share in graph.nodes[node]["vector"])
         halo = [withStroke(linewidth=2.5, foreground="white")]
         aside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8, "path_effects": halo}
-        ax.annotate(shares if labels is None else labels[node], (x, y), (11, 0), zorder=3, **aside)
+        ax.annotate(shares if names is None else names[node], (x, y), (11, 0), zorder=3, **aside)
     lines = {name: {k: v for k, v in style.items() if k != "arrowstyle"} for name, style in _ARROWS.items()}
     handles = [Line2D([], [], label=name, **line) for name, line in lines.items() if ring or name != "on a cycle"]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, frameon=False, fontsize=8)

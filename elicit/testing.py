@@ -49,6 +49,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit._support.hashing import Seed
 from elicit._support.validation import is_number, is_whole
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import NOTHING, Rule, compares_by_rule, rule_of
@@ -72,7 +73,7 @@ _T = TypeVar("_T")
 _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
 
 
-def check_comparator(comparator: Comparator, seed: int = 0) -> None:
+def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
     """Check the whole ``Comparator`` contract, with all optional parts that it has, as it is and after some answers.
 
     The answers are those of a tutor whose scale is ``comparator.values``. Only a comparator whose ``rule`` says that
@@ -89,7 +90,7 @@ def check_comparator(comparator: Comparator, seed: int = 0) -> None:
     _check_all(_check_update(comparator, d), d)
 
 
-def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> None:
+def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None = 0) -> None:
     """Check that a tutor answers queries about k levels as the contract says.
 
     truthful=True also demands what only a tutor without errors does: the same answer to the same
@@ -126,7 +127,7 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: int = 0) -> 
     _say(0 <= rate <= 1, f"after some answers realised_error_rate must lie between 0 and 1, not {rate}")
 
 
-def sample_differences(k: int, seed: int = 0) -> Floats:
+def sample_differences(k: int, seed: Seed | None = 0) -> Floats:
     """Differences d (n, k) of share vectors on which comparators go wrong: smooth and sparse ones, near
     and exact ties, single steps, dominated pairs, zero, and lengths from tiny to large."""
     rng = np.random.default_rng(seed)

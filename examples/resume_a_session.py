@@ -29,7 +29,7 @@ def make(known):
     """Who asks, knowing these answers."""
     vectors = np.array(list(COURSES.values())) / 10
     comparator = elicit.PolytopeComparator(k=len(LEVELS))
-    return elicit.choose(vectors, comparator, order=True, labels=list(COURSES), known=known)
+    return elicit.choose(vectors, comparator, order=True, names=list(COURSES), labels=LEVELS, known=known)
 
 
 def main(path):
@@ -38,7 +38,7 @@ def main(path):
         print(session.status())
         try:
             while query := session.question():
-                shown = elicit.showing.show(query, WORDS, labels=LEVELS)
+                shown = elicit.showing.show(query, WORDS)
                 session.shown(shown.id, shown.swapped)
                 print(f"\n{shown.text()}\n")
                 said = input("a, b, e: equal, ?: cannot tell, u: undo\n> ").strip().lower()

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
     from qlearn.problems.icu_sepsis import icu_sepsis
     from qlearn.problems.random_mdp import draw_values, random_mdp
+    from qlearn.solving import solve
     from qlearn.training.interactive_training import InteractiveTraining
     from qlearn.training.training_result import TrainedPolicy, TrainingResult, TrainingStatus
 
@@ -36,6 +37,7 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
     "qlearn.problems.icu_sepsis": ("icu_sepsis",),
     "qlearn.problems.random_mdp": ("draw_values", "random_mdp"),
+    "qlearn.solving": ("solve",),
     "qlearn.training.interactive_training": ("InteractiveTraining",),
     "qlearn.training.training_result": ("TrainedPolicy", "TrainingResult", "TrainingStatus"),
 }
@@ -78,6 +80,7 @@ __all__ = [
     "policy_loss",
     "random_mdp",
     "rollout_shares",
+    "solve",
     "value_iteration",
 ]
 

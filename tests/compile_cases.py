@@ -55,7 +55,7 @@ def comparators(k: int) -> dict[str, Any]:
 def readme() -> None:
     text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    exec(next(block for block in blocks if block.startswith("import")), {})
+    exec("".join(blocks), {})
 
 
 def icu() -> None:

@@ -17,6 +17,7 @@ mdp = qlearn.OrdinalMDP(
 )
 learner = qlearn.InteractivePolicyIteration(mdp, elicit.PolytopeComparator(2), strategy="max_regret", seed=None)
 result = qlearn.drive(learner, ask)
+result = qlearn.solve(mdp, lambda q: 1 if q.left[1] > q.right[1] else Verdict.WORSE, "polytope", seed=None)
 training = qlearn.InteractiveTraining(elicit.PolytopeComparator(2), discount=0.5, optimality_gap=0.0)
 training.add("a policy", [0.5, 0.5])
 bound: float = qlearn.drive(training, ask).loss_bound

@@ -77,7 +77,7 @@ class Run(NamedTuple):
 
 def run(comparator: str, learner: str, k: int, tie: float, seed: int) -> Run:
     """One learner with a tutor who calls equal what lies within ``tie``, and is right otherwise."""
-    mdp, values = random_mdp(100, 5, k, rng=seed)
+    mdp, values = random_mdp(100, 5, k, seed=seed)
     made: Comparator = COMPARATORS[comparator](k)
     result = drive(LEARNERS[learner](mdp, made, max_queries=MOST), TruthfulTutor(values, tie=tie))
     equal = int(np.count_nonzero(result.answers.y == 0))

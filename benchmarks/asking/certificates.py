@@ -99,8 +99,8 @@ def run(learner: Learner, tutor: Tutor) -> tuple[Result, list[float]]:
 def problem(name: str, seed: int) -> tuple[OrdinalMDP, Floats]:
     """An MDP and its hidden values (k,): ICU-Sepsis, or a random MDP of the paper with "k = ..." levels."""
     if name == ICU:
-        return _icu(), draw_values(_icu().k, rng=seed)
-    return random_mdp(100, 5, int(name.removeprefix("k = ")), rng=seed)
+        return _icu(), draw_values(_icu().k, seed=seed)
+    return random_mdp(100, 5, int(name.removeprefix("k = ")), seed=seed)
 
 
 _icu = cache(icu_sepsis)

@@ -57,12 +57,12 @@ def grid(side: int, discount: float, seed: int) -> tuple[OrdinalMDP, Floats]:
 
 def run(kind: str, states: int, discount: float, seed: int) -> Run:
     """One problem, in this process."""
-    small, small_values = random_mdp(300, ACTIONS, LEVELS, rng=seed)
+    small, small_values = random_mdp(300, ACTIONS, LEVELS, seed=seed)
     certified(small, small_values, False)  # compiles what is to be compiled
     if kind == "grid":
         mdp, values = grid(round(states**0.5), discount, seed)
     else:
-        mdp, values = random_mdp(states, ACTIONS, LEVELS, discount, rng=seed)
+        mdp, values = random_mdp(states, ACTIONS, LEVELS, discount, seed=seed)
     mdp.fingerprint, mdp.transitions  # noqa: B018 (made once, whoever needs them)
     found = certified(mdp, values, None)
     found |= {"peak": memory("VmHWM") / 2**30, "known": {}}

@@ -110,8 +110,8 @@ def run(cell: Cell) -> Row:
 def problem(environment: str, seed: int) -> tuple[OrdinalMDP, Floats]:
     """An MDP and a hidden scale (k,)."""
     if environment == "ICU-Sepsis":
-        return icu_sepsis(), draw_values(6, rng=seed)
-    return random_mdp(100, 5, int(environment.removeprefix("k = ")), rng=seed)
+        return icu_sepsis(), draw_values(6, seed=seed)
+    return random_mdp(100, 5, int(environment.removeprefix("k = ")), seed=seed)
 
 
 def made(name: str, k: int, error: float, seed: int) -> elicit.Comparator:
@@ -125,7 +125,7 @@ def made(name: str, k: int, error: float, seed: int) -> elicit.Comparator:
 
 def learner_of(method: str, mdp: OrdinalMDP, comparator: elicit.Comparator, seed: int) -> Learner:
     """The learner by name, with a budget of the last of GRID."""
-    common: dict[str, Any] = {"max_queries": GRID[-1], "rng": seed}
+    common: dict[str, Any] = {"max_queries": GRID[-1], "seed": seed}
     if method.startswith("certify"):
         common["tolerance"] = TOLERANCE
         if method == "certify, simple bags":

@@ -110,7 +110,7 @@ def record(kind: Kind, k: int, seed: int = 0, *, steps: int = 100_000, tolerance
     """Run Algorithm 1 with epsilon .1, or interactive value iteration, with a truthful tutor on
     random_mdp(100, 5, k), line for line, and record every comparison. ``steps`` is for the one, ``tolerance`` for
     the other."""
-    mdp, values = random_mdp(100, 5, k, rng=seed)
+    mdp, values = random_mdp(100, 5, k, seed=seed)
     rows: list[tuple[int, list[Floats]]] = []
     recorder, tutor = Recorder(PolytopeComparator(k), rows), TruthfulTutor(values)
     if kind == "Q-learning":

@@ -210,7 +210,7 @@ def on_a_learner(
     """Each rule in a learner's hands, on what the learner compared and neither equality nor dominance settled."""
     rng = np.random.default_rng([seed, SETTINGS.index(setting), k, number, len(pairs)])
     values = scale(setting.law, k, rng)
-    mdp, _ = random_mdp(50, 4, k, rng=rng)
+    mdp, _ = random_mdp(50, 4, k, seed=rng)
     reference = reference_differences(mdp, values)
     rows = []
     for name in rules:
@@ -218,7 +218,7 @@ def on_a_learner(
         comparator, key = RULES[name](k, precision, 2.0 * setting.flips, 0.25), int(number)
         learner: InteractiveQLearning | InteractiveValueIteration
         if pairs == "Q-learning":
-            settings = {"steps": size.steps, "max_queries": size.budget, "rng": key}
+            settings = {"steps": size.steps, "max_queries": size.budget, "seed": key}
             learner = InteractiveQLearning(mdp, comparator, epsilon="constant", **settings)
         else:
             learner = InteractiveValueIteration(

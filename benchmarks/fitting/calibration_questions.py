@@ -56,14 +56,14 @@ class Run(NamedTuple):
 
 def run(flips: float, k: int, seed: int, size: Size) -> Run:
     """One problem and tutor, both ways."""
-    mdp, values = random_mdp(size.states, size.actions, k, rng=seed)
-    asking = InteractiveQLearning(mdp, AlwaysAsk(k), epsilon="uniform", steps=size.steps, rng=seed)
+    mdp, values = random_mdp(size.states, size.actions, k, seed=seed)
+    asking = InteractiveQLearning(mdp, AlwaysAsk(k), epsilon="uniform", steps=size.steps, seed=seed)
     least = policy_loss(mdp, drive(asking, TruthfulTutor(values)).policy, values).mean()
     asked, losses, learned = [], [], 0.0
     for lapse in (None, 2.0 * flips):
         comparator = PosteriorComparator(k, lapse=lapse, seed=seed)
         learner = InteractiveQLearning(
-            mdp, comparator, epsilon="uniform", steps=size.steps, rng=seed, indifference=INDIFFERENCE
+            mdp, comparator, epsilon="uniform", steps=size.steps, seed=seed, indifference=INDIFFERENCE
         )
         result = drive(learner, FlippingTutor(values, flips, seed=seed))
         asked.append(result.asked)

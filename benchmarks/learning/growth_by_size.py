@@ -129,13 +129,13 @@ MEASURES["levels"] = MEASURES["states"]
 def learned(who: str, states: int, k: int) -> Found:
     """A method on random MDPs, in this process. Bytes: what making the problem and solving it adds to the peak."""
     method = LEARNERS[who]
-    small, small_values = random_mdp(30, ACTIONS, k, rng=0)
+    small, small_values = random_mdp(30, ACTIONS, k, seed=0)
     method(small, small_values, 0)  # loads what is compiled
     gc.collect()
     runs: list[tuple[float, int | None]] = []
     before, begun = memory("VmHWM"), process_time()
     while len(runs) < PROBLEMS and (not runs or process_time() - begun < ENOUGH):
-        mdp, values = random_mdp(states, ACTIONS, k, rng=len(runs))
+        mdp, values = random_mdp(states, ACTIONS, k, seed=len(runs))
         gc.collect()
         runs.append(method(mdp, values, len(runs)))
     seconds, asked = zip(*runs, strict=True)

@@ -70,7 +70,7 @@ def comparator(at: Setting) -> Comparator:
 
 def problem(at: Setting, seed: int) -> tuple[OrdinalMDP, Floats]:
     """A random MDP, discount .95, and the hidden scale (k,) from 0 to 1."""
-    mdp, values = random_mdp(at.states, at.actions, at.k, rng=seed)
+    mdp, values = random_mdp(at.states, at.actions, at.k, seed=seed)
     return mdp, mdp.normalise(values)
 
 
@@ -82,7 +82,7 @@ def tutor(at: Setting, values: Floats, seed: int) -> TruthfulTutor | FlippingTut
 def learner(at: Setting, mdp: OrdinalMDP, seed: int) -> InteractiveQLearning:
     """A fresh learner, ready for its first question."""
     return InteractiveQLearning(
-        mdp, comparator(at), steps=at.steps, epsilon=at.epsilon, rng=seed, max_queries=at.max_queries
+        mdp, comparator(at), steps=at.steps, epsilon=at.epsilon, seed=seed, max_queries=at.max_queries
     )
 
 

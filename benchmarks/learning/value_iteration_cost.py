@@ -138,9 +138,9 @@ METHODS = (*SOLVERS, *VECTORS)
 
 def run(method: str, states: int, jobs: int, seed: int, with_loss: bool) -> Run:
     """One method on one random MDP, in this process: CPU seconds, peak memory in GiB, and what the method reports."""
-    _solved(method, *random_mdp(2 * BLOCK, 2, LEVELS, rng=seed), jobs)  # compiles what is to be compiled
+    _solved(method, *random_mdp(2 * BLOCK, 2, LEVELS, seed=seed), jobs)  # compiles what is to be compiled
     start = perf_counter()
-    mdp, values = random_mdp(states, ACTIONS, LEVELS, rng=seed)
+    mdp, values = random_mdp(states, ACTIONS, LEVELS, seed=seed)
     built = perf_counter() - start
     mdp.fingerprint, mdp.transitions  # noqa: B018 (made once, whoever needs them)
     found = _solved(method, mdp, values, jobs)

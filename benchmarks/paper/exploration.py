@@ -62,7 +62,7 @@ def measure(problem: Problem, choice: Exploration, steps: int, seed: int, ask: b
     mdp, values = problem(seed)
     tutor = TruthfulTutor(values)
     always, *others = (
-        drive(InteractiveQLearning(mdp, comparator, epsilon=choice, steps=steps, rng=seed), tutor)
+        drive(InteractiveQLearning(mdp, comparator, epsilon=choice, steps=steps, seed=seed), tutor)
         for comparator in (AlwaysAsk(mdp.k), PolytopeComparator(mdp.k))[: 1 + ask]
     )
     loss = policy_loss(mdp, always.policy, values)
@@ -94,7 +94,7 @@ def _shown(x: Floats, digits: int) -> str:
 
 
 def _random(states: int, k: int) -> tuple[str, Problem]:
-    return f"Random MDP, {states} states, 5 actions, {k} levels", lambda seed: random_mdp(states, 5, k, rng=seed)
+    return f"Random MDP, {states} states, 5 actions, {k} levels", lambda seed: random_mdp(states, 5, k, seed=seed)
 
 
 def _named(title: str, problem: str) -> tuple[str, Problem]:

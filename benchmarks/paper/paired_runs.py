@@ -82,14 +82,14 @@ def measure(cell: Mapping[str, Any], steps: int) -> Measured:
     """One run and its oracle's; ``cell`` has the fields of a ``Choice`` and ``states``, ``levels`` and ``seed``."""
     choice = Choice(**cell["choice"])
     seed: int = cell["seed"]
-    mdp, values = random_mdp(cell["states"], ACTIONS, cell["levels"], rng=seed, weights=choice.weights)
+    mdp, values = random_mdp(cell["states"], ACTIONS, cell["levels"], seed=seed, weights=choice.weights)
     learned, worth = with_nothing(mdp, values) if choice.first_level == "free" else (mdp, values)
     truth = TruthfulTutor(worth)
     noisy = BradleyTerryTutor.from_error_rate
     tutor = noisy(worth, choice.error_rate, reference_differences(learned, worth), seed) if choice.error_rate else truth
     rate: LearningRate | None = polynomial_rate if choice.learning_rate == "polynomial" else choice.learning_rate
     start: Start = "worst" if choice.first_level == "free" else choice.start
-    common: Any = {"steps": steps, "rng": seed, "learning_rate": rate, "epsilon": Exploration(choice.epsilon, start)}
+    common: Any = {"steps": steps, "seed": seed, "learning_rate": rate, "epsilon": Exploration(choice.epsilon, start)}
     oracle = drive(InteractiveQLearning(learned, AlwaysAsk(learned.k), **common), truth)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotConverged)  # what becomes of such fits is a setting

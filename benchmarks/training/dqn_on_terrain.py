@@ -38,7 +38,7 @@ def trained(values: Floats, steps: int) -> tuple[Any, Any]:
 
 def rows(steps: int) -> list[dict[str, Any]]:
     """All policies, those by questions in the order of their trainings, the chosen one last."""
-    hidden = draw_values(5, rng=SEED)
+    hidden = draw_values(5, seed=SEED)
     e, found = normalise(hidden), []
 
     def row(name: str, values: Floats, shares: Floats, asked: int) -> dict[str, Any]:

@@ -67,7 +67,7 @@ def black_box(problem: Problem, seed: int, truthful: bool = True, poor: bool = F
 def on_terrain(seed: int) -> Run:
     """The terrain, its loss against the same learner trained on the true values, by 20,000 walks."""
     place = terrain.Terrain(seed)
-    learner, values = terrain.TileCoded(place, seed), draw_values(5, rng=seed)
+    learner, values = terrain.TileCoded(place, seed), draw_values(5, seed=seed)
     training = InteractiveTraining(PolytopeComparator(5), discount=terrain.DISCOUNT, tolerance=0.01)
     tutor = TruthfulTutor(values)
     while not training.finished:
@@ -119,7 +119,7 @@ def kinds(problems: int) -> dict[str, Callable[[], list[Run]]]:
     icu = icu_sepsis()
 
     def clinic(seed: int) -> tuple[OrdinalMDP, Floats]:
-        return icu, draw_values(icu.k, rng=seed)
+        return icu, draw_values(icu.k, seed=seed)
 
     return {
         "random MDP, k = 5, truthful": lambda: [black_box(paper(5), s) for s in range(problems)],
@@ -133,7 +133,7 @@ def kinds(problems: int) -> dict[str, Callable[[], list[Run]]]:
 
 def paper(k: int) -> Problem:
     """The paper's random MDPs, of half its states."""
-    return lambda seed: random_mdp(50, 5, k, rng=seed)
+    return lambda seed: random_mdp(50, 5, k, seed=seed)
 
 
 STATED = (None, 0.0, 0.3, 0.4)

@@ -56,7 +56,7 @@ class Choice:
     """What was chosen.
 
     best: index of the best vector, the first in the list of equals. order: all indices, best first, or
-    None if only the best was wanted. label: the name of the best. asked: questions told, among them
+    None if only the best was wanted. name: that of the best. asked: questions told, among them
     ``cannot_tell`` without a verdict. decided: how many pairs each tier settled ("equal", "dominance",
     "lp", "tutor", "guess", ...). answers: what the comparator learned from. guarantee: computes ``loss_bound`` and
     ``confidence``.
@@ -64,7 +64,7 @@ class Choice:
 
     best: int
     order: tuple[int, ...] | None
-    label: str
+    name: str
     status: ChoiceStatus
     asked: int
     cannot_tell: int
@@ -91,33 +91,63 @@ class Choice:
 
     def __repr__(self) -> str:
         order = "" if self.order is None else f", order={self.order}"
-        return f"Choice(best={self.best}{order}, label={self.label!r}, status={self.status.name}, asked={self.asked})"
+        return f"Choice(best={self.best}{order}, name={self.name!r}, status={self.status.name}, asked={self.asked})"
 
 
 def choose(
     vectors: ArrayLike,
     comparator: Comparator,
     order: bool = False,
-    labels: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
     max_queries: int | None = None,
     check_totals: bool = True,
     known: Known = (),
+    labels: Sequence[str] | None = None,
 ) -> "Choosing":
-    """Find the best of vectors (n, k), or with ``order=True`` their order, asking what the comparator cannot tell.
+    """Find the best of a list of vectors, or their order, by asking what the comparator cannot tell.
 
-    labels: n names, for people, shown in the queries. max_queries: beyond so many questions the best
-    guess at the scale settles the rest. known: what was answered before (Answers, an AnswerLog, or a
-    list of Answer): learned, and not asked again. The vectors must have equal totals, as shares do: otherwise
-    the choice depends on what the worst level is worth, and an order of levels does not say that;
-    ``check_totals=False`` takes the worst level as worth nothing. Raises ValueError on vectors that
-    are not finite, not (n, k), or of unequal totals; TypeError for anything but a comparator.
+    Parameters
+    ----------
+    vectors
+        The alternatives, (n, k): how much of each level, worst first. They must have equal totals, as shares do.
+    comparator
+        Decides comparisons from the answers so far.
+    order
+        Whether to find the whole order. By default only the best is found.
+    names
+        The n alternatives' names, for people. Questions and the result show them.
+    max_queries
+        Largest number of questions. The best guess at the scale decides what is still open after it.
+    check_totals
+        ``False`` accepts vectors of unequal totals, and takes the worst level as worth nothing.
+    known
+        Earlier answers: ``Answers``, an ``AnswerLog``, or a list of ``Answer``. They are learned, and not asked again.
+    labels
+        The k levels' names, worst first, for people. Questions show them.
+
+    Returns
+    -------
+    Choosing
+        The choice under way: ``ask``, ``tell`` and ``result``.
+
+    Raises
+    ------
+    ValueError
+        If vectors are not finite, not (n, k), or of unequal totals. If there are not n ``names`` or not k ``labels``.
+    TypeError
+        If ``comparator`` is none.
+
+    Notes
+    -----
+    With unequal totals the choice would depend on what the worst level is worth, which an order of levels does not say.
     """
     check_comparator_made(comparator)
     rows = as_vectors(vectors, comparator.k, name="vectors").copy()
     n = len(rows)
     if n == 0:
         raise ValueError("there is nothing to choose from: vectors has no rows")
-    require(labels is None or is_list(labels, n), "labels", f"None or {n} names, one for each of the vectors", labels)
+    require(names is None or is_list(names, n), "names", f"None or {n} names, one for each of the vectors", names)
+    _check_labels(labels, n, comparator.k)
     if check_totals:
         totals = rows.sum(axis=1)
         off = np.abs(totals - totals[0])
@@ -131,18 +161,35 @@ def choose(
             )
     fingerprint = hashlib.blake2b(rows.tobytes() + bytes([bool(order)]), digest_size=8).hexdigest()
     # where the tutor cannot tell, the one that is ahead by the best guess, which is always left, stays ahead
-    elicitation = Elicitation(comparator, fingerprint, max_queries=max_queries, known=known, undecided=Verdict.BETTER)
-    return Choosing(rows, elicitation, bool(order), [str(x) for x in (range(n) if labels is None else labels)])
+    elicitation = Elicitation(
+        comparator,
+        fingerprint,
+        max_queries=max_queries,
+        known=known,
+        undecided=Verdict.BETTER,
+        labels=None if labels is None else [str(x) for x in labels],
+    )
+    return Choosing(rows, elicitation, bool(order), [str(x) for x in (range(n) if names is None else names)])
+
+
+def _check_labels(labels: Sequence[str] | None, n: int, k: int) -> None:
+    """Raise ValueError unless ``labels`` is None or k names. n names were meant as those of the alternatives."""
+    if n != k and is_list(labels, n):
+        raise ValueError(
+            f"labels must be {k} names, one a level, worst first, but there are {n}, one for each of the vectors: pass "
+            "the names of alternatives as names="
+        )
+    require(labels is None or is_list(labels, k), "labels", f"None or {k} names, one a level, worst first", labels)
 
 
 class Choosing:
     """A choice under way, as ``choose`` returns it. Holds no tutor, file or clock."""
 
-    def __init__(self, vectors: Floats, elicitation: Elicitation, order: bool, labels: list[str]) -> None:
+    def __init__(self, vectors: Floats, elicitation: Elicitation, order: bool, names: list[str]) -> None:
         n = len(vectors)
         self._vectors = vectors
         self._wants_order = order
-        self._labels = labels
+        self._names = names
         self._elicitation = elicitation
         self._verdicts = np.full((n, n), Verdict.UNKNOWN, dtype=np.int8)  # so far
         self._judged = np.zeros((n, n), dtype=np.int8)  # 0: not with all that is known now; 1: so; 2: for good
@@ -197,7 +244,7 @@ class Choosing:
         return Choice(
             best=self._ranking[0],
             order=tuple(self._ranking) if self._wants_order else None,
-            label=self._labels[self._ranking[0]],
+            name=self._names[self._ranking[0]],
             status=status,
             asked=asked.asked,
             cannot_tell=asked.cannot_tell,
@@ -223,7 +270,7 @@ class Choosing:
             if self._judge([ahead], other)[0] == Verdict.UNKNOWN:
                 break
         self._pair = ahead, other
-        about = f"{self._labels[ahead]} or {self._labels[other]}"
+        about = f"{self._names[ahead]} or {self._names[other]}"
         self._elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
     def _plan_best(self, by_guess: _Indices) -> _Plan:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _LONGEST = 1000  # characters; the parser's own limit is a crash
 _FORM = 'such as "e4 >= 2*e2 + 0.1": names of levels, numbers, + - * / and brackets on both sides of one >= or <='
+_NO_WORD = re.compile(r"\W+")  # what a name in a text cannot hold, such as a space
 _LIKE_A_NUMBER = re.compile(r"(?<![\w.])((?:\d+\.?\d*|\.\d+)[eE](\d+))(?![\w.])")
 
 
@@ -69,7 +70,7 @@ def inequality(
 ) -> Inequality:
     """One inequality from text such as "e4 >= 2*e2". ``k`` may be left out where ``labels`` (k names) are given.
 
-    Levels are e1 (worst, always 0) to ek (best, always 1), or go by their labels where these are single words.
+    Levels are e1 (worst, always 0) to ek (best, always 1), or go by their labels ("very_ill" for "very ill").
     The name defaults to the text. Raises ValueError for anything but one linear >= or <=.
     """
     found = inequalities(text, k, labels, name)
@@ -79,9 +80,39 @@ def inequality(
 
 
 def inequalities(
-    text: str, k: int | None = None, labels: Sequence[str] | None = None, name: str | None = None
+    text: str | Sequence[str], k: int | None = None, labels: Sequence[str] | None = None, name: str | None = None
 ) -> tuple[Inequality, ...]:
-    """All inequalities of a chain such as "0.2 <= e2 <= 0.5"; otherwise like ``inequality``."""
+    """Read one text or several, each an inequality or a chain of them, for the ``prior`` of a comparator.
+
+        labels = ["critical", "stable", "well"]
+        PolytopeComparator(3, prior=inequalities(["stable >= 0.4", "0.9*well >= stable"], labels=labels))
+
+    Parameters
+    ----------
+    text
+        An inequality such as "e4 >= 2*e2", a chain such as "0.2 <= e2 <= 0.5", or a list of these.
+    k
+        The number of levels. It may be left out if ``labels`` is given.
+    labels
+        The k levels' names, worst first. The text may use them, beside e1 to ek. Write "very_ill" for "very ill".
+    name
+        What people know it by. By default the text. Several inequalities add their text to the name.
+
+    Returns
+    -------
+    tuple of Inequality
+        One for each inequality, in order.
+
+    Raises
+    ------
+    ValueError
+        If a text is anything but linear inequalities with >= or <=, or if it names an unknown level.
+    """
+    if not isinstance(text, str):
+        for one in text:
+            require(isinstance(one, str), "each inequality", "a text such as 'e2 >= 0.4'", one)
+        each = [(one, name if name is None or len(text) == 1 else f"{name}: {one.strip()}") for one in text]
+        return tuple(found for one, called in each for found in inequalities(one, k, labels, called))
     if k is None and labels is None:
         raise ValueError(f'how many levels is "{text}" about? Give k or labels')
     levels = _levels(check_levels(len(labels or ()) if k is None else k), labels)
@@ -194,6 +225,10 @@ def _levels(k: int, labels: Sequence[str] | None) -> dict[str, int]:
         word = normalize("NFKC", str(label))  # as the parser does with every name it reads
         if word.isidentifier() and levels.setdefault(word, i) != i:
             raise ValueError(f'the label "{label}" of level {i + 1} is also a name of level {levels[word] + 1}')
+    words = [_NO_WORD.sub("_", normalize("NFKC", str(label))) for label in labels or ()]
+    for i, word in enumerate(words):
+        if word.isidentifier() and words.count(word) == 1:  # else nobody could tell which level is meant
+            levels.setdefault(word, i)
     return levels
 
 
@@ -236,7 +271,10 @@ def _linear(node: ast.expr, levels: dict[str, int], text: str) -> Floats:
         return out
     if isinstance(node, ast.Name):
         if node.id not in levels:
-            raise ValueError(f'"{text}": no level is called "{node.id}"; there are {", ".join(levels)}')
+            raise ValueError(
+                f'"{text}": no level is called "{node.id}"; there are {", ".join(levels)}. To use other names, give '
+                f'them: elicit.inequalities("{text}", labels=[...]), with one name a level, worst first'
+            )
         out[1 + levels[node.id]] = 1.0
         return out
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.UAdd, ast.USub)):

@@ -43,7 +43,7 @@ class CountsErrors(Tutor, Protocol):
         """The share of its answers that were wrong; nan before the first."""
 
 
-def check_tutor_made(tutor: Tutor, k: int) -> None:
+def check_tutor_made(tutor: object, k: int) -> None:
     """Raise TypeError for anything but a tutor, such as the class of one, and ValueError for one who was made for
     another number of levels than k."""
     if isinstance(tutor, type):

@@ -15,6 +15,7 @@ from typing import Any
 
 from elicit._support.closing import Closing
 from elicit._support.hashing import Seed
+from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import tie_of
@@ -67,8 +68,8 @@ class Session(Closing):
     audit : float
         The share of questions in front of which an earlier one is put again, to see whether the answers agree. The
         asker is not told the answer to a repeat, and nothing else depends on it.
-    seed : int or Generator or SeedSequence
-        Chooses the repeats, together with the answers that stand.
+    seed : int or Generator or SeedSequence, optional
+        Chooses the repeats, together with the answers that stand. None takes a new one.
     clock : callable
         Returns seconds since 1970, for the log. Nothing depends on it.
 
@@ -89,7 +90,7 @@ class Session(Closing):
         *,
         who: str | None = None,
         audit: float = 0.0,
-        seed: Seed = 0,
+        seed: Seed | None = 0,
         clock: Callable[[], float] = time.time,
     ) -> None:
         what = "audit, the share of questions in front of which one is put again,"
@@ -100,11 +101,13 @@ class Session(Closing):
         self.instead: Instead | None = None
         """What is put in place of the asker's queries, for a session that makes its askers: after the answer a new
         asker is made, which knows it."""
+        self.seed = seed_of(seed)
+        """Gives the same repeats again."""
         ReplayedAsker.check(asker)  # before a file is made
         self._mine = not isinstance(log, AnswerLog)
         self._log = log if isinstance(log, AnswerLog) else AnswerLog(log)
         try:
-            self._repeats = Repeats(self._log, float(audit), seed)
+            self._repeats = Repeats(self._log, float(audit), self.seed)
             self._replayed = ReplayedAsker(asker, self._log, self._now)
             self._replayed.current()
         except BaseException:

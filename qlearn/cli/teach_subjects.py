@@ -169,7 +169,7 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
     shares = vectors / float(f"{vectors[0].sum():.12g}")
 
     def make(known: Any) -> Any:
-        return choose(shares, _comparator(comparator, len(labels), seed), labels=names, known=known)
+        return choose(shares, _comparator(comparator, len(labels), seed), names=names, labels=labels, known=known)
 
     report, stakes = partial(_choice_report, labels), partial(_choice_stakes, labels)
     finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
@@ -180,7 +180,7 @@ def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
     bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
     finished = result.status is not ChoiceStatus.WAITING
     status = result.status.value if finished else "Not finished: more could be asked."
-    return [f"Your choice: {result.label}.", status, f"No other is better by more than {bound}; {_whole_way(labels)}."]
+    return [f"Your choice: {result.name}.", status, f"No other is better by more than {bound}; {_whole_way(labels)}."]
 
 
 def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any, Protocol, TypeVar, cast, runtime_checkable
+from typing import Any, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,15 +18,18 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match
+from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, as_verdict, match
 from elicit.model.scale import Floats
-from elicit.model.tutor import Tutor, TutorOfMany, check_tutor_made
+from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
 from qlearn.certificates.loss_bound import Guarantee, loses_at_most, loss_bound
 from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 R_co = TypeVar("R_co", covariant=True)
+
+TutorLike: TypeAlias = Callable[[Query], Answer | int]
+"""A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an Answer."""
 
 
 class Status(Enum):
@@ -89,8 +93,13 @@ def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
         raise TypeError(f"an OrdinalMDP is wanted, not {mdp!r}")
     check_comparator_made(comparator)
     if mdp.k != comparator.k:
-        raise ValueError(f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}")
+        raise ValueError(
+            f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}: make it with k = {mdp.k}"
+        )
 
+
+_LEAST_SHOWN = 1e-6
+"""The least positive loss bound that is printed, a share of the value range: rounding alone gives smaller ones."""
 
 _SHARE = "a share of the value range, above 0 and below 1 (0.01: a policy may lose 1% of the range)"
 
@@ -110,9 +119,12 @@ def check_max_loss(max_loss: float | None) -> float | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """What a learner knows so far. ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted;
-    ``decided``: comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes the
-    loss bound; ``rounds``: steps, sweeps, or policies solved for."""
+    """A learner's policy and counts so far. ``print(result)`` says them in words, with the bound on the policy's loss.
+
+    ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted; ``decided``: comparisons by tier;
+    ``shares``: ``q``, or a function that computes it; ``guarantee``: computes the loss bound; ``rounds``: steps,
+    sweeps, or policies solved for; ``discount``: the MDP's.
+    """
 
     policy: NDArray[np.int64]
     status: Status
@@ -125,6 +137,14 @@ class Result:
     rounds: int
     shares: Floats | Callable[[], Floats]
     guarantee: Callable[[], Guarantee]
+    discount: float
+
+    def __str__(self) -> str:
+        """Return the status, the number of questions, and what the loss bound means. Computing the bound may take long
+        on a large model."""
+        status = str(self.status.value)
+        questions = "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
+        return f"{status[0].upper()}{status[1:]}.\n{questions}.\n{self._loss_in_words()}"
 
     def __repr__(self) -> str:
         parts = [f"status={self.status.name}", f"asked={self.asked}"]
@@ -145,15 +165,43 @@ class Result:
 
     @property
     def loss_bound(self) -> float:
-        """The policy loses at most this share of the value range against the best, from whatever state; nan where no
-        bound can be given. Computed from the MDP's transition probabilities, also where learning only samples them."""
+        """Upper bound on the policy's loss at the worst state, as a share of the value range; nan if there is none.
+
+        The loss is (1 - discount) times the loss of return against the best policy, divided by the value of the best
+        level minus that of the worst. The bound is computed from the MDP's transition probabilities, also if the
+        learner only samples them.
+        """
         return float(self._guaranteed.loss_bound)
+
+    @property
+    def return_loss_bound(self) -> float:
+        """Upper bound on the policy's loss of return at the worst state, where the best level's reward exceeds the
+        worst level's by 1: ``loss_bound / (1 - discount)``."""
+        return self.loss_bound / (1 - self.discount)
 
     @property
     def confidence(self) -> float:
         """How certain ``loss_bound`` is: 1 where every scale that fits the answers allows no more (they must be right),
         the comparator's level for a posterior, nan where none can be stated."""
         return float(self._guaranteed.confidence)
+
+    def _loss_in_words(self) -> str:
+        if np.isnan(self.loss_bound):
+            return "No bound on the policy's loss can be given."
+        share = 0.0 if self.loss_bound == 0 else max(self.loss_bound, _LEAST_SHOWN)
+        return (
+            f"The policy loses at most {_rounded_up(100 * share)}% of the value range ({self._confidence_in_words()}): "
+            "(1 - discount) times its loss of return, over the value of the best level against the worst, at "
+            f"the worst state.\nAs a loss of return it is at most {_rounded_up(share / (1 - self.discount))}, in units "
+            "of the best level's reward minus the worst level's."
+        )
+
+    def _confidence_in_words(self) -> str:
+        if np.isnan(self.confidence):
+            return "with unknown confidence"
+        if self.confidence == 1:
+            return "proven, if the answers are right"
+        return f"with probability {self.confidence:.4g}, if the tutor errs as the comparator assumes"
 
     @property
     def audited(self) -> int:
@@ -164,6 +212,14 @@ class Result:
     def compared(self) -> int:
         """All comparisons, whoever decided them."""
         return sum(self.decided.values())
+
+
+def _rounded_up(x: float) -> str:
+    """Return a number of at least 0 with three digits that count, rounded up, so that it still bounds."""
+    if x == 0:
+        return "0"
+    unit = 10.0 ** (math.floor(math.log10(x)) - 2)
+    return f"{math.ceil(x / unit - 1e-6) * unit:.3g}"  # a millionth of the last digit: 0.01 is not 0.0101
 
 
 class Learner:
@@ -265,6 +321,7 @@ class Learner:
             cannot_tell=elicitation.cannot_tell,
             rounds=rounds,
             guarantee=guarantee or partial(loss_bound, mdp, policy.copy(), elicitation.comparator),
+            discount=mdp.discount,
         )
 
 
@@ -302,12 +359,15 @@ class AsksWithin(Protocol):
 
 def drive(
     learner: Drivable[R_co],
-    tutor: Tutor,
+    tutor: TutorLike,
     log: AnswerLog | None = None,
     progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
 ) -> R_co:
     """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be trained.
+
+    The tutor returns an Answer, or a verdict on the query's left vector: a Verdict, or 1, 0, -1. To say "cannot tell",
+    it returns ``Answer(query, None)``.
 
     Every answer goes to ``log`` before the learner is told. One that contradicts the others is then marked unused
     there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. Where the tutor
@@ -334,7 +394,7 @@ def drive(
             learner.ask_within(None)
 
 
-def _signs_of(tutor: Tutor) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
+def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
     """How the tutor answers many questions at once; None for one that does not, or whose way to answer a single one is
     of a class derived from that which has ``signs``, or wraps it: it would be left out."""
     if isinstance(tutor, TutorOfMany):
@@ -349,7 +409,7 @@ def _signs_of(tutor: Tutor) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
 
 def _driven(
     learner: Drivable[R_co],
-    tutor: Tutor,
+    tutor: TutorLike,
     log: AnswerLog | None,
     progress: Callable[[R_co], None] | None,
     on_conflict: OnConflict,
@@ -358,7 +418,7 @@ def _driven(
         given: list[Answer] = []
         try:
             for query in queries:
-                given.append(tutor(query))
+                given.append(_answer_of(tutor(query), query))
         except BaseException as error:  # also Ctrl+C: what she said before is kept
             try:
                 _log_and_tell(learner, match(given, queries), log, on_conflict)
@@ -369,6 +429,11 @@ def _driven(
         if progress is not None:
             progress(learner.result())
     return learner.result()
+
+
+def _answer_of(reply: Answer | int, query: Query) -> Answer:
+    """Return the tutor's reply as an Answer to the query. ``match`` refuses what is neither an Answer nor a verdict."""
+    return Answer(query, as_verdict(reply)) if isinstance(reply, (int, np.integer)) else reply
 
 
 def _log_and_tell(

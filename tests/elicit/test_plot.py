@@ -207,7 +207,7 @@ def test_each_line_is_where_its_answer_changes_side():
         (lambda: plot.scale_intervals({"a": Dominance(3), "b": Dominance(4)}), "b is about 4 levels, but a is about 3"),
         (lambda: plot.scale_intervals(Dominance(3), labels="abcd"), "3 levels"),
         (lambda: plot.scale_intervals(Dominance(4), labels="abcd"), "4 levels, .* but they are the text 'abcd'"),
-        (lambda: plot.preference_graph(preference_graph([]), labels="abcd"), "not the one text 'abcd'"),
+        (lambda: plot.preference_graph(preference_graph([]), names="abcd"), "not the one text 'abcd'"),
         (lambda: plot.scale_intervals(Dominance(3), values=[0, 1]), "each of 3 levels"),
     ],
 )
@@ -352,7 +352,7 @@ def test_better_vectors_stand_above():
     assert len(arrows(ax)) == 3, "equal is one line"
     assert len({str(arrow.get_linestyle()) for arrow in arrows(ax)}) == 2
     nothing_is_clipped(ax)
-    ax = plot.preference_graph(graph, labels=LEVELS)
+    ax = plot.preference_graph(graph, names=LEVELS)
     assert set(LEVELS) <= {text.get_text() for text in ax.texts}
 
 

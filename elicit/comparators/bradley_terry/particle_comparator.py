@@ -80,7 +80,8 @@ class PosteriorComparator:
     shape      a priori the gaps are Dirichlet(a), log a uniform between these two; None: between ``CONCENTRATION``
                over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
     prior      inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or linear cvxpy
-               constraints over ``elicit.scale_variable(k)``
+               constraints over ``elicit.scale_variable(k)``. Texts that use the levels' own names go through
+               ``elicit.inequalities(texts, labels=...)``
     seed       int, numpy SeedSequence or Generator (kept as an int), or None for a new one
 
     A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of

@@ -38,7 +38,8 @@ class PolytopeComparator:
     A e >= b, and what each answer says: d.e >= 0, d.e <= 0, or, of "equal", |d.e| <= ``tie``. A frozen value.
 
     ``prior`` is (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", what ``elicit.inequality``
-    makes of them, and linear cvxpy constraints over ``elicit.scale_variable(k)``.
+    makes of them, and linear cvxpy constraints over ``elicit.scale_variable(k)``. Texts that use the levels' own names
+    go through ``elicit.inequalities(texts, labels=...)``.
 
     ``tie`` is the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call equal, of differences
     of share vectors; 0: equal means equal. It matters only once the tutor says "equal": then a larger one is safer,

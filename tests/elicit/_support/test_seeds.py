@@ -6,18 +6,23 @@ import numpy as np
 import pytest
 
 from elicit import (
+    AnswerLog,
     BradleyTerryComparator,
     BradleyTerryTutor,
+    Dominance,
     FlippingTutor,
     PosteriorComparator,
     Query,
+    Session,
+    TruthfulTutor,
+    choose,
     compare_held_out,
     held_out,
     tutor_report,
 )
 from elicit._support.hashing import key_of
 from elicit._support.seeds import seed_of, takes_rng
-from elicit.testing import sample_differences
+from elicit.testing import check_comparator, check_tutor, sample_differences
 
 
 def test_a_seed_is_kept_and_none_is_a_new_one_that_has_a_key():
@@ -73,6 +78,29 @@ def test_a_comparator_without_a_seed_can_be_had_again(make):
     assert first.seed == again.seed != second.seed
     d = sample_differences(4)
     assert np.array_equal(first.bounds(d), again.bounds(d))
+
+
+def test_a_session_without_a_seed_can_be_had_again():
+    def make(known):
+        return choose([[3, 0, 7], [2, 2, 6], [0, 5, 5], [1, 4, 5], [2, 3, 5]], Dominance(3), order=True, known=known)
+
+    def asked(seed):
+        session = Session(make, AnswerLog(), audit=0.5, seed=seed)
+        found = []
+        while query := session.question():
+            found.append(query.about)
+            session.answer(query.id, 1)
+        return session.seed, found
+
+    seed, found = asked(None)
+    assert asked(seed) == (seed, found)
+    assert len({asked(None)[0] for _ in range(5)}) == 5
+
+
+def test_checks_take_any_seed():
+    assert len(sample_differences(4, None)) == len(sample_differences(4, np.random.default_rng(2)))
+    check_tutor(TruthfulTutor([0, 1, 2]), 3, truthful=True, seed=None)
+    check_comparator(Dominance(3), seed=None)
 
 
 def test_reports_take_none_too():

@@ -1,5 +1,6 @@
 """The best of a list, or its order: right, with few questions, and unharmed by bad answers."""
 
+import re
 from collections import Counter
 from dataclasses import replace
 
@@ -315,12 +316,18 @@ def test_an_erring_tutor_ends_it_all_the_same(order, rate):
             assert result.order[0] == result.best
 
 
-def test_the_result_names_tiers_and_labels():
-    names = [f"ward {i}" for i in range(20)]
-    choice = choose(shares(7, 20), Dominance(K), labels=names)
-    assert all(query.about.count("ward") == 2 for query in run(choice, TruthfulTutor(HIDDEN)))
+def test_questions_and_the_result_name_alternatives_and_levels():
+    names, labels = [f"ward {i}" for i in range(20)], ["died", "severe", "moderate", "mild", "well"]
+    choice = choose(shares(7, 20), Dominance(K), names=names, labels=labels)
+    asked = run(choice, TruthfulTutor(HIDDEN))
+    assert asked
+    assert all(query.about.count("ward") == 2 and query.labels == tuple(labels) for query in asked)
+    assert re.search(r"left:  .*% (died|severe|moderate|mild|well)", str(asked[0]))
     result = choice.result()
-    assert result.label == names[result.best]
+    assert result.name == names[result.best]
+    plain = run(choose(shares(7, 20), Dominance(K)), TruthfulTutor(HIDDEN))
+    assert [query.id for query in plain] == [query.id for query in asked]
+    assert plain[0].labels is None
     assert set(result.decided) <= {tier.name.lower() for tier in Tier}
     assert {type(count) for count in result.decided.values()} == {int}
     for status in ChoiceStatus:
@@ -333,8 +340,15 @@ def test_the_result_names_tiers_and_labels():
         (np.ones((2, 4)) / 4, {}, r"\(n, 5\)"),
         (np.empty((0, 5)), {}, "nothing to choose"),
         ([[0, 0, 0, 0, np.inf]], {}, "finite"),
-        (np.ones((2, 5)), {"labels": ["a"]}, "labels must be None or 2 names, one for each of the vectors"),
-        (np.ones((2, 5)), {"labels": "ab"}, "labels must be None or 2 names, .* not 'ab'"),
+        (np.ones((2, 5)), {"names": ["a"]}, "names must be None or 2 names, one for each of the vectors"),
+        (np.ones((2, 5)), {"names": "ab"}, "names must be None or 2 names, .* not 'ab'"),
+        (
+            np.ones((2, 5)),
+            {"labels": ["a", "b"]},
+            "labels must be 5 names, one a level, .* there are 2, .* pass the names of alternatives as names=",
+        ),
+        (np.ones((2, 5)), {"labels": ["a", "b", "c"]}, "labels must be None or 5 names, one a level, worst first, not"),
+        (np.ones((2, 5)), {"labels": "abcde"}, "labels must be None or 5 names, .* not 'abcde'"),
         (np.ones((2, 5)), {"max_queries": -1}, "max_queries"),
         (np.ones((2, 5)), {"max_queries": "a"}, "max_queries .* not 'a'"),
         ([[1, 0, 0, 0, 0], [0, 0, 0, 0, 0]], {}, "equal totals"),
@@ -362,7 +376,7 @@ def test_the_callers_array_is_not_kept():
 
 
 def test_a_choice_is_short_to_read():
-    choice = choose(np.eye(3), Dominance(3), labels=["a", "b", "c"]).result()
-    assert repr(choice) == "Choice(best=2, label='c', status=FINISHED, asked=0)"
+    choice = choose(np.eye(3), Dominance(3), names=["a", "b", "c"]).result()
+    assert repr(choice) == "Choice(best=2, name='c', status=FINISHED, asked=0)"
     choice = choose(np.eye(3), Dominance(3), order=True).result()
-    assert repr(choice) == "Choice(best=2, order=(2, 1, 0), label='2', status=FINISHED, asked=0)"
+    assert repr(choice) == "Choice(best=2, order=(2, 1, 0), name='2', status=FINISHED, asked=0)"

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import PolytopeComparator, Verdict
+from elicit import PolytopeComparator, PosteriorComparator, Verdict
 from elicit.lp.prior_inequalities import Inequality, Prior, as_prior, inequalities, inequality, readable
 from elicit.lp.region import prior_rows
 from tests.thoroughness import examples
@@ -95,6 +95,41 @@ def test_deep_nesting_is_an_error_of_the_text_not_a_crash():
     assert inequality("-" * 100 + "e2 >= 0", k=3).coefficients.tolist() == [0, 1, 0]
     with pytest.raises(ValueError, match=r"cannot be read|nested too deeply"):
         inequality("-" * 990 + "e2 >= 0", k=3)
+
+
+def test_a_prior_of_several_texts_may_use_the_names_of_levels():
+    texts = ["stable >= 0.4", "0.1 <= very_ill <= 0.3"]
+    labels = ["dead", "very ill", "stable", "well"]
+    found = inequalities(texts, labels=labels)
+    assert [(one.coefficients.tolist(), one.bound) for one in found] == [
+        ([0, 0, 1, 0], 0.4),
+        ([0, 1, 0, 0], 0.1),
+        ([0, -1, 0, 0], -0.3),
+    ]
+    assert [one.name for one in found] == ["stable >= 0.4", "0.1 <= very_ill", "very_ill <= 0.3"]
+    named = inequalities(texts, labels=labels, name="Ann")
+    assert next(one.name for one in named) == "Ann: stable >= 0.4"
+    assert inequalities(["e2 >= 0.5"], 3, name="Ben")[0].name == "Ben"
+    assert inequalities([], labels=labels) == ()
+    for comparator in (PolytopeComparator(4, prior=found), PosteriorComparator(4, prior=found, particles=50)):
+        low, high = comparator.bounds([[0, 0, 1, 0], [0, 1, 0, 0]])
+        assert low[0] >= 0.4 - 1e-9
+        assert 0.1 - 1e-9 <= low[1] <= high[1] <= 0.3 + 1e-9
+    with pytest.raises(ValueError, match=r"each inequality must be a text such as 'e2 >= 0.4', not 3"):
+        inequalities(["e2 >= 0.5", 3], 3)
+    unclear = ["dead", "very ill", "very-ill", "well"]
+    assert inequality("e2 >= 0.5", labels=unclear).bound == 0.5
+    with pytest.raises(ValueError, match='no level is called "very_ill"; there are e1, e2, e3, e4, dead, well'):
+        inequality("very_ill >= 0.5", labels=unclear)
+
+
+def test_a_comparator_that_does_not_know_a_name_says_how_to_give_it():
+    wanted = (
+        r'no level is called "stable"; .* elicit.inequalities\("stable >= 0.4", labels=\[...\]\), with one name a level'
+    )
+    for make in (PolytopeComparator, PosteriorComparator):
+        with pytest.raises(ValueError, match=wanted):
+            make(4, prior=["stable >= 0.4"])
 
 
 def test_the_number_of_levels_and_the_labels_are_checked():

@@ -86,7 +86,7 @@ def test_watch_judges_many_small_calls_like_one() -> None:
 def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] = ()) -> Result:
     nothing: dict[str, Any] = {"policy": np.zeros(1, np.int64), "shares": np.zeros((1, 1, 3)), "cannot_tell": 0}
     nothing |= {"comparator": AlwaysAsk(3), "answers": Answers.none(3), "status": Status.DONE, "rounds": 7}
-    nothing["guarantee"] = lambda: Guarantee(np.nan, np.nan)
+    nothing |= {"guarantee": lambda: Guarantee(np.nan, np.nan), "discount": 0.5}
     tiers = {tier.name.lower(): 0 for tier in Tier} | decided
     return Result(asked=asked, decided=tiers, audits=checked, **nothing)
 

@@ -1,11 +1,14 @@
 """What learners and their results look like where people read them: short, and without being computed for it."""
 
+import math
 import re
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import elicit
 import qlearn
@@ -43,6 +46,63 @@ def test_a_result_says_what_its_policy_may_lose_once_that_is_known(kind: Any) ->
     assert repr(result) == shown
     unsure = qlearn.drive(kind(MDP, PolytopeComparator(4), **settings), lambda query: Answer(query, None))
     assert f"cannot_tell={unsure.cannot_tell}" in repr(unsure)
+
+
+def test_a_printed_result_says_what_its_bound_is_a_share_of_and_the_bound_in_units_of_return() -> None:
+    mdp, values = qlearn.random_mdp(30, 3, 5, seed=1)
+    result = qlearn.solve(mdp, TruthfulTutor(values), "polytope")
+    status, asked, share, loss = str(result).splitlines()
+    assert status == "Finished: the policy is within the tolerance, if the answers and verdicts were right."
+    assert asked == f"{result.asked} questions were asked."
+    said = re.fullmatch(
+        r"The policy loses at most (\S+)% of the value range \(proven, if the answers are right\): \(1 - discount\) "
+        r"times its loss of return, over the value of the best level against the worst, at the worst state\.",
+        share,
+    )
+    assert said is not None
+    assert result.loss_bound <= float(said[1]) / 100 <= 1.01 * result.loss_bound
+    said = re.fullmatch(
+        r"As a loss of return it is at most (\S+), in units of the best level's reward minus the worst level's\.", loss
+    )
+    assert said is not None
+    assert result.return_loss_bound == result.loss_bound / (1 - mdp.discount)
+    assert result.return_loss_bound <= float(said[1]) <= 1.01 * result.return_loss_bound
+
+
+def test_the_loss_of_return_is_what_another_library_would_find() -> None:
+    result = qlearn.solve(MDP, TruthfulTutor(VALUES), "polytope", tolerance=0.2, max_queries=1)
+    rewards = MDP.rewards((VALUES - VALUES[0]) / (VALUES[-1] - VALUES[0]))
+
+    def greatest_return(actions: NDArray[np.bool_]) -> NDArray[np.float64]:
+        v = np.zeros(MDP.n_states)
+        for _ in range(500):
+            q = rewards + MDP.discount * (MDP.probabilities * v[MDP.successors]).sum(axis=2)
+            v = np.where(actions, q, -np.inf).max(axis=1)
+        return v
+
+    own = np.arange(MDP.n_actions) == result.policy[:, None]
+    lost = greatest_return(MDP.admissible) - greatest_return(own)
+    assert 0 <= lost.max() <= result.return_loss_bound + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("bound", "confidence", "words"),
+    [
+        (0.01, 1.0, ["1% of the value range (proven, if the answers are right)", "at most 0.1, in units"]),
+        (0.01001, 0.95, ["1.01%", "(with probability 0.95, if the tutor errs as the comparator assumes)", "0.101,"]),
+        (1e-16, math.nan, ["0.0001%", "(with unknown confidence)", "1e-05,"]),
+        (0.0, 1.0, [" 0% of", "at most 0, in"]),
+        (1.0, 1.0, ["100%", "at most 10, in"]),
+        (math.nan, math.nan, ["No bound on the policy's loss can be given."]),
+    ],
+)
+def test_a_printed_bound_is_rounded_up_and_says_how_sure_it_is(
+    bound: float, confidence: float, words: list[str]
+) -> None:
+    some = qlearn.solve(MDP, TruthfulTutor(VALUES), "polytope", max_queries=1)
+    shown = str(replace(some, guarantee=lambda: qlearn.Guarantee(bound, confidence)))
+    assert "\n1 question was asked.\n" in shown
+    assert all(word in shown for word in words), shown
 
 
 NAMED = replace(

@@ -1,0 +1,136 @@
+"""Solve an MDP in one call: make a comparator and a learner by name, and drive them with the tutor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Literal, TypeAlias
+
+from elicit._support.hashing import Seed
+from elicit._support.seeds import seed_of
+from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+from elicit.comparators.polytope.comparator import PolytopeComparator
+from elicit.model.comparator import Comparator
+from elicit.model.tutor import check_tutor_made
+from elicit.tutors.answer_log import AnswerLog
+from qlearn.learners.learner import Learner, Result, TutorLike, check_problem, drive
+from qlearn.learners.policy_iteration import InteractivePolicyIteration
+from qlearn.learners.q_learning import InteractiveQLearning
+from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+ComparatorName: TypeAlias = Literal["posterior", "polytope", "ensemble", "box-rescaled", "box"]
+LearnerName: TypeAlias = Literal["policy-iteration", "value-iteration", "q-learning"]
+
+_COMPARATORS: Mapping[str, Callable[[int, Seed], Comparator]] = {
+    "posterior": lambda k, seed: PosteriorComparator(k, seed=seed),
+    "polytope": lambda k, _: PolytopeComparator(k),
+    "ensemble": lambda k, seed: BradleyTerryComparator(k, region="ensemble", seed=seed),
+    "box-rescaled": lambda k, seed: BradleyTerryComparator(k, region="box", rescale=True, seed=seed),
+    "box": lambda k, seed: BradleyTerryComparator(k, region="box", seed=seed),
+}
+_LEARNERS: Mapping[str, Callable[[float], Callable[..., Learner]]] = {
+    "policy-iteration": lambda tolerance: partial(InteractivePolicyIteration, tolerance=tolerance),
+    "value-iteration": lambda tolerance: partial(InteractiveValueIteration, tolerance=tolerance),
+    "q-learning": lambda _: InteractiveQLearning,
+}
+
+
+def solve(
+    mdp: OrdinalMDP,
+    tutor: TutorLike,
+    comparator: ComparatorName | Comparator = "posterior",
+    tolerance: float = 0.01,
+    seed: Seed | None = None,
+    *,
+    learner: LearnerName = "policy-iteration",
+    max_queries: int | None = None,
+    log: AnswerLog | None = None,
+    progress: Callable[[Result], None] | None = None,
+) -> Result:
+    """Find a good policy for an MDP by asking a tutor.
+
+    Parameters
+    ----------
+    mdp
+        The problem, whose rewards are levels of an ordinal scale.
+    tutor
+        Any function from a ``Query`` to an ``Answer``, or to a verdict on the query's left vector: a ``Verdict``, or
+        1, 0, -1. To say "cannot tell", return ``Answer(query, None)``.
+    comparator
+        Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err. ``"polytope"`` is for a
+        tutor who never errs: it proves what it says. ``"ensemble"``, ``"box-rescaled"`` and ``"box"`` are the paper's
+        fits. A ``Comparator`` for ``mdp.k`` levels is used as it is.
+    tolerance
+        Largest acceptable loss of the policy, a share of the value range: see ``Result.loss_bound``. Q-learning does
+        not stop by it.
+    seed
+        An int, a NumPy ``SeedSequence`` or a ``Generator``. The same int gives the same run. ``None`` draws a new one.
+        A comparator that is given as an object keeps its own.
+    learner
+        ``"policy-iteration"`` asks the fewest questions. ``"value-iteration"`` and ``"q-learning"`` run with their
+        default settings.
+    max_queries
+        Largest number of questions. Comparisons still open after it follow the best guess at the scale, and the
+        result's status says so. ``None``: no limit.
+    log
+        Receives every answer before the learner does. Answers that it already holds are used, and not asked again.
+    progress
+        Called with the result so far after every round of questions.
+
+    Returns
+    -------
+    Result
+        The policy, a bound on its loss, and the number of questions. ``print(result)`` says it in words.
+
+    Raises
+    ------
+    TypeError
+        If ``mdp`` is no ``OrdinalMDP``, ``tutor`` cannot be called, or ``tutor`` returns neither an answer nor a
+        verdict.
+    ValueError
+        If a name is unknown, a number is out of range, or the comparator or the tutor was made for another number of
+        levels than the MDP has.
+    InconsistentAnswers
+        If no scale agrees with the answers. Only the polytope raises it. ``"posterior"`` allows for errors.
+
+    Notes
+    -----
+    With an int as the seed this is the same run as
+
+        comparator = elicit.PosteriorComparator(mdp.k, seed=seed)
+        learner = qlearn.InteractivePolicyIteration(mdp, comparator, tolerance=tolerance, seed=seed)
+        result = qlearn.drive(learner, tutor)
+    """
+    _check_mdp(mdp)
+    check_tutor_made(tutor, mdp.k)
+    key = seed_of(seed)
+    knows = _named(comparator, key, mdp.k)
+    check_problem(mdp, knows)
+    if not isinstance(learner, str) or learner not in _LEARNERS:
+        raise ValueError(f"learner must be one of {_listed(_LEARNERS)}, not {learner!r}")
+    if log is not None and not isinstance(log, AnswerLog):
+        raise TypeError(f"log must be None or an elicit.AnswerLog, such as AnswerLog('answers.jsonl'), not {log!r}")
+    make = _LEARNERS[learner](tolerance)
+    known: Any = () if log is None else log
+    return drive(make(mdp, knows, seed=key, max_queries=max_queries, known=known), tutor, log, progress)
+
+
+def _check_mdp(mdp: object) -> None:
+    if not isinstance(mdp, OrdinalMDP):
+        pair = isinstance(mdp, tuple) and any(isinstance(part, OrdinalMDP) for part in mdp)
+        advice = ": it holds one, write mdp, values = ..." if pair else ""
+        raise TypeError(f"mdp must be a qlearn.OrdinalMDP, not a {type(mdp).__name__}{advice}")
+
+
+def _named(comparator: str | Comparator, seed: Seed, k: int) -> Comparator:
+    if not isinstance(comparator, str):
+        return comparator
+    if comparator not in _COMPARATORS:
+        raise ValueError(f"comparator must be one of {_listed(_COMPARATORS)}, or a Comparator, not {comparator!r}")
+    return _COMPARATORS[comparator](k, seed)
+
+
+def _listed(names: Mapping[str, object]) -> str:
+    return ", ".join(map(repr, names))
