@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, offers
-from elicit.model.scale import Floats, exact_dot, normalise
+from elicit.model.scale import Floats, exact_dot, normalise, rounded_to_total
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -56,6 +56,9 @@ _KINDS = {
 _TRUE: dict[str, Any] = {
     "marker": "*", "markersize": 15, "color": "black", "markerfacecolor": "#F0E442", "linestyle": "none"
 }  # fmt: skip
+_MANY = 30
+"""Nodes of a graph of answers. With more, all arrows and shares cannot be read any more (looked at in pictures)."""
+_SWEEPS = 12  # up and down through the layers: more untangled no picture that was looked at
 _HEAD = "-|>,head_width=0.25,head_length=0.5"
 _ARROWS: dict[str, dict[str, Any]] = {
     "answer: better": {"arrowstyle": _HEAD, "color": "0.15", "linestyle": "-", "linewidth": 1.2},
@@ -244,8 +247,7 @@ def scale_intervals(
     ax.hlines(rows[1:] - 0.5, 0, 1, color="0.9", linewidth=0.7, zorder=0)
     ax.spines[["top", "right", "left"]].set_visible(False)
     if len(handles) > 1 or isinstance(comparators, Mapping):
-        where: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1)}
-        ax.legend(handles=handles, ncols=2, frameon=False, handlelength=3.5, **where)
+        _legend_above(ax, handles)
     return ax
 
 
@@ -256,21 +258,37 @@ def preference_graph(
     names: Mapping[int, str] | Sequence[str] | None = None,
     cycles: Iterable[Cycle] = (),
 ) -> Axes:
-    """``graph.preference_graph`` in layers, better vectors above worse ones; on a circle some arrows lead upwards.
+    """Draw ``graph.preference_graph`` in layers, better vectors above worse ones; on a circle some arrows lead upwards.
 
     Solid arrows: answers "better". Dashed lines: "equal". Dotted arrows: dominance, without what follows from other
-    dominance. cycles (``graph.cycles(graph)``) are drawn in colour and bold. names: a text for each node; by default
-    its shares in percent, worst level first.
+    dominance. Of more than 30 nodes, no arrow is drawn that follows from others, whether answers or dominance, unless
+    it is on a cycle or leads upwards.
+
+    Parameters
+    ----------
+    graph : networkx.DiGraph
+        As ``graph.preference_graph`` makes it.
+    names : mapping or sequence of str, optional
+        A text for each node. By default its shares in percent, worst level first; of more than 30 nodes there is no
+        room for these, and ``graph.nodes[number]["vector"]`` has them.
+    cycles : iterable of Cycle, optional
+        Those of ``graph.cycles(graph)`` are drawn in colour and bold.
     """
     import networkx as nx
 
     if isinstance(names, str):
         raise ValueError(f"names must be a list or a dict with a text for each node, not the one text {names!r}")
-    ax = _axes(ax, (7.0, 6.0))
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
 
-    at = _layers(graph)
+    many = len(graph) > _MANY
+    at, downwards = _layers(graph)
+    if many:
+        downwards = nx.transitive_reduction(downwards)
+        at = _untangled(at, downwards)
+    layers = Counter(y for _, y in at.values())
+    size = (max(7.0, 0.9 * max(layers.values())), max(6.0, 0.7 * len(layers))) if many else (7.0, 6.0)
+    ax = _axes(ax, size)
     ring = {step[:2] for cycle in cycles for step in cycle.steps}
     dominance = nx.DiGraph(edge for edge, about in graph.edges.items() if about["kind"] == "dominance")
     if nx.is_directed_acyclic_graph(dominance):  # as it is, but for rounding
@@ -279,18 +297,25 @@ def preference_graph(
         kind, back = about["kind"], graph.edges.get((end, start))
         mutual = kind == "equal" and back is not None and back["kind"] == "equal"
         on_ring = (start, end) in ring or (mutual and (end, start) in ring)
-        implied = kind == "dominance" and not on_ring and not dominance.has_edge(start, end)
+        if many:
+            leads_down = at[start][1] > at[end][1]
+            implied = kind != "equal" and not on_ring and leads_down and not downwards.has_edge(start, end)
+        else:
+            implied = kind == "dominance" and not on_ring and not dominance.has_edge(start, end)
         if start == end or implied or (mutual and end < start):
             continue
         straight = at[start][1] - at[end][1] == 1 and (mutual or back is None)
-        style = _ARROWS[_NAMES[kind]] | (_ARROWS["on a cycle"] if on_ring else {})
+        faint = {"color": "0.75", "linewidth": 0.9} if many and kind == "dominance" else {}
+        style = _ARROWS[_NAMES[kind]] | faint | (_ARROWS["on a cycle"] if on_ring else {})
         bend = f"arc3,rad={0.0 if straight else 0.2}"
         arrow = dict(style, connectionstyle=bend, shrinkA=9, shrinkB=9)
         ax.annotate("", at[end], at[start], arrowprops=arrow, zorder=1)
     for node, (x, y) in at.items():
         ax.plot(x, y, "o", markersize=17, color="white", markeredgecolor="0.15", zorder=2)
         ax.annotate(str(node), (x, y), ha="center", va="center", fontsize=9, zorder=3)
-        shares = "/".join(f"{100 * share:.3g}" for share in graph.nodes[node]["vector"])
+        if many and names is None:
+            continue
+        shares = "/".join(f"{share:g}" for share in _percentages(graph.nodes[node]["vector"]))
         halo = [withStroke(linewidth=2.5, foreground="white")]
         aside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "fontsize": 8, "path_effects": halo}
         ax.annotate(shares if names is None else names[node], (x, y), (11, 0), zorder=3, **aside)
@@ -302,9 +327,36 @@ def preference_graph(
     return ax
 
 
-def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
-    """Where to draw each node: below all that are better, and near the middle of those. On a circle, where that is
-    impossible, those that are better more often come first."""
+def _percentages(vector: Floats) -> Floats:
+    """Return shares (k,) in percent, of total 100; whole ones where that says it all. Other vectors times 100."""
+    percent = 100.0 * vector
+    if (vector < 0).any() or abs(vector.sum() - 1.0) > 1e-9:
+        return np.array([float(f"{share:.3g}") for share in percent])
+    return rounded_to_total(percent, 0 if np.abs(percent - np.rint(percent)).max() < 1e-6 else 1)
+
+
+def _untangled(at: dict[int, tuple[float, float]], arrows: nx.DiGraph) -> dict[int, tuple[float, float]]:
+    """Return the same layers, each sorted by the mean place of the nodes that its own are joined to, several times."""
+    layers: dict[float, list[int]] = {}
+    for node in sorted(at, key=lambda node: at[node]):
+        layers.setdefault(at[node][1], []).append(node)
+    x = {node: place for node, (place, _) in at.items()}
+    down = sorted(layers, reverse=True)
+    for depth in [*down, *down[::-1]] * _SWEEPS:
+        own = layers[depth]
+        joined = {node: [x[other] for other in (*arrows.predecessors(node), *arrows.successors(node))] for node in own}
+        middle = {node: float(np.mean(joined[node])) if joined[node] else x[node] for node in own}
+        for i, node in enumerate(sorted(own, key=lambda node: (middle[node], node))):
+            x[node] = i - (len(own) - 1) / 2
+    return {node: (x[node], y) for node, (_, y) in at.items()}
+
+
+def _layers(graph: nx.DiGraph) -> tuple[dict[int, tuple[float, float]], nx.DiGraph]:
+    """Return where to draw each node, and the arrows between nodes that lead down.
+
+    A node is below all that are better, near the middle of those. On a circle, where that is impossible, nodes that are
+    better more often come first.
+    """
     import networkx as nx
 
     strict = [edge for edge, about in graph.edges.items() if about["kind"] != "equal" and edge[0] != edge[1]]
@@ -319,7 +371,7 @@ def _layers(graph: nx.DiGraph) -> dict[int, tuple[float, float]]:
         middle = {node: np.mean([at[over][0] for over in plain.predecessors(node)] or [0.0]) for node in layer}
         for i, node in enumerate(sorted(layer, key=lambda node: (middle[node], node))):
             at[node] = (i - (len(layer) - 1) / 2, -float(depth))
-    return at
+    return at, plain
 
 
 def _plane(g: Floats) -> Floats:
@@ -399,6 +451,22 @@ def _true(values: ArrayLike | None, k: int) -> Floats | None:
     if values is not None and np.shape(values) != (k,):
         raise ValueError(f"values must be the true scale, one number for each of {k} levels, not {values!r}")
     return None if values is None else normalise(values)
+
+
+def _legend_above(ax: Axes, handles: Sequence[Any]) -> None:
+    """Draw a legend above the axes, in two columns or, where these are too wide, in one; none of it is cut off."""
+    figure, spec = ax.get_figure(root=True), ax.get_subplotspec()
+    assert figure is not None
+    room = figure.bbox.width * (len(spec.colspan) / spec.get_gridspec().ncols if spec is not None else 1.0)
+    where: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1), "frameon": False, "handlelength": 3.5}
+    legend = ax.legend(handles=handles, ncols=2, **where)
+    if legend.get_window_extent().width > 0.95 * room:
+        legend = ax.legend(handles=handles, ncols=1, **where)
+    padding = 0.02 * figure.bbox.height  # between axes, legend and edge: about the height of a letter
+    above = (legend.get_window_extent().height + padding + ax.bbox.y1 - figure.bbox.y1) / figure.bbox.height
+    if figure.get_layout_engine() is None and above > 0:  # else the layout makes room
+        box = ax.get_position()
+        ax.set_position((box.x0, box.y0, box.width, max(0.2 * box.height, box.height - above)))
 
 
 def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:

@@ -17,33 +17,12 @@ A comparator must have five members, and needs no more to work in every learner,
                             holds for every ordered scale comes first; level 1 and the length of d do not matter
     update(answers)         a new comparator that also knows these ``elicit.Answers``; the old one stays as it was
 
-It may have more, of which use is then made (the Protocols in ``elicit.model.comparator``):
+It may have more, of which use is then made:
 
-    simultaneous_bounds(d)  upper bounds (n,) on d.e that hold for all rows at once, and the confidence that they do.
-                            Without them what a policy may lose is bounded by ``bounds``, with a confidence of nan, and
-                            policy iteration and value iteration end BOUNDED, not CONVERGED
-    rough_bounds(d, slack)  beside it: such bounds, up to ``slack`` above the least there are, in less time. Cuts are
-                            chosen by them; without them by ``simultaneous_bounds``
-    draws                   plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now. Questions
-                            are chosen by them; without them by scales drawn from all ordered ones
-    level                   beside ``draws``, if the bounds rest on them: the weight of draws that a verdict needs. The
-                            loss of a policy is then bounded under that share of the draws
-    confidence              beside ``level``: the probability with which guarantees hold that rest on the draws, nan for
-                            none; without it the level
-    probability(d)          (n,) the chance that the tutor says left is better; of several arrays the last is the best
-                            guess. ``held_out`` scores it; without it there is no log-likelihood
-    lapse                   the share of answers given at random, 0 up to 1. Questions are chosen by it; without it 0
-    tie                     the largest |d.e|, a share of the value range, that the tutor may call equal. Learners stop
-                            asking about pairs so near that were called equal; without it EQUAL means equal
-    answers                 ``elicit.Answers``, all it was told, in order: what it knows already is not told it again
-    answers_to_next_step    how many more answers, at least 1, it takes until verdicts may change, of a comparator whose
-                            ``update`` takes any answers: until then Q-learning's loop asks a simulated tutor by itself
-    rule                    an ``elicit.decision.comparator_rule.Rule``, what it knows as arrays, from which compiled
-                            loops judge by themselves; without it they call ``compare``
-    settle(d)               beside ``rule``: verdicts and tiers (n,) of what the rule leaves open
 """
 
 from collections.abc import Callable
+from textwrap import fill
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -55,6 +34,7 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import NOTHING, Rule, compares_by_rule, rule_of
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
+    OPTIONAL_PARTS,
     Comparator,
     Foretells,
     KeepsAnswers,
@@ -68,6 +48,13 @@ from elicit.model.comparator import (
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_made
+
+if __doc__ is not None:  # python -OO leaves it out
+    __doc__ += "".join(
+        fill(f"{part.gives}. {part.use}", 120, initial_indent=f"    {part.signature:24}", subsequent_indent=" " * 28)
+        + "\n"
+        for part in OPTIONAL_PARTS
+    )
 
 _T = TypeVar("_T")
 _TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off

@@ -49,10 +49,7 @@ _MEMBERS = ("k", "values", "bounds", "compare", "update")
 class Comparator(Protocol):
     """What is known of the scale so far. A frozen value: ``update`` returns a new one.
 
-    What is used beyond it, where a comparator has it, is declared below and in ``decision.comparator_rule``:
-    ``BoundsAllAtOnce``, ``Foretells``, ``HasDraws``, ``TrustsDraws``, ``AllowsLapses``, ``AllowsTies``,
-    ``KeepsAnswers``, ``LearnsInSteps``, ``Ruled``, ``Settling``. ``elicit.testing`` says what each is for, and checks
-    them.
+    A comparator needs no more than these five members. ``OPTIONAL_PARTS`` lists what is used beyond them.
     """
 
     @property
@@ -105,6 +102,110 @@ class Foretells(Protocol):
     def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
         """The probability (n,) that the tutor says left is better, of differences d (n, k); of several arrays (the
         ends of an interval, say) the last is the best guess."""
+
+
+class Part(NamedTuple):
+    """An optional part of a comparator. protocol: the name of its type. signature: how it is called. gives: what it is
+    or returns. use: what is done with it, and without it."""
+
+    protocol: str
+    signature: str
+    gives: str
+    use: str
+
+    @property
+    def member(self) -> str:
+        """The name that a comparator has."""
+        return self.signature.split("(")[0]
+
+
+OPTIONAL_PARTS = (
+    Part(
+        "BoundsAllAtOnce",
+        "simultaneous_bounds(d)",
+        "upper bounds (n,) on d.e that hold for all rows at once, and the confidence that they do",
+        "Bounds what a policy may lose. Without it `bounds` does, with a confidence of nan, and policy iteration and "
+        "value iteration end BOUNDED, not CONVERGED.",
+    ),
+    Part(
+        "RoughBounds",
+        "rough_bounds(d, slack)",
+        "beside `simultaneous_bounds`: such bounds, up to `slack` above the least there are, in less time",
+        "Cuts are chosen by it. Without it they are chosen by `simultaneous_bounds`.",
+    ),
+    Part(
+        "HasDraws",
+        "draws",
+        "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
+        "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered ones.",
+    ),
+    Part(
+        "TrustsDraws",
+        "level",
+        "beside `draws`, if the bounds depend on them: the weight of draws that a verdict needs",
+        "The loss of a policy is bounded under that share of the draws.",
+    ),
+    Part(
+        "StatesConfidence",
+        "confidence",
+        "beside `level`: the probability with which guarantees under the draws hold; nan for none",
+        "Is a result's confidence. Without it `level` is.",
+    ),
+    Part(
+        "Foretells",
+        "probability(d)",
+        "(n,) the probability that the tutor says left is better; of several arrays the last is the best guess",
+        "`held_out` scores it. Without it there is no log-likelihood.",
+    ),
+    Part(
+        "AllowsLapses",
+        "lapse",
+        "the share of answers given at random, 0 up to 1",
+        "Questions are chosen by it. Without it 0 is taken.",
+    ),
+    Part(
+        "AllowsTies",
+        "tie",
+        "the largest |d.e|, a share of the value range, that the tutor may call equal",
+        "Learners stop asking about pairs so near that were called equal. Without it EQUAL means equal.",
+    ),
+    Part(
+        "KeepsAnswers",
+        "answers",
+        "`elicit.Answers`, all it was told, in order",
+        "It is not told again what it knows already.",
+    ),
+    Part(
+        "LearnsInSteps",
+        "answers_to_next_step",
+        "how many more answers, at least 1, it takes until verdicts may change; then `update` must take any answers",
+        "Until then Q-learning's compiled loop asks a simulated tutor by itself.",
+    ),
+    Part(
+        "Ruled",
+        "rule",
+        "an `elicit.decision.comparator_rule.Rule`: what it knows, as arrays",
+        "Compiled loops judge by it. Without it they call `compare`.",
+    ),
+    Part(
+        "Settling",
+        "settle(d)",
+        "beside `rule`: verdicts and tiers (n,) of what the rule leaves open",
+        "Compiled loops call it there.",
+    ),
+)
+"""All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared with this table."""
+
+
+def check_offers(comparator: Comparator, asker: str, *members: str) -> None:
+    """Raise TypeError for what is no comparator, or lacks a part that ``asker`` needs, and say what the part is."""
+    check_comparator_made(comparator)
+    for part in OPTIONAL_PARTS:
+        if part.member in members and not offers(comparator, part.member):
+            raise TypeError(
+                f"{type(comparator).__name__} has no {part.member}, which {asker} needs ({part.gives}): take "
+                "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
+            )
 
 
 def offers(comparator: object, member: str) -> bool:

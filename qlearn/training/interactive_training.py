@@ -20,8 +20,7 @@ from elicit.model.comparator import (
     Comparator,
     Tier,
     best_guess,
-    check_comparator_made,
-    offers,
+    check_offers,
     simultaneous_bounds,
 )
 from elicit.model.query import Answer, Query, Verdict
@@ -80,7 +79,7 @@ class InteractiveTraining:
     the plausible ones under which most can.
 
     comparator: what is known of the scale; it must bound differences all at once and name plausible scales
-    (``BoundsAllAtOnce``, ``HasDraws``), as the polytope and the posterior do. discount: that of the share vectors.
+    (``simultaneous_bounds``, ``draws``), as the polytope and the posterior do. discount: that of the share vectors.
     tolerance: it ends once answers and trainings can gain no more than this share of the value range, below 1.
     optimality_gap: how far below its optimum a training may end, in the same unit (0: exactly there); ``loss_bound``
     counts it, beside errors of measured shares. None: nobody knows, and there is no bound. objectives: (low (m,),
@@ -114,7 +113,7 @@ class InteractiveTraining:
         max_audits: int = MAX_AUDITS,
         seed: Seed | None = 0,
     ) -> None:
-        _check_able(comparator)
+        check_offers(comparator, "InteractiveTraining", "simultaneous_bounds", "draws")
         k = comparator.k
         require(is_number(discount, 0) and discount < 1, "discount", "a number of at least 0 and below 1", discount)
         check_tolerance(tolerance)
@@ -391,22 +390,6 @@ class InteractiveTraining:
         if spent:
             return TrainingStatus.GUESSED
         return TrainingStatus.CALLED_EQUAL if self._elicitation.called_equal else TrainingStatus.EXHAUSTED
-
-
-def _check_able(comparator: Comparator) -> None:
-    """Raise TypeError for a comparator that cannot bound what no policy has reached, or names no plausible scales."""
-    check_comparator_made(comparator)
-    name = type(comparator).__name__
-    if not offers(comparator, "simultaneous_bounds"):
-        raise TypeError(
-            f"{name} has no simultaneous_bounds, which bound what no policy has reached, under all plausible scales at "
-            "once: take PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
-        )
-    if not offers(comparator, "draws"):
-        raise TypeError(
-            f"{name} has no draws, the plausible scales among which the next one to train on is found: take "
-            "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
-        )
 
 
 def _values(gaps: Floats) -> Floats:

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import matplotlib
+import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
@@ -396,3 +397,54 @@ def test_only_drawing_needs_matplotlib_and_the_error_names_what_to_install():
     code = "sys.modules['matplotlib'] = None; import elicit.plot as p; p.scale_intervals(p.PolytopeComparator(3))"
     found = subprocess.run([sys.executable, "-c", f"import sys; {code}"], capture_output=True, text=True)
     assert "ImportError: plots need matplotlib: pip install 'elicit-qlearn[ablation]'" in found.stderr
+
+
+def sticks_out(ax):
+    ax.figure.canvas.draw()
+    legend, whole = ax.get_legend().get_window_extent(), ax.figure.bbox
+    return min(legend.x0, legend.y0) < -1 or legend.x1 > whole.x1 + 1 or legend.y1 > whole.y1 + 1
+
+
+def test_no_legend_is_cut_off():
+    told = [taught(n) for n in (0, 1, 2, 3, 5, 8, 12)]
+    named = {f"the long name that somebody gave to the comparator of number {i}": one for i, one in enumerate(told[:3])}
+    assert not sticks_out(plot.scale_intervals(named, values=VALUES))
+    assert not sticks_out(plot.scale_intervals(told, plt.subplots()[1], values=VALUES))
+    assert not sticks_out(plot.scale_intervals(told, plt.subplots(1, 2, layout="constrained")[1][1], values=VALUES))
+    assert not sticks_out(plot.polytope(told, values=VALUES))
+    graph = preference_graph([Answer(Query("q", WARD[0], WARD[1]), Verdict.BETTER)])
+    assert not sticks_out(plot.preference_graph(graph))
+
+
+def test_a_large_graph_is_drawn_without_what_follows():
+    rng, values = np.random.default_rng(0), np.array(VALUES, dtype=float)
+    seen = np.unique(rng.multinomial(10, np.full(4, 0.25), 80) / 10, axis=0)[:45]
+    asked = [rng.choice(len(seen), 2, replace=False) for _ in range(60)]
+    flipped = [-1 if rng.random() < 0.1 else 1 for _ in asked]
+    graph = preference_graph(
+        Answer(Query(f"q{i}", seen[a], seen[b]), Verdict(int(flip * np.sign((seen[a] - seen[b]) @ values))))
+        for i, ((a, b), flip) in enumerate(zip(asked, flipped, strict=True))
+    )
+    assert len(graph) > 30
+    circles = cycles(graph)
+    ax = plot.preference_graph(graph, cycles=circles)
+    drawn = [text for text in ax.texts if text.arrow_patch is not None]
+    assert len(drawn) < graph.number_of_edges() / 2
+    assert {text.get_text() for text in ax.texts} == {"", *map(str, graph)}, "numbers only"
+    at = {text.get_text(): text.get_position() for text in ax.texts if text.get_text()}
+    assert len(set(at.values())) == len(graph)
+    names = {text.get_position(): name for name, text in ((t.get_text(), t) for t in ax.texts) if name}
+    arrows = {(int(names[tuple(text.xyann)]), int(names[tuple(text.xy)])) for text in drawn}
+    assert {step[:2] for circle in circles for step in circle.steps} <= arrows | {(b, a) for a, b in arrows}
+    down = nx.DiGraph((a, b) for a, b in arrows if at[str(a)][1] > at[str(b)][1])
+    for a, b in graph.edges:  # what was left out follows from what was drawn
+        if graph.edges[a, b]["kind"] != "equal" and (a, b) not in arrows:
+            assert nx.has_path(down, a, b)
+    texts = plot.preference_graph(graph, names=[f"plan {node}" for node in graph]).texts
+    assert sum(text.get_text().startswith("plan ") for text in texts) == len(graph)
+
+
+def test_shares_of_a_node_total_a_hundred():
+    graph = preference_graph([Answer(Query("q", [1 / 3, 1 / 3, 1 / 3], [0.5, 0.25, 0.25]), Verdict.BETTER)])
+    texts = {text.get_text() for text in plot.preference_graph(graph).texts}
+    assert {"33.4/33.3/33.3", "50/25/25"} <= texts

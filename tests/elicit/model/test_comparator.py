@@ -1,14 +1,18 @@
 """The comparators that learn nothing, the one table of verdicts, and the conformance tests themselves."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import elicit
 from elicit import AlwaysAsk, Answers, Dominance, Verdict, decide
+from elicit.decision import comparator_rule
 from elicit.decision.comparator_rule import nothing
+from elicit.model import comparator as protocols
 from elicit.model.comparator import (
+    OPTIONAL_PARTS,
     AllowsLapses,
     AllowsTies,
     BoundsAllAtOnce,
@@ -294,6 +298,48 @@ def drawn(change):
 def test_bad_optional_parts_are_found_out(bad, complaint):
     with pytest.raises(AssertionError, match=complaint):
         check_comparator(type("Bad", (OneScale,), bad)())
+
+
+BAD_PARTS = {
+    "simultaneous_bounds": {"simultaneous_bounds": lambda self, d: None},
+    "rough_bounds": {
+        "simultaneous_bounds": lambda self, d: (self.product(d), 0.9),
+        "rough_bounds": lambda self, d, slack: self.product(d) - 0.1,
+    },
+    "draws": {"draws": 3},
+    "level": {"draws": property(even), "level": 2},
+    "confidence": {"confidence": 95},
+    "probability": {"probability": lambda self, d: np.full(len(d), 2.0)},
+    "lapse": {"lapse": 2},
+    "tie": {"tie": -1},
+    "answers": {"answers": Answers.none(9)},
+    "answers_to_next_step": {"answers_to_next_step": 0},
+    "rule": {"rule": 3, "compare": OneScale.compare},
+    "settle": {
+        "rule": nothing(),
+        "compare": lambda self, d: decide(self, d).verdicts,
+        "settle": lambda self, d: Decisions(np.full(len(d), 3, np.int8), np.full(len(d), 6, np.int8)),
+    },
+}
+
+
+@pytest.mark.parametrize("part", OPTIONAL_PARTS, ids=lambda part: part.member)
+def test_each_optional_part_is_tried_out_and_listed(part):
+    with pytest.raises(AssertionError):
+        check_comparator(type("Bad", (OneScale,), BAD_PARTS[part.member])())
+    assert f"    {part.signature:24}{part.gives[:30]}" in elicit.testing.__doc__
+    row = f"| `{part.signature}` | {part.gives} | {part.use} |\n".replace("|d.e|", r"\|d.e\|")
+    assert row in (Path(__file__).parents[3] / "docs/your-own-comparator.md").read_text(encoding="utf-8")
+
+
+def test_the_table_of_optional_parts_is_that_of_the_protocols():
+    declared = {}
+    for module in (protocols, comparator_rule):
+        for name, kind in vars(module).items():
+            if getattr(kind, "_is_protocol", False) and kind.__module__ == module.__name__ and name != "Comparator":
+                declared[name] = [member for member in vars(kind) if not member.startswith("_")]
+    assert declared == {part.protocol: [part.member] for part in OPTIONAL_PARTS}
+    assert set(BAD_PARTS) == {part.member for part in OPTIONAL_PARTS}
 
 
 def test_answers_are_kept_in_full():

@@ -269,7 +269,7 @@ def test_settled_pairs_of_policies_are_audited_if_wanted():
 
 
 def test_what_it_cannot_use_it_refuses_with_a_sentence():
-    with pytest.raises(TypeError, match="AlwaysAsk has no draws, the plausible scales"):
+    with pytest.raises(TypeError, match=r"AlwaysAsk has no draws, which InteractiveTraining needs \(plausible scales"):
         InteractiveTraining(AlwaysAsk(5), discount=0.9)
     with pytest.raises(TypeError, match="Exact has no simultaneous_bounds"):
         InteractiveTraining(Exact(np.arange(5.0)), discount=0.9)
