@@ -1,4 +1,4 @@
-"""How good a tutor or a comparator is, told from answers.
+"""Reports on tutors and comparators, from answers.
 
 Imports from ``asking``, ``tutors``, ``comparators`` and below.
 """

@@ -1,4 +1,4 @@
-"""How well a comparator foretells answers that it has not seen: to compare comparators on a log, without a learner."""
+"""Predictions of held-out answers: to compare comparators on a log, without a learner."""
 
 import math
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ _RESAMPLES = 1000
 
 @dataclass(frozen=True)
 class HeldOut:
-    """How well a comparator foretells answers that it has not learned from; see ``held_out``.
+    """Scores of a comparator's predictions of answers that it has not learned from; see ``held_out``.
 
     scored: held-out answers that prefer a side; the ``ties`` are not scored. decided: share of these on which the
     comparator is certain. accuracy, wrong: shares of the decided answers that agree, and that say the opposite (the
@@ -168,8 +168,9 @@ def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
 
 @one_thread
 def _foretell(comparator: Comparator, d: Floats) -> Floats:
-    """What the comparator says of d (n, k), as rows (3, n): verdicts, d.e at ``.values``, and the probability that left
-    is said to be better, nan without one."""
+    """Return a comparator's predictions on d (n, k), as rows (3, n).
+
+    They are the verdicts, d.e at ``.values``, and the probability of the answer "left is better", nan without one."""
     t, chance = tail_sums(d), np.full(len(d), math.nan)
     if isinstance(comparator, PosteriorComparator):
         draws = comparator.draws

@@ -33,7 +33,7 @@ class Step(NamedTuple):
 
 
 class Implied(NamedTuple):
-    """What follows about two nodes: ``better`` is better than ``worse`` (verdict BETTER) or as good (EQUAL).
+    """A conclusion about two nodes: ``better`` is better than ``worse`` (verdict BETTER) or as good (EQUAL).
     ``steps`` leads from the one to the other."""
 
     better: int
@@ -101,7 +101,7 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
 
 
 def follows(graph: nx.DiGraph) -> list[Implied]:
-    """What follows by transitivity alone about pairs that no edge joins: nobody needs to ask about them.
+    """Return conclusions by transitivity about pairs that no edge joins: nobody needs to ask about them.
 
     For each the chain with the fewest answers, and among those one with the fewest steps. Two nodes that are as good as
     each other are listed once, the first one shown as ``better``. Of nodes on a cycle everything follows, also

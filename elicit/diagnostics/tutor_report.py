@@ -1,4 +1,4 @@
-"""What a log says about its tutor, and about comparators: error rates, precision, side bias, held-out scores.
+"""Reports on the tutor behind a log: error rates, precision, side bias, held-out scores of comparators.
 
 Nothing here knows the hidden scale. Wrong answers show where a question was asked twice, where an answer goes against
 the order of the levels, and, through the model of ``PosteriorComparator``, where it fits no scale that fits the others.
@@ -45,7 +45,7 @@ class Estimate(NamedTuple):
 
     @property
     def percent(self) -> str:
-        """As text, in percent."""
+        """Return the estimate as text, in percent."""
         return f"{100 * self.value:.3g}% ({100 * self.low:.3g} to {100 * self.high:.3g})"
 
 
@@ -54,7 +54,7 @@ NOTHING = Estimate(math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, kw_only=True)
 class TutorReport:
-    """What ``tutor_report`` found; ``str()`` says it in sentences. Estimates hold intervals of ``level``.
+    """Findings of ``tutor_report``; ``str()`` says them in sentences. Estimates hold intervals of ``level``.
 
     answers: that prefer a side or call a tie, of them ``ties``, and of them ``unused``, which were told but not learned
     from (repeats of a session are not told). Not among them: ``cannot_tell`` and ``retracted``. against_order: how many
@@ -136,7 +136,7 @@ def tutor_report(
     particles: int | None = None,
     seed: Seed | None = 0,
 ) -> TutorReport:
-    """How often a tutor errs, with what precision and consistency answers are given, and whether a side is favoured.
+    """Estimate how often a tutor errs, the precision and consistency of the answers, and a bias to one side.
 
     log: an AnswerLog, its entries, Answers to queries, or bare ``Answers``. k: needed where nothing else says it.
     Retracted answers are left out. Answers marked unused count: most were set aside because they contradict others, so
@@ -208,7 +208,7 @@ class _Record(NamedTuple):
 
 
 def read_log(log: Told, k: int | None) -> _Record:
-    """What is on record of answers about k levels, retracted ones left out. Raises TypeError where it is no log, and
+    """Return the recorded answers about k levels, without retracted ones. Raises TypeError where it is no log, and
     ValueError where it is about other levels or nothing says how many."""
     k = None if k is None else check_levels(k)
     if isinstance(log, Answers):
@@ -245,8 +245,10 @@ def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
 def _fit_model(
     answers: Answers, level: float, prior: PriorLike, particles: int | None, seed: Seed | None
 ) -> dict[str, Any]:
-    """What a ``TutorReport`` says by the model. The posterior over scale and precision is one of particles, at each of
-    some lapses; that over the lapse is its integrated likelihood, each lapse tried standing for those nearest to it."""
+    """Return the part of a ``TutorReport`` that depends on the model.
+
+    The posterior over scale and precision is one of particles, at each of some lapses. That over the lapse is its
+    integrated likelihood; each lapse tried stands for those nearest to it."""
     key, lapses = key_of(seed_of(seed)), _ROOTS**2
     m = max(300, 50 * (answers.k - 1)) if particles is None else particles
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]

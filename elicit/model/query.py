@@ -1,4 +1,4 @@
-"""What passes between learner, tutor and comparator: Verdict, Query, Answer, Answers, and errors."""
+"""Messages between learner, tutor and comparator: Verdict, Query, Answer, Answers, and errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(IntEnum):
-    """How a left vector compares with a right one."""
+    """The outcome of a comparison of a left vector with a right one."""
 
     WORSE = -1
     EQUAL = 0
@@ -30,7 +30,7 @@ class Verdict(IntEnum):
 
     @property
     def flipped(self) -> Verdict:
-        """The same statement with left and right exchanged."""
+        """The verdict with left and right exchanged."""
         return self if self is Verdict.UNKNOWN else Verdict(-self)
 
     def __str__(self) -> str:
@@ -104,7 +104,7 @@ class InconsistentAnswers(ValueError):
 
     @property
     def margin(self) -> bool:
-        """Whether these answers would be consistent with a margin of zero."""
+        """True if these answers would be consistent with a margin of zero."""
         return self._parts()[2]
 
     def __str__(self) -> str:
@@ -119,8 +119,10 @@ class InconsistentAnswers(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """Which of two share vectors is better? ``left`` and ``right`` (k,). ``about`` and ``labels``, the k levels' names,
-    worst first, are for people only: ``print(query)`` shows the question as one would read it."""
+    """A question: which of two share vectors is better, ``left`` or ``right`` (k,)?
+
+    ``about`` and ``labels``, the k levels' names, worst first, are for people only: ``print(query)`` shows the question
+    as a person reads it."""
 
     id: str
     left: Floats
@@ -235,7 +237,7 @@ class AnswerRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Answers:
-    """What comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row. One is
+    """The answers that comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row. One is
     ``answers[i]`` (an ``AnswerRow``), and so is each in a loop; ``answers[i:j]`` are Answers again."""
 
     d: Floats

@@ -43,7 +43,7 @@ def scale_variable(k: int) -> cvxpy.Variable:
 
 
 def is_constraint(thing: object) -> bool:
-    """Whether this is a cvxpy constraint; without importing cvxpy, for without it there are none."""
+    """Return whether this is a cvxpy constraint, without importing cvxpy."""
     if "cvxpy" not in sys.modules:
         return False
     from cvxpy import Constraint
@@ -52,8 +52,9 @@ def is_constraint(thing: object) -> bool:
 
 
 def linear_rows(constraint: Any, k: int) -> LinearConstraint:
-    """What a cvxpy constraint over a scale variable of k levels says, an equality as two rows; rows that only restate
-    that the scale goes from 0 to 1 are left out. Parameters have the values that they have now.
+    """Return the rows of a cvxpy constraint over a scale variable of k levels, two for an equality.
+
+    Rows that only restate that the scale goes from 0 to 1 are left out. Parameters have their current values.
 
     Numbers are as exact as plain float arithmetic on each coefficient: "e[3] >= 0.2 + 2 * e[1]" has just these.
     Raises ValueError, with what to do, for all but linear (in)equalities of ``scale_variable(k)`` alone.

@@ -1,4 +1,4 @@
-"""What a session has found out of the scale, in numbers that a person reads."""
+"""Findings of a session about the scale, in numbers that a person reads."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from elicit.person.showing import printable
 
 
 class ScaleRow(NamedTuple):
-    """What a level is worth, from 0 to 100: the best guess, and an interval rounded outwards to whole numbers."""
+    """The value of a level, from 0 to 100: the best guess, and an interval rounded outwards to whole numbers."""
 
     label: str
     value: float
@@ -21,7 +21,7 @@ class ScaleRow(NamedTuple):
 
 
 def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
-    """What each of the k levels (``labels``, worst first) is worth, best first."""
+    """Return the value of each of the k levels (``labels``, worst first), best first."""
     ends = np.eye(len(labels)) - np.eye(len(labels))[0]
     low, high = bounds_of(comparator, ends)
     values = 100.0 * best_guess(comparator)
@@ -38,6 +38,6 @@ def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
 
 
 def certainty(comparator: Comparator) -> str:
-    """How certain each interval of ``scale_rows`` is."""
+    """Return a phrase on how certain each interval of ``scale_rows`` is."""
     level = trusted_share(comparator)
     return "if your answers are right" if level is None else f"each interval with {level:.0%} probability"

@@ -1,4 +1,4 @@
-"""What a host shows a person, and what the person may do there, whatever draws it.
+"""The interview: the screens that a host shows a person, and the messages that it sends back.
 
 A host, such as a page or a widget, sends messages and draws the replies: both are plain JSON, so one front end
 (``page/interview.js``) serves all of them. An ``Interview`` may be used by several threads, windows and people at once:
@@ -79,11 +79,12 @@ def _unsaid(_: Any) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """What is taught, in words. labels: the k levels, worst first; words: how the problem speaks; of: how many outcomes
-    to show on a side, where there is a choice; report: says in sentences what has come out, given what
-    ``Session.result`` returns; stakes: says in a sentence what more questions are for, given the same, or None; finer:
-    what to do where the next question is not one of whole numbers; seed: decides which side is A, and more that is left
-    to chance."""
+    """The subject of an interview, in words.
+
+    labels: the k levels, worst first. words: how the problem speaks. of: the number of outcomes on a side, if there is
+    a choice. report: returns sentences about the outcome of ``Session.result``. stakes: returns a sentence on what more
+    questions are for, from the same, or None. finer: advice for when no question in whole numbers is left. seed:
+    decides which side is A, and other choices by chance."""
 
     labels: tuple[str, ...]
     words: Words = field(default_factory=Words)
@@ -96,7 +97,7 @@ class Subject:
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """What is computed beside a question, ``shown`` by its id: of this asker, if it could be copied."""
+    """Computations beside a question, ``shown`` by its id, for this asker, if it could be copied."""
 
     shown: str
     asker: Asker
@@ -253,11 +254,11 @@ class Interview(Closing):
         return not self._shown(query).exact
 
     def _ends(self, query: Query) -> bool:
-        """Whether a session like this one has no question left in front of a query."""
+        """Return whether a session like this one has no question left in front of a query."""
         return not self._session.makes_askers and self._rounded(query)
 
     def _forget(self) -> None:
-        """What was put and computed is of no use any more."""
+        """Discard what was shown and computed."""
         self._put = self._beside = None
         self._since = []
         self._background.stop()
@@ -376,15 +377,14 @@ def _shown(subject: Subject, query: Query) -> Shown:
 
 
 def _in_whole_numbers(subject: Subject, query: Query, answered: Callable[[Query], bool]) -> Query | None:
-    """What is asked in place of a query that is not exact in whole numbers, if there is anything near it that was not
-    asked yet."""
+    """Return a query in whole numbers near one that is not, if there is one that was not asked yet."""
     if _shown(subject, query).exact:
         return None
     return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)
 
 
 def _repeats(status: SessionStatus) -> list[str]:
-    """How many repeats were answered as before."""
+    """Return sentences on how many repeats were answered as before."""
     n = status.repeated
     questions = "question was" if n == 1 else "questions were"
     return [f"{status.alike} of {n} repeated {questions} answered as before."] if n else []

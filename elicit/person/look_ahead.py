@@ -1,4 +1,4 @@
-"""What is asked next after each answer that could be given, computed while the person reads."""
+"""The next question after each possible answer, computed while the person reads."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class LookAhead:
             yield
 
     def waits_for(self, asker: Asker, query: Query) -> bool:
-        """Whether it is about the answers to this query of this asker."""
+        """Return whether this looks ahead to the answers to this query of this asker."""
         return asker is self.asker and query.id == self.query.id
 
     def told(self, asker: Asker, answer: Answer) -> AfterAnswer | None:

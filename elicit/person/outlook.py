@@ -1,4 +1,4 @@
-"""What a person is told of a question beside it: why it is asked, and how many are still to come."""
+"""Notes beside a question: why it is asked, and how many are still to come."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class _Play:
 
 
 class Outlook:
-    """What is to be said beside a question that is shown. One thread may compute it, by ``steps``, while others read.
+    """The notes beside a question that is shown. One thread may compute them, by ``steps``, while others read.
 
-    twin: a copy of the asker, which is not changed; shown: the question; pending: the query that the asker waits for,
-    another one than the shown where that is a repeat; stakes: says of ``twin.result()`` what depends on it, or nothing;
-    ends: whether a session ends in front of a query; seed: of what is left to chance; before: the outlook of the
-    question before, and answered: what the asker was told since: the sessions played then in which just that was
-    answered go on; counted: whether the question is one of those that are counted."""
+    twin: a copy of the asker, which is not changed. shown: the question. pending: the query that the asker waits for;
+    it is not the one shown if that is a repeat. stakes: returns a sentence on what depends on ``twin.result()``, or
+    None. ends: returns whether a session ends in front of a query. seed: for what is left to chance. before: the
+    outlook of the last question. answered: what the asker was told since; the simulated sessions in which just that was
+    answered go on. counted: whether the question is one of those that are counted."""
 
     def __init__(
         self,
@@ -115,7 +115,7 @@ class Outlook:
         return [_Play(play.asker, play.says, play.answers[n:], play.over) for play in same]
 
     def _all_plays(self, known: Comparator | None) -> Iterator[_Play]:
-        """Those that go on, and new ones with plausible tutors."""
+        """Return the simulated sessions that go on, and new ones with plausible tutors."""
         yield from tuple(self._plays)
         draws = None if known is None else draws_in(known)
         if known is None or draws is None:
@@ -159,7 +159,7 @@ def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Gene
 
 
 def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
-    """What the comparator leaves open of a question, in a sentence; None where it knows nothing."""
+    """Return a sentence on what the comparator leaves open of a question; None if it knows nothing."""
     level = trusted_share(comparator)
     sure = "" if level is None else f", with {level:.0%} probability,"
     left, right = shown.vectors

@@ -31,9 +31,11 @@ _FINE = 0.1  # of the greatest difference: what rounding may change
 
 @dataclass(frozen=True)
 class Words:
-    """How a problem speaks of its outcomes. unit: what is counted, in the plural; verb: what the unit does, as in "975
-    of 1,000 patients fare the same"; side: what so many of them are called together, as in "Two groups of 10 patients",
-    "Group A"; question: what is asked of two such; title and preamble: said before the first question."""
+    """Words in which a problem speaks of its outcomes.
+
+    unit: what is counted, in the plural. verb: what the unit does, as in "975 of 1,000 patients fare the same". side: a
+    number of units together, as in "Two groups of 10 patients", "Group A". question: what is asked about two sides.
+    title and preamble: shown before the first question."""
 
     unit: str = "days"
     verb: str = "are"
@@ -44,7 +46,7 @@ class Words:
 
 
 class Row(NamedTuple):
-    """So many of side A and of side B at a level: 0 the worst."""
+    """The numbers of outcomes of side A and side B at a level, 0 the worst."""
 
     label: str
     level: int
@@ -69,7 +71,7 @@ class Shown:
 
     @property
     def of(self) -> int:
-        """How many there are on either side."""
+        """The number of outcomes on either side."""
         return sum(self.left)
 
     @property
@@ -79,14 +81,14 @@ class Shown:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """What is left beside ``common``, best level first, levels without any left out."""
+        """The rows beside ``common``, best level first, without levels that have no outcomes."""
         sides = (self.right, self.left) if self.swapped else (self.left, self.right)
         every = zip(self.labels, range(len(self.labels)), *sides, self.common, strict=True)
         rows = [Row(label, level, a - both, b - both) for label, level, a, b, both in every]
         return tuple(row for row in reversed(rows) if row.a or row.b)
 
     def sentence(self, verdict: Verdict | None) -> str:
-        """What was answered, in words: "10 moderate rather than 4 recovered and 6 died"."""
+        """Return the answer in words: "10 moderate rather than 4 recovered and 6 died"."""
         said = []
         for side in (self.left, self.right):
             rest = [n - both for n, both in zip(side, self.common, strict=True)]
@@ -100,11 +102,11 @@ class Shown:
 
     @property
     def vectors(self) -> tuple[Floats, Floats]:
-        """What is shown as the left and the right vector (k,) of a query: the query's own, if ``exact``."""
+        """The left and the right vector (k,) as shown: the query's own, if ``exact``."""
         return np.array(self.left) / self.scale, np.array(self.right) / self.scale
 
     def verdict(self, choice: Choice) -> Verdict | None:
-        """What it means for the query's left that a person chose so; None is "cannot tell". Raises ValueError."""
+        """Return the verdict on the query's left that a choice stands for; None is "cannot tell". Raises ValueError."""
         require(choice in ("a", "b", "equal", "cannot tell"), "choice", "'a', 'b', 'equal' or 'cannot tell'", choice)
         if choice == "cannot tell":
             return None
@@ -113,7 +115,7 @@ class Shown:
         return Verdict.BETTER if (choice == "a") != self.swapped else Verdict.WORSE
 
     def record(self) -> dict[str, Any]:
-        """What was shown, as JSON for a log."""
+        """Return what was shown, as JSON for a log."""
         a, b = (self.right, self.left) if self.swapped else (self.left, self.right)
         return {"a": list(a), "b": list(b), "of": self.of, "unit": self.words.unit, "exact": self.exact}
 
@@ -129,7 +131,7 @@ class Shown:
         return "\n".join([*lines, "", *self._table(width)])
 
     def sentences(self) -> tuple[str, ...]:
-        """What is said before the sides."""
+        """The sentences in front of the sides."""
         unit, verb, side, same = self.words.unit, self.words.verb, self.words.side, sum(self.common)
         asked = f"Two {side}s of {self.of:,} {unit}: {self.words.question}"
         said = []
@@ -217,7 +219,7 @@ def near_in_whole_numbers(query: Query) -> Iterator[Query]:
 
 
 def _whole(both: Floats, of: int, shares: bool) -> tuple[float, Floats, bool]:
-    """What to multiply the vectors (2, k) by, the counts (2, k), and whether these are exact."""
+    """Return the factor from vectors (2, k) to counts, the counts (2, k), and whether they are exact."""
     for scale in (of if shares else 1, 10, 100, *range(1, _MOST + 1), *_ROUNDED):
         counts = np.rint(both * scale)
         if (counts / scale == both).all() and counts[0].sum() == counts[1].sum():
@@ -235,7 +237,7 @@ def _rounded(both: Floats, whole: int) -> Floats:
 
 
 def _fine(both: Floats, counts: Floats, factor: float) -> bool:
-    """Whether counts over a factor have about the differences of the vectors."""
+    """Return whether counts divided by a factor have about the differences of the vectors."""
     d = both[0] - both[1]
     return bool(np.abs((counts[0] - counts[1]) / factor - d).max() <= _FINE * np.abs(d).max())
 

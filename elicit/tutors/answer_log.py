@@ -59,12 +59,12 @@ class Entry:
 
     @property
     def retracted(self) -> bool:
-        """Whether the answer was taken back."""
+        """True if the answer was taken back."""
         return self.retraction is not None
 
     @property
     def repeat(self) -> bool:
-        """Whether it is to a question that was answered before, put again to see whether the answers agree."""
+        """True if the question was answered before, and put again to see whether the answers agree."""
         return REPEATS in self.metadata
 
 
@@ -181,7 +181,7 @@ class AnswerLog(Closing):
 
     @property
     def restarted(self) -> int:
-        """How many entries there were when whoever asks last began anew, knowing what stands of them."""
+        """The number of entries when the asker was last restarted, knowing those that stand."""
         self._finish()
         return self._restarted
 
@@ -229,7 +229,7 @@ class AnswerLog(Closing):
         self._put("restarted", {}, metadata)
 
     def answers(self) -> Answers:
-        """What a comparator learns from: the answers used and not taken back, without "cannot tell", in order.
+        """Return the answers that a comparator learns from: used, not taken back, without "cannot tell", in order.
         Raises ValueError for an empty log that does not know its number of levels."""
         if self.k is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
@@ -296,7 +296,7 @@ class AnswerLog(Closing):
             self._doing = None
 
     def _appended(self, file: LogFile, header: dict[str, Any], text: bytes) -> tuple[bytes, Lines]:
-        """What an event adds to the file, and what the file holds then."""
+        """Return the line that an event adds to the file, and the state of the file after it."""
         data, check = self._lines.joint, self._lines.check
         if header.get("k") is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
@@ -325,7 +325,7 @@ class AnswerLog(Closing):
         self._lines = lines
 
     def _event(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> Callable[[], None]:
-        """What a parsed event does to this log, to be called once it is on the disk; to call it twice does no harm.
+        """Apply a parsed event to this log, once it is on the disk; applying it twice does no harm.
         Raises ValueError, TypeError or KeyError where it is none, or cannot come next."""
         if event == "restarted":
             return self._restart

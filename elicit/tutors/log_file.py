@@ -19,7 +19,7 @@ _FAR = 1 << 30  # where Windows locks a byte: there nobody reads, whom it would 
 
 
 def read_bytes(path: Path) -> bytes:
-    """What a regular file holds. Raises BadLog for any other file, FileNotFoundError and other OSErrors."""
+    """Return the content of a regular file. Raises BadLog for any other file, FileNotFoundError and other OSErrors."""
     check_regular(path, path.stat().st_mode)
     return path.read_bytes()
 
@@ -66,7 +66,7 @@ class LogFile:
                 os.close(directory)
 
     def keep(self, size: int) -> None:
-        """So many bytes are whole lines: what is behind them goes with the next append."""
+        """Note how many bytes are whole lines; the next append removes what is behind them."""
         self._kept = size
 
     @property
@@ -139,7 +139,7 @@ def _lock(file: BinaryIO, path: Path) -> None:
 
 
 def _holder(file: BinaryIO) -> str:
-    """Who has the lock, where the system tells (Linux)."""
+    """Return who has the lock, if the system tells (Linux)."""
     inode = str(os.fstat(file.fileno()).st_ino)
     with suppress(OSError):
         for line in Path("/proc/locks").read_text(encoding="ascii").splitlines():

@@ -117,8 +117,9 @@ def labels(given: Sequence[str]) -> tuple[str, ...]:
 
 
 def names(name: str, given: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
-    """What states or actions are called, as plain strings; None where they have numbers only. Raises TypeError,
-    ValueError."""
+    """Return the names of states or actions as plain strings; None if they have numbers only.
+
+    Raises TypeError, ValueError."""
     if given is None:
         return None
     found = _strings(name, given, "None or a sequence of strings")

@@ -23,7 +23,7 @@ _DEFAULT: Any = None  # the fields below are never None once constructed, whatev
 
 
 class _Parts(TypedDict, total=False):
-    """What every way to make an MDP takes."""
+    """The keywords that every way to make an MDP takes."""
 
     initial: ArrayLike | None
     terminal: ArrayLike | None
@@ -146,7 +146,7 @@ class OrdinalMDP:
         labels: Sequence[str],
         **rest: Unpack[_AllParts],
     ) -> OrdinalMDP:
-        """The same from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``: initial, terminal,
+        """Make an MDP from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``: initial, terminal,
         admissible, state_names, action_names."""
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
@@ -164,7 +164,7 @@ class OrdinalMDP:
         state_names: Sequence[str] | None = None,
         action_names: Sequence[str] | None = None,
     ) -> OrdinalMDP:
-        """The same from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as
+        """Make an MDP from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as
         in ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
 
         Rows are stored at the length of the longest, so one state with very many successors costs
@@ -190,11 +190,12 @@ class OrdinalMDP:
         labels: Sequence[str],
         **rest: Unpack[_Parts],
     ) -> OrdinalMDP:
-        """The same from its L state-action pairs, as QuantEcon's DiscreteDP takes them: ``levels`` (L,) in place of its
-        rewards R, ``transitions`` (L, S) for its Q, sparse or not, and the state and the action of each pair,
-        ``s_indices`` and ``a_indices`` (L,), in any order; ``rest``: initial, terminal, state_names, action_names. A
-        pair that is not listed is inadmissible. Raises ValueError for pairs out of range or listed twice, and for a
-        state without any.
+        """Make an MDP from its L state-action pairs, as QuantEcon's DiscreteDP takes them.
+
+        ``levels`` (L,) stands in place of its rewards R, and ``transitions`` (L, S), sparse or dense, in place of its Q.
+        ``s_indices`` and ``a_indices`` (L,) are the state and the action of each pair, in any order. ``rest``: initial,
+        terminal, state_names, action_names. A pair that is not listed is inadmissible. Raises ValueError for pairs out
+        of range or listed twice, and for a state without any.
         """
         matrix, each, listed = tables.from_pairs(levels, transitions, s_indices, a_indices, len(labels))
         return cls.from_sparse(matrix, each, discount, labels, admissible=listed, **rest)
@@ -210,7 +211,7 @@ class OrdinalMDP:
         initial: ArrayLike | None = None,
         after: float = 0.0,
     ) -> OrdinalMDP:
-        """The same from an environment that carries its tables, such as Gymnasium's toy texts: ``env.unwrapped.P``
+        """Make an MDP from an environment that carries its tables, such as Gymnasium's toy texts: ``env.unwrapped.P``
         with ``P[s][a]`` a list of (probability, next state, reward, terminated).
 
         ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to the name of its
@@ -269,11 +270,11 @@ class OrdinalMDP:
         return matrix
 
     def state_name(self, state: int) -> str:
-        """What a state is called: its name, or its number."""
+        """Return a state's name, or its number."""
         return str(state) if self.state_names is None else self.state_names[state]
 
     def action_name(self, action: int) -> str:
-        """What an action is called: its name, or its number."""
+        """Return an action's name, or its number."""
         return str(action) if self.action_names is None else self.action_names[action]
 
     def normalise(self, values: ArrayLike) -> Floats:

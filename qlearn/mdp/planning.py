@@ -76,8 +76,9 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
 def policy_loss(
     mdp: OrdinalMDP, policy: ArrayLike, values: ArrayLike, tolerance: float = 1e-10, optimum: Floats | None = None
 ) -> Floats:
-    """What following ``policy`` from each state loses against an optimal policy, (S,): a share of the
-    value range e_k - e_1, from 0 to 1, that is (1 - discount)(v* - v^policy) on the scale ``values`` (k,).
+    """Return the loss (S,) of following ``policy`` from each state, against an optimal policy.
+
+    It is a share of the value range e_k - e_1, from 0 to 1: (1 - discount)(v* - v^policy) on the scale ``values`` (k,).
 
     Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. ``optimum`` is v* (S,), where
     ``value_iteration`` has found it before. Raises ValueError as ``value_iteration`` and ``evaluate_policy`` do.
@@ -91,13 +92,13 @@ def policy_loss(
 
 
 def rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
-    """What each action gains (S, A) and what each terminal state is worth (S,), in shares."""
+    """Return the gain of each action (S, A) and the value of each terminal state (S,), in shares."""
     gain: Floats = (1 - mdp.discount) * e[mdp.levels]
     return gain, np.where(mdp.terminal, e[mdp.final_level], 0.0)
 
 
 def backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
-    """What each action is worth (S, A) if its successors are worth v (S,); -inf: it is inadmissible."""
+    """Return the value of each action (S, A) if its successors have values v (S,); -inf if it is inadmissible."""
     q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(mdp.levels.shape)
     q[mdp.terminal] = ends[mdp.terminal, None]
     q[~mdp.admissible] = -np.inf

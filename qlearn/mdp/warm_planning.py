@@ -101,8 +101,9 @@ def _range(change: Floats) -> tuple[Floats, Floats]:
 
 
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:
-    """What to add after changes between ``low`` and ``high`` at all states: the middle of what they have to go; nothing
-    where some are terminal, and others beside them near what they will be."""
+    """Return what to add to all values after changes between ``low`` and ``high``.
+
+    It is the middle of the way that is left; nothing if some states are terminal."""
     middle: Floats = mdp.discount / (1 - mdp.discount) * (low + high) / 2
     return np.zeros_like(middle) if mdp.terminal.any() else middle
 
