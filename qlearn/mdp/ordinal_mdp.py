@@ -192,7 +192,7 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from its L state-action pairs, as QuantEcon's DiscreteDP takes them.
 
-        ``levels`` (L,) stands in place of its rewards R, and ``transitions`` (L, S), sparse or dense, in place of its Q.
+        ``levels`` (L,) stands in place of its rewards R, and ``transitions`` (L, S), sparse or dense, in place of Q.
         ``s_indices`` and ``a_indices`` (L,) are the state and the action of each pair, in any order. ``rest``: initial,
         terminal, state_names, action_names. A pair that is not listed is inadmissible. Raises ValueError for pairs out
         of range or listed twice, and for a state without any.
