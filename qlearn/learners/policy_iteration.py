@@ -29,12 +29,12 @@ from elicit.model.comparator import (
     simultaneous_bounds,
     trusted_share,
 )
+from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
 from qlearn.learners.learner import (
     Learner,
     Result,
-    Status,
     check_max_loss,
     check_problem,
     check_tolerance,
