@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
+from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import as_differences
 from elicit.model.tutor import Tutor
@@ -80,6 +81,7 @@ __all__ = [
     "ReplayTutor",
     "Session",
     "StaleAnswer",
+    "Status",
     "Subject",
     "Tier",
     "TruthfulTutor",

@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from elicit.asking.elicitation import Audit
+    from elicit.model.outcomes import Status
     from qlearn.certificates.loss_bound import Guarantee, loss_bound
     from qlearn.environments.level_rewards import LevelVector, OrdinalReward
     from qlearn.environments.rollout_shares import RolloutShares
     from qlearn.environments.rollouts import rollout_shares
-    from qlearn.learners.learner import Learner, Result, Status, drive
+    from qlearn.learners.learner import Learner, Result, drive
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
     from qlearn.learners.q_learning_asking_late import LateQLearning
@@ -20,14 +21,15 @@ if TYPE_CHECKING:
     from qlearn.problems.random_mdp import draw_values, random_mdp
     from qlearn.solving import solve
     from qlearn.training.interactive_training import InteractiveTraining
-    from qlearn.training.training_result import TrainedPolicy, TrainingResult, TrainingStatus
+    from qlearn.training.training_result import TrainedPolicy, TrainingResult
 
 _NAMES = {  # imported when first used, so that the command line starts fast
     "elicit.asking.elicitation": ("Audit",),
+    "elicit.model.outcomes": ("Status",),
     "qlearn.environments.level_rewards": ("LevelVector", "OrdinalReward"),
     "qlearn.environments.rollout_shares": ("RolloutShares",),
     "qlearn.environments.rollouts": ("rollout_shares",),
-    "qlearn.learners.learner": ("Learner", "Result", "Status", "drive"),
+    "qlearn.learners.learner": ("Learner", "Result", "drive"),
     "qlearn.certificates.loss_bound": ("Guarantee", "loss_bound"),
     "qlearn.learners.policy_iteration": ("InteractivePolicyIteration",),
     "qlearn.learners.q_learning": ("InteractiveQLearning",),
@@ -39,7 +41,7 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.problems.random_mdp": ("draw_values", "random_mdp"),
     "qlearn.solving": ("solve",),
     "qlearn.training.interactive_training": ("InteractiveTraining",),
-    "qlearn.training.training_result": ("TrainedPolicy", "TrainingResult", "TrainingStatus"),
+    "qlearn.training.training_result": ("TrainedPolicy", "TrainingResult"),
 }
 _LATER = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {  # to be written as qlearn.strategies.max_regret, say
@@ -71,7 +73,6 @@ __all__ = [
     "Status",
     "TrainedPolicy",
     "TrainingResult",
-    "TrainingStatus",
     "draw_values",
     "drive",
     "evaluate_policy",

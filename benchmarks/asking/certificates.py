@@ -30,12 +30,13 @@ from benchmarks.asking import hindsight
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from benchmarks.stamps import sources
 from elicit import Comparator, PolytopeComparator, PosteriorComparator, TruthfulTutor, Tutor
+from elicit.model.outcomes import Status
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors
 from qlearn import InteractivePolicyIteration, InteractiveValueIteration, OrdinalMDP, policy_loss, random_mdp
 from qlearn.experiments.parallel import Cell, sweep
 from qlearn.experiments.run import TUTORS, of_precision
-from qlearn.learners.learner import Learner, Result, Status
+from qlearn.learners.learner import Learner, Result
 from qlearn.problems.icu_sepsis import icu_sepsis
 from qlearn.problems.random_mdp import draw_values
 

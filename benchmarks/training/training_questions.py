@@ -25,7 +25,7 @@ from benchmarks.training import black_boxes, terrain
 from benchmarks.training.treasure import treasure
 from elicit import Comparator, FlippingTutor, PolytopeComparator, PosteriorComparator, TruthfulTutor, Tutor, objectives
 from elicit.model.scale import Floats, normalise
-from qlearn import InteractiveTraining, LevelVector, OrdinalMDP, OrdinalReward, TrainingStatus, draw_values, random_mdp
+from qlearn import InteractiveTraining, LevelVector, OrdinalMDP, OrdinalReward, Status, draw_values, random_mdp
 from qlearn.problems.icu_sepsis import icu_sepsis
 
 ERROR = 0.1
@@ -40,7 +40,7 @@ class Run(NamedTuple):
     trained: int
     loss: float
     bound: float
-    status: TrainingStatus
+    status: Status
     gap: float
     equal: float
     short: float = np.nan

@@ -8,7 +8,6 @@ import hashlib
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property, partial
 
 import numpy as np
@@ -25,30 +24,13 @@ from elicit.model.comparator import (
     check_comparator_made,
     simultaneous_bounds,
 )
+from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 
 _CONTENDERS = 8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs
 _Indices = NDArray[np.intp]
 _Plan = tuple[list[int], int, _Indices]  # ranking, how many comparisons are guesses, pairs (n, 2) to ask about
-
-
-class ChoiceStatus(Enum):
-    """How far a choice has come."""
-
-    FINISHED = "Finished: every comparison that the choice rests on is settled."
-    CALLED_EQUAL = (
-        "Finished, but what the tutor called equal may be only nearly so; loss_bound says what that may lose."
-    )
-    UNSURE = "Finished, but the tutor could not tell some pairs apart; of these the one that was ahead stayed ahead."
-    GUESSED = (
-        "Finished, but the question budget was spent: the rest went by the best guess at the scale, as "
-        "decided['guess'] counts. Raise max_queries for a settled choice."
-    )
-    WAITING = (
-        "Waiting for an answer: this is the choice by the best guess at the scale so far. "
-        "Call ask, then tell, until ask returns nothing."
-    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,7 +47,7 @@ class Choice:
     best: int
     order: tuple[int, ...] | None
     name: str
-    status: ChoiceStatus
+    status: Status
     asked: int
     cannot_tell: int
     decided: dict[str, int]
@@ -234,10 +216,10 @@ class Choosing:
     def result(self) -> Choice:
         """The choice; before the end, the one by the best guess at the scale so far."""
         asked = self._elicitation
-        tied = ChoiceStatus.CALLED_EQUAL if asked.called_equal else ChoiceStatus.FINISHED
-        status = ChoiceStatus.UNSURE if asked.unsure or asked.cannot_tell else tied
+        tied = Status.CALLED_EQUAL if asked.called_equal else Status.DONE
+        status = Status.UNSURE if asked.unsure or asked.cannot_tell else tied
         if asked.pending or self._guessed:
-            status = ChoiceStatus.WAITING if asked.pending else ChoiceStatus.GUESSED
+            status = Status.WAITING if asked.pending else Status.GUESSED
         counts = dict(zip((tier.name.lower() for tier in Tier), asked.counts.tolist(), strict=True))
         counts["tutor"] -= asked.cannot_tell
         counts["guess"] = self._guessed

@@ -14,16 +14,17 @@ from typing import Any
 import numpy as np
 
 from elicit.asking.bags import Bags
-from elicit.asking.choose_from_list import Choice, ChoiceStatus, choose
+from elicit.asking.choose_from_list import Choice, choose
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
+from elicit.model.outcomes import Status
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
 from qlearn.experiments.factories import Own
-from qlearn.learners.learner import Result, Status
+from qlearn.learners.learner import Result
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
@@ -178,8 +179,8 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
 
 def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
     bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
-    finished = result.status is not ChoiceStatus.WAITING
-    status = result.status.value if finished else "Not finished: more could be asked."
+    finished = result.status is not Status.WAITING
+    status = result.status.sentence if finished else "Not finished: more could be asked."
     return [f"Your choice: {result.name}.", status, f"No other is better by more than {bound}; {_whole_way(labels)}."]
 
 

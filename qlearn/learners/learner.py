@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from functools import cached_property, partial
 from typing import Any, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
 
@@ -18,6 +17,7 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
+from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, as_verdict, match
 from elicit.model.scale import Floats
 from elicit.model.tutor import TutorOfMany, check_tutor_made
@@ -30,36 +30,6 @@ R_co = TypeVar("R_co", covariant=True)
 
 TutorLike: TypeAlias = Callable[[Query], Answer | int]
 """A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an Answer."""
-
-
-class Status(Enum):
-    """Where a learner stands, in sentences."""
-
-    WAITING = "not finished: it waits for the tutor; answer what ask() returns"
-    DONE = "finished: all steps are done"
-    CONVERGED = "finished: the policy is within the tolerance, if the answers and verdicts were right"
-    BOUNDED = (
-        "finished: the policy is within the tolerance (or max_loss) by the comparator's bounds, which it does not say "
-        "hold for all pairs at once: with what confidence is unknown"
-    )
-    CALLED_EQUAL = (
-        "finished: what the answers leave open, the tutor calls equal, or may call so by the comparator's tie; "
-        "loss_bound says how much that can matter"
-    )
-    UNSURE = (
-        "finished, but pairs that the tutor could not tell (cannot_tell) were taken for ties: the policy may lose more "
-        "than the tolerance; loss_bound says how much"
-    )
-    GUESSED = (
-        "finished, but the question budget was spent: the comparisons counted as 'guess' went by the best guess "
-        "at the scale; raise max_queries"
-    )
-    CERTIFIED = "finished: no plausible scale lets the policy lose more than max_loss"
-    EXHAUSTED = (
-        "stopped: whatever could still change the policy, the tutor has answered already or could not tell; "
-        "loss_bound says how much that can matter"
-    )
-    SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
@@ -142,9 +112,8 @@ class Result:
     def __str__(self) -> str:
         """Return the status, the number of questions, and what the loss bound means. Computing the bound may take long
         on a large model."""
-        status = str(self.status.value)
         questions = "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
-        return f"{status[0].upper()}{status[1:]}.\n{questions}.\n{self._loss_in_words()}"
+        return f"{self.status.sentence}\n{questions}.\n{self._loss_in_words()}"
 
     def __repr__(self) -> str:
         parts = [f"status={self.status.name}", f"asked={self.asked}"]

@@ -26,6 +26,7 @@ from elicit.model.comparator import (
     simultaneous_bounds,
     trusted_share,
 )
+from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from qlearn.certificates.advantages import Advantages, advantages
@@ -34,7 +35,6 @@ from qlearn.certificates.loss_bound import Guarantee, guarantee
 from qlearn.learners.learner import (
     Learner,
     Result,
-    Status,
     check_max_loss,
     check_problem,
     check_tolerance,

@@ -15,12 +15,13 @@ from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair, Told
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
+from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.action_pair_kernel import AnswersInLoops, PairJudge
 from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of, schedule
-from qlearn.learners.learner import Learner, Result, Status, check_problem, pair_of
+from qlearn.learners.learner import Learner, Result, check_problem, pair_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]

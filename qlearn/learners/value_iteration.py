@@ -15,13 +15,13 @@ from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Told
 from elicit.model.comparator import Comparator, Tier, offers
+from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.certificates.loss_bound import loss_bound
 from qlearn.learners.learner import (
     Learner,
     Result,
-    Status,
     check_max_loss,
     check_problem,
     check_tolerance,

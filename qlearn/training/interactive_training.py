@@ -23,6 +23,7 @@ from elicit.model.comparator import (
     check_offers,
     simultaneous_bounds,
 )
+from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums, values_of
 from qlearn.certificates.drawn_scales import draws_of
@@ -45,7 +46,7 @@ from qlearn.training.training_bound import (
     is_broken,
     observed_gap,
 )
-from qlearn.training.training_result import TrainedPolicy, TrainingResult, TrainingStatus
+from qlearn.training.training_result import TrainedPolicy, TrainingResult
 
 _CORNERS = 2  # questions about what no policy has reached, after each training
 _MATTERS = 0.5  # of the tolerance: what a difference must exceed to count for a strategy, and a training gain
@@ -145,7 +146,7 @@ class InteractiveTraining:
         self._policies: list[TrainedPolicy] = []
         self._cuts: list[tuple[float, ReachableSet]] = []  # of the trainings, in order: the limit, and the set then
         self._corners_left = 0  # to be asked about before the next training
-        self._next: Floats | _Question | TrainingStatus | None = None  # to train on, to ask, or where it stands
+        self._next: Floats | _Question | Status | None = None  # to train on, to ask, or where it stands
         self._given: Floats | None = None  # the scale that to_train gave, until a policy comes
 
     def __repr__(self) -> str:
@@ -222,7 +223,7 @@ class InteractiveTraining:
     def finished(self) -> bool:
         """Whether nothing is left to train or to ask."""
         self._advance()
-        return not self._elicitation.pending and isinstance(self._next, TrainingStatus)
+        return not self._elicitation.pending and isinstance(self._next, Status)
 
     @property
     def comparator(self) -> Comparator:
@@ -243,13 +244,13 @@ class InteractiveTraining:
         self._advance()
         asked, comparator = self._elicitation, self._elicitation.comparator
         asks = bool(asked.pending) or isinstance(self._next, _Question)
-        waits = TrainingStatus.WAITING if asks else TrainingStatus.TRAINING
+        waits = Status.WAITING if asks else Status.TRAINING
         at = self._best() if self._policies else None
         policies, gap = tuple(self._policies), self.optimality_gap
         return TrainingResult(
             policy=None if at is None else self._policies[at].policy,
             shares=None if at is None else self._policies[at].shares.copy(),
-            status=self._next if isinstance(self._next, TrainingStatus) and not asked.pending else waits,
+            status=self._next if isinstance(self._next, Status) and not asked.pending else waits,
             asked=asked.asked,
             trained=sum(policy.trained_on is not None for policy in self._policies),
             observed_gap=observed_gap(self._policies),
@@ -266,7 +267,7 @@ class InteractiveTraining:
         if self._next is None and not self._elicitation.pending:
             self._next = self._find_next()
 
-    def _find_next(self) -> Floats | _Question | TrainingStatus:
+    def _find_next(self) -> Floats | _Question | Status:
         """Return the scale to train on, the question to ask, or the status at the end."""
         comparator = self._elicitation.comparator
         centre = np.diff(best_guess(comparator))
@@ -371,25 +372,25 @@ class InteractiveTraining:
             return None
         return _Question(self._pair_of_policies(at, int(rows[0]), int(judged.tiers[rows[0]])))
 
-    def _converged(self, confidence: float) -> TrainingStatus:
+    def _converged(self, confidence: float) -> Status:
         if self.optimality_gap is None:
-            return TrainingStatus.UNPROVEN
+            return Status.UNPROVEN
         if is_broken(self._policies, self.optimality_gap):
-            return TrainingStatus.GAP_BROKEN
+            return Status.GAP_BROKEN
         if np.isnan(confidence):
-            return TrainingStatus.BOUNDED
+            return Status.BOUNDED
         comparator, policies = self._elicitation.comparator, tuple(self._policies)
         found = guarantee_of(self._everything, policies, self._best(), comparator, self.optimality_gap)
-        return TrainingStatus.CONVERGED if found.loss_bound <= self.tolerance + ROUNDING else TrainingStatus.SETTLED
+        return Status.CONVERGED if found.loss_bound <= self.tolerance + ROUNDING else Status.SETTLED
 
-    def _stopped(self, spent: bool, missed: bool) -> TrainingStatus:
+    def _stopped(self, spent: bool, missed: bool) -> Status:
         if self.optimality_gap is not None and is_broken(self._policies, self.optimality_gap):
-            return TrainingStatus.GAP_BROKEN
+            return Status.GAP_BROKEN
         if missed:
-            return TrainingStatus.TRAINING_LIMIT
+            return Status.TRAINING_LIMIT
         if spent:
-            return TrainingStatus.GUESSED
-        return TrainingStatus.CALLED_EQUAL if self._elicitation.called_equal else TrainingStatus.EXHAUSTED
+            return Status.GUESSED
+        return Status.CALLED_EQUAL if self._elicitation.called_equal else Status.EXHAUSTED
 
 
 def _values(gaps: Floats) -> Floats:

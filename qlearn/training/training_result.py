@@ -4,55 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from elicit.asking.elicitation import Audit
 from elicit.model.comparator import Comparator
+from elicit.model.outcomes import Status
 from elicit.model.query import Answers
 from elicit.model.scale import Floats
 from qlearn.certificates.loss_bound import Guarantee
-
-
-class TrainingStatus(Enum):
-    """Where it stands, in sentences."""
-
-    TRAINING = "not finished: it waits for a policy trained on to_train(); bring it with add"
-    WAITING = "not finished: it waits for the tutor; answer what ask() returns"
-    CONVERGED = (
-        "finished: the policy is within the tolerance, if the answers are right (as the comparator understands them), "
-        "and if each training came within optimality_gap of its optimum"
-    )
-    SETTLED = (
-        "finished: but for optimality_gap and the errors of measured shares, the policy is within the tolerance; "
-        "loss_bound counts these too, if each training came within that gap of its optimum"
-    )
-    UNPROVEN = (
-        "finished: the policy would be within the tolerance if each training had come to its optimum, but how near it "
-        "came nobody has said, so loss_bound is nan: give optimality_gap to have one"
-    )
-    GAP_BROKEN = (
-        "finished, but a later policy beat an earlier training at its own scale by more than optimality_gap, see "
-        "observed_gap: that gap does not hold, so loss_bound is nan; train longer, or give a wider gap"
-    )
-    BOUNDED = (
-        "finished: the policy is within the tolerance by the comparator's bounds, which it does not say hold for all "
-        "pairs at once: with what confidence is unknown"
-    )
-    CALLED_EQUAL = (
-        "finished: what the answers leave open, the tutor calls equal, or may call so by the comparator's tie; with an "
-        "optimality_gap loss_bound says how much that can matter"
-    )
-    EXHAUSTED = (
-        "stopped: no training promises more, and whatever could still matter the tutor has answered already or could "
-        "not tell; with an optimality_gap loss_bound says how much that can matter"
-    )
-    GUESSED = (
-        "finished, but the question budget was spent: the policy is the best for the best guess at the scale; raise "
-        "max_queries"
-    )
-    TRAINING_LIMIT = "stopped at the limit of trainings: raise max_trainings or the tolerance"
 
 
 class TrainedPolicy(NamedTuple):
@@ -74,7 +34,7 @@ class TrainingResult:
 
     policy: Any
     shares: Floats | None
-    status: TrainingStatus
+    status: Status
     asked: int
     trained: int
     observed_gap: float

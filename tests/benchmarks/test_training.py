@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.training import training_questions as report
-from qlearn import TrainingStatus
+from qlearn import Status
 
 
 def run(loss, bound, short=0.0):
-    return report.Run(7, 3, loss, bound, TrainingStatus.CONVERGED, 0.01, 0.2, short)
+    return report.Run(7, 3, loss, bound, Status.CONVERGED, 0.01, 0.2, short)
 
 
 def test_a_row_counts_bounds_that_were_given_and_kept():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from elicit import Query, TruthfulTutor
-from qlearn import OrdinalReward, TrainingStatus
+from qlearn import OrdinalReward, Status
 from tests.environment_cases import Walk
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "train_with_sb3.py"
@@ -60,7 +60,7 @@ def test_dqn_trains_by_questions():
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
     result = example.main(TruthfulTutor([0, 2, 3, 10]), steps=400, episodes=2, tolerance=0.2, max_trainings=2)
-    assert isinstance(result.status, TrainingStatus)
+    assert isinstance(result.status, Status)
     assert 1 <= result.trained <= 2
     assert result.shares.sum() == pytest.approx(1)
     assert np.isnan(result.loss_bound)  # nobody vouches for DQN

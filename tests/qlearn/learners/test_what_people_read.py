@@ -52,7 +52,10 @@ def test_a_printed_result_says_what_its_bound_is_a_share_of_and_the_bound_in_uni
     mdp, values = qlearn.random_mdp(30, 3, 5, seed=1)
     result = qlearn.solve(mdp, TruthfulTutor(values), "polytope")
     status, asked, share, loss = str(result).splitlines()
-    assert status == "Finished: the policy is within the tolerance, if the answers and verdicts were right."
+    assert status == (
+        "Finished: the policy is within the tolerance, if the answers and verdicts were right (and, with trainings, "
+        "optimality_gap)."
+    )
     assert asked == f"{result.asked} questions were asked."
     said = re.fullmatch(
         r"The policy loses at most (\S+)% of the value range \(proven, if the answers are right\): \(1 - discount\) "

@@ -21,7 +21,7 @@ from qlearn import (
     InteractiveTraining,
     LevelVector,
     RolloutShares,
-    TrainingStatus,
+    Status,
     drive,
     icu_sepsis,
     random_mdp,
@@ -44,7 +44,7 @@ def test_with_exact_training_it_certifies_a_good_policy_with_few_questions_and_t
         mdp, values = problem(seed)
         training = training_of(PolytopeComparator(5), mdp, tolerance=0.01, optimality_gap=0.0)
         result = run(training, mdp, exact(mdp), TruthfulTutor(values))
-        assert result.status is TrainingStatus.CONVERGED
+        assert result.status is Status.CONVERGED
         assert result.confidence == 1.0
         assert -1e-9 <= loss_of(mdp, result, values) <= result.loss_bound <= 0.01 + 1e-8
         assert result.observed_gap <= 1e-9
@@ -96,7 +96,7 @@ def test_without_a_stated_gap_there_is_no_bound_whoever_trains_and_the_status_sa
             training.tell([TruthfulTutor(values)(query) for query in training.ask()])
             assert np.isnan(training.result().loss_bound)
         result = training.result()
-        assert result.status is TrainingStatus.UNPROVEN
+        assert result.status is Status.UNPROVEN
         assert "give optimality_gap" in result.status.value
         assert np.isnan(result.confidence)
 
@@ -107,7 +107,7 @@ def test_with_a_poor_trainer_a_bound_is_kept_or_the_gap_is_seen_to_be_broken():
         mdp, values = problem(seed)
         train, tutor = poor(mdp, seed), TruthfulTutor(values)
         result = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0), mdp, train, tutor)
-        if result.status is TrainingStatus.GAP_BROKEN:
+        if result.status is Status.GAP_BROKEN:
             broken += 1
             assert result.observed_gap > 0
             assert np.isnan(result.loss_bound)
@@ -115,7 +115,7 @@ def test_with_a_poor_trainer_a_bound_is_kept_or_the_gap_is_seen_to_be_broken():
         worst = max(loss_at(mdp, policy) for policy in result.policies)
         honest = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.5), mdp, poor(mdp, seed), tutor)
         assert worst <= 0.5
-        assert honest.status is TrainingStatus.SETTLED
+        assert honest.status is Status.SETTLED
         assert loss_of(mdp, honest, values) <= honest.loss_bound
         assert honest.loss_bound > 0.1
     assert broken >= scaled(3, 6)
@@ -141,8 +141,8 @@ def test_errors_and_cut_offs_count_in_the_bound():
         return training.result()
 
     plain, doubtful, cut = bound(), bound(np.full(5, 0.001)), bound(decided=0.98)
-    assert plain.status is TrainingStatus.CONVERGED
-    assert doubtful.status is TrainingStatus.SETTLED
+    assert plain.status is Status.CONVERGED
+    assert doubtful.status is Status.SETTLED
     assert doubtful.loss_bound >= plain.loss_bound + STANDARD_ERRORS * 0.002
     assert 0.9 < doubtful.confidence < 1
     assert cut.loss_bound >= plain.loss_bound + 0.02
@@ -162,7 +162,7 @@ def test_it_holds_of_measured_shares():
             training.add(policy, RolloutShares(noisy, errors, 0.0))
         training.tell([tutor(query) for query in training.ask()])
     result = training.result()
-    assert result.status is TrainingStatus.SETTLED
+    assert result.status is Status.SETTLED
     assert loss_of(mdp, result, values) <= result.loss_bound <= 0.2
 
 
@@ -210,21 +210,21 @@ def test_limits_end_it_and_are_said():
     tutor = TruthfulTutor(values)
     few = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1), mdp, exact(mdp), tutor)
     assert few.asked == 1
-    assert few.status is TrainingStatus.GUESSED
+    assert few.status is Status.GUESSED
     assert loss_of(mdp, few, values) <= few.loss_bound
     once = training_of(PolytopeComparator(5), mdp, tolerance=1e-4, optimality_gap=0.0, max_trainings=1, bags=None)
     limited = run(once, mdp, exact(mdp), tutor)
     assert limited.trained == 1
-    assert limited.status is TrainingStatus.TRAINING_LIMIT
+    assert limited.status is Status.TRAINING_LIMIT
     assert loss_of(mdp, limited, values) <= limited.loss_bound
     mute = training_of(PolytopeComparator(5), mdp, tolerance=0.05, optimality_gap=0.0, bags=None)
     silent = run(mute, mdp, exact(mdp), lambda query: Answer(query, None))
-    assert silent.status in (TrainingStatus.EXHAUSTED, TrainingStatus.TRAINING_LIMIT)
+    assert silent.status in (Status.EXHAUSTED, Status.TRAINING_LIMIT)
     assert silent.trained > 3
     assert silent.cannot_tell == silent.asked > 0
     assert loss_of(mdp, silent, values) <= silent.loss_bound
     same = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0), mdp, exact(mdp), lambda q: Answer(q, 0))
-    assert same.status in (TrainingStatus.CALLED_EQUAL, TrainingStatus.CONVERGED)
+    assert same.status in (Status.CALLED_EQUAL, Status.CONVERGED)
 
 
 def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_the_policy_fits_the_guess():
@@ -232,7 +232,7 @@ def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_
     both = training_of(PolytopeComparator(5), mdp, tolerance=1e-4, optimality_gap=0.0, max_queries=2, max_trainings=1)
     result = run(both, mdp, exact(mdp), TruthfulTutor(values))
     assert loss_of(mdp, result, result.comparator.values) > 1e-4  # at the best guess
-    assert result.status is TrainingStatus.TRAINING_LIMIT
+    assert result.status is Status.TRAINING_LIMIT
     n_trainings = run(
         training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1),
         mdp,
@@ -240,7 +240,7 @@ def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_
         TruthfulTutor(values),
     ).trained
     enough = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1, max_trainings=n_trainings)
-    assert run(enough, mdp, exact(mdp), TruthfulTutor(values)).status is TrainingStatus.GUESSED
+    assert run(enough, mdp, exact(mdp), TruthfulTutor(values)).status is Status.GUESSED
 
 
 def test_bags_come_where_plain_pairs_run_out():
@@ -265,7 +265,7 @@ def test_settled_pairs_of_policies_are_audited_if_wanted():
     assert result.audited == 1
     assert not any(audit.contradicts for audit in result.audits)
     assert result.asked == plain.asked
-    assert result.status is TrainingStatus.CONVERGED
+    assert result.status is Status.CONVERGED
 
 
 def test_what_it_cannot_use_it_refuses_with_a_sentence():
@@ -291,7 +291,7 @@ def test_what_it_cannot_use_it_refuses_with_a_sentence():
             InteractiveTraining(comparator, **{"discount": 0.9, **settings})
     training = InteractiveTraining(comparator, discount=0.9)
     result = training.result()
-    assert (result.policy, result.status) == (None, TrainingStatus.TRAINING)
+    assert (result.policy, result.status) == (None, Status.TRAINING)
     assert np.isnan(result.loss_bound)
     for shares, errors in (([0.5, 0.6, -0.1], None), ([0.5, 0.6, 0.2], None), ([0.5, 0.5, 0.0], [0.1])):
         with pytest.raises(ValueError, match=r"shares must be|errors must be"):
@@ -312,7 +312,7 @@ def test_on_icu_sepsis():
         values = np.sort(np.random.default_rng(seed).choice(100, mdp.k, replace=False)).astype(float)
         training = training_of(PolytopeComparator(mdp.k), mdp, optimality_gap=0.0, labels=mdp.labels)
         result = run(training, mdp, exact(mdp), TruthfulTutor(values))
-        assert result.status is TrainingStatus.CONVERGED
+        assert result.status is Status.CONVERGED
         assert loss_of(mdp, result, values) <= result.loss_bound
         assert result.asked <= 20
 

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.training.treasure import treasure
 from elicit import PolytopeComparator, TruthfulTutor, objectives
-from qlearn import InteractiveTraining, TrainingStatus
+from qlearn import InteractiveTraining, Status
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
@@ -24,7 +24,7 @@ def test_the_best_policy_of_deep_sea_treasure_is_found_and_proven_with_few_quest
             training.tell([tutor(query) for query in training.ask()])
         result = training.result()
         loss = (problem.objectives(problem.train(weights)) - problem.objectives(result.policy)) @ weights
-        assert result.status is TrainingStatus.CONVERGED
+        assert result.status is Status.CONVERGED
         assert -1e-9 <= loss <= result.loss_bound <= 0.01 + 1e-8
         asked.append(result.asked)
     assert np.mean(asked) <= 6

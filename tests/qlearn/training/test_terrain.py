@@ -6,7 +6,7 @@ import pytest
 from benchmarks.training.terrain import DISCOUNT, OUTCOMES, Terrain, TileCoded
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.model.scale import normalise
-from qlearn import InteractiveTraining, LevelVector, TrainingStatus, draw_values, rollout_shares
+from qlearn import InteractiveTraining, LevelVector, Status, draw_values, rollout_shares
 
 
 def test_walks_have_the_shares_that_rollouts_find():
@@ -30,7 +30,7 @@ def test_questions_train_it_as_well_as_knowing_the_values():
             training.add(policy, terrain.shares(policy))
         training.tell([tutor(query) for query in training.ask()])
     result = training.result()
-    assert result.status is TrainingStatus.UNPROVEN
+    assert result.status is Status.UNPROVEN
     known, guessed = terrain.shares(learner.train(e)) @ e, terrain.shares(learner.train(np.linspace(0, 1, 5))) @ e
     assert known - result.shares @ e <= 0.01
     assert known - guessed >= 0.03
