@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from elicit.catalogue import COMPARATORS
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator, offers
 from elicit.model.scale import Floats, exact_dot, normalise, rounded_to_total
@@ -26,17 +27,7 @@ if TYPE_CHECKING:
 
     from elicit.diagnostics.preference_graph import Cycle
 
-# Okabe and Ito's colours; the markers and line styles tell the same in grey
-STYLES: dict[str, dict[str, Any]] = {
-    "always": {"color": "#000000", "marker": "D", "linestyle": (0, (1, 1.5))},
-    "polytope": {"color": "#D55E00", "marker": "s", "linestyle": "-"},
-    "relaxed": {"color": "#E69F00", "marker": "v", "linestyle": (0, (1, 1))},
-    "posterior": {"color": "#CC79A7", "marker": "P", "linestyle": (0, (8, 2))},
-    "posterior-close": {"color": "#7A5195", "marker": "X", "linestyle": (0, (2, 1))},
-    "ensemble": {"color": "#0072B2", "marker": "o", "linestyle": (0, (5, 1.5))},
-    "box": {"color": "#009E73", "marker": "^", "linestyle": (0, (4, 1.5, 1, 1.5))},
-    "box-rescaled": {"color": "#56B4E9", "marker": "p", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
-}
+STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
 """The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
 _OTHERS: tuple[dict[str, Any], ...] = (  # of whatever else is beside them, in its order
     {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
@@ -47,12 +38,6 @@ _OTHERS: tuple[dict[str, Any], ...] = (  # of whatever else is beside them, in i
     {"color": "#666666", "marker": "8", "linestyle": (0, (9, 1.5))},
 )
 _FAINTER = tuple({name: style[name] for name in ("marker", "linestyle")} for style in _OTHERS)
-_KINDS = {
-    "AlwaysAsk": "always",
-    "PolytopeComparator": "polytope",
-    "RelaxedPolytopeComparator": "relaxed",
-    "PosteriorComparator": "posterior",
-}
 _TRUE: dict[str, Any] = {
     "marker": "*", "markersize": 15, "color": "black", "markerfacecolor": "#F0E442", "linestyle": "none"
 }  # fmt: skip
@@ -78,12 +63,8 @@ def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 def kind_of(comparator: Comparator) -> str:
     """A comparator's name in ``STYLES``; of a class that is not elicit's own, the name of the class."""
-    name = type(comparator).__name__
-    if name == "BradleyTerryComparator":
-        settings: Any = comparator
-        boxed = "box-rescaled" if settings.rescale else "box"
-        return boxed if settings.region == "box" else "ensemble"
-    return _KINDS.get(name, name)
+    kinds = (name for name, entry in COMPARATORS.items() if entry.is_kind_of(comparator))
+    return next(kinds, type(comparator).__name__)
 
 
 def polytope(

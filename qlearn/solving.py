@@ -3,48 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
 from elicit.model.tutor import check_tutor_made
 from elicit.tutors.answer_log import AnswerLog
-from qlearn.learners.learner import Learner, Result, TutorLike, check_problem, drive
-from qlearn.learners.policy_iteration import InteractivePolicyIteration
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration
+from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
+from qlearn.learners.learner import Result, TutorLike, check_problem, drive
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
-
-ComparatorName: TypeAlias = Literal["posterior", "polytope", "ensemble", "box-rescaled", "box"]
-LearnerName: TypeAlias = Literal["policy-iteration", "value-iteration", "q-learning"]
-
-_COMPARATORS: Mapping[str, Callable[[int, Seed], Comparator]] = {
-    "posterior": lambda k, seed: PosteriorComparator(k, seed=seed),
-    "polytope": lambda k, _: PolytopeComparator(k),
-    "ensemble": lambda k, seed: BradleyTerryComparator(k, region="ensemble", seed=seed),
-    "box-rescaled": lambda k, seed: BradleyTerryComparator(k, region="box", rescale=True, seed=seed),
-    "box": lambda k, seed: BradleyTerryComparator(k, region="box", seed=seed),
-}
-_LEARNERS: Mapping[str, Callable[[float], Callable[..., Learner]]] = {
-    "policy-iteration": lambda tolerance: partial(InteractivePolicyIteration, tolerance=tolerance),
-    "value-iteration": lambda tolerance: partial(InteractiveValueIteration, tolerance=tolerance),
-    "q-learning": lambda _: InteractiveQLearning,
-}
 
 
 def solve(
     mdp: OrdinalMDP,
     tutor: TutorLike,
-    comparator: ComparatorName | Comparator = "posterior",
+    comparator: str | Comparator = "posterior",
     tolerance: float = 0.01,
     seed: Seed | None = None,
     *,
-    learner: LearnerName = "policy-iteration",
+    learner: str = "policy-iteration",
     max_queries: int | None = None,
     log: AnswerLog | None = None,
     progress: Callable[[Result], None] | None = None,
@@ -61,7 +39,7 @@ def solve(
     comparator
         Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err. ``"polytope"`` is for a
         tutor who never errs: it proves what it says. ``"ensemble"``, ``"box-rescaled"`` and ``"box"`` are the paper's
-        fits. A ``Comparator`` for ``mdp.k`` levels is used as it is.
+        fits; ``elicit.catalogue`` has all names. A ``Comparator`` for ``mdp.k`` levels is used as it is.
     tolerance
         Largest acceptable loss of the policy, a share of the value range: see ``Result.loss_bound``. Q-learning does
         not stop by it.
@@ -108,13 +86,14 @@ def solve(
     key = seed_of(seed)
     knows = _named(comparator, key, mdp.k)
     check_problem(mdp, knows)
-    if not isinstance(learner, str) or learner not in _LEARNERS:
-        raise ValueError(f"learner must be one of {_listed(_LEARNERS)}, not {learner!r}")
+    if not isinstance(learner, str) or learner not in LEARNERS:
+        raise ValueError(f"learner must be one of {_listed(LEARNERS)}, not {learner!r}")
     if log is not None and not isinstance(log, AnswerLog):
         raise TypeError(f"log must be None or an elicit.AnswerLog, such as AnswerLog('answers.jsonl'), not {log!r}")
-    make = _LEARNERS[learner](tolerance)
-    known: Any = () if log is None else log
-    return drive(make(mdp, knows, seed=key, max_queries=max_queries, known=known), tutor, log, progress)
+    settings: dict[str, Any] = {"seed": key, "max_queries": max_queries, "known": () if log is None else log}
+    if learner != "q-learning":  # which ends after a number of steps
+        settings["tolerance"] = tolerance
+    return drive(LEARNERS[learner].factory(mdp, knows, **settings), tutor, log, progress)
 
 
 def _check_mdp(mdp: object) -> None:
@@ -127,9 +106,9 @@ def _check_mdp(mdp: object) -> None:
 def _named(comparator: str | Comparator, seed: Seed, k: int) -> Comparator:
     if not isinstance(comparator, str):
         return comparator
-    if comparator not in _COMPARATORS:
-        raise ValueError(f"comparator must be one of {_listed(_COMPARATORS)}, or a Comparator, not {comparator!r}")
-    return _COMPARATORS[comparator](k, seed)
+    if comparator not in COMPARATORS:
+        raise ValueError(f"comparator must be one of {_listed(COMPARATORS)}, or a Comparator, not {comparator!r}")
+    return COMPARATORS[comparator].make(k, seed)
 
 
 def _listed(names: Mapping[str, object]) -> str:

@@ -25,7 +25,7 @@ AUDIT = 0.002  # share of the decided pairs that audited runs put to the tutor a
 RELAXED_RATES = (0.0, 0.05)  # of the relaxed polytope on the tasks: its time grows with the cube of answers that
 # contradict each other, and at 15% a run on deep-sea-treasure takes minutes to an hour
 LEVELS = (5, 10, 20)  # of the random MDPs
-TASKS = ("frozen-lake", "deep-sea-treasure", "icu")
+TASKS = ("frozen-lake", "deep-sea-treasure", "icu-sepsis")
 
 
 def table(

@@ -105,7 +105,7 @@ FULL = (
     (*_random(100, 10), True),
     (*_random(100, 20), False),
     (*_random(500, 20), False),
-    (*_named("ICU-Sepsis", "icu"), False),
+    (*_named("ICU-Sepsis", "icu-sepsis"), False),
     (*_named("FrozenLake 8x8", "frozen-lake"), True),
     (*_named("Deep-sea-treasure", "deep-sea-treasure"), False),
 )

@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from qlearn.cli.options import fail, number_parser, part_parser
+from qlearn.experiments.catalogue import PROBLEMS, TAUGHT_WITH
 from qlearn.experiments.factories import Own
 from qlearn.experiments.settings import FROM_0, INNER, SHARE, NameOrOwn, Number
 
 if TYPE_CHECKING:
     from elicit import Session, Subject
 
-_PROBLEM = NameOrOwn(("icu-sepsis", "random"), "(seed) returns an OrdinalMDP, or (mdp, elicit.Words)")
-_COMPARATORS = ("polytope", "posterior")
+_TAUGHT = tuple(name for name, entry in PROBLEMS.items() if entry.taught)
+_PROBLEM = NameOrOwn(_TAUGHT, "(seed) returns an OrdinalMDP, or (mdp, elicit.Words)")
 _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 for a free one")
 _HOST = "127.0.0.1"
 _AUDIT = 0.1
@@ -38,14 +39,14 @@ def add_to(commands: Any) -> None:
         "--problem",
         type=_problem,
         default="icu-sepsis",
-        metavar="{icu-sepsis,random,package.module:function,FILE.csv}",
+        metavar=f"{{{','.join(_TAUGHT)},package.module:function,FILE.csv}}",
         help="what to learn: function(seed) returns an OrdinalMDP, alone or as the first of a tuple, perhaps with "
         "elicit.Words for its questions; a CSV lists alternatives to choose from: its header names the levels, "
         "worst first, after a first column with the alternatives' names [%(default)s]",
     )
     command.add_argument(
         "--comparator",
-        choices=_COMPARATORS,
+        choices=TAUGHT_WITH,
         default="polytope",
         help="who learns: polytope takes each answer for right, posterior allows for errors [%(default)s]",
     )

@@ -15,21 +15,17 @@ import numpy as np
 
 from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import Choice, choose
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.model.comparator import Comparator
 from elicit.model.outcomes import Status
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
+from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
 from qlearn.experiments.factories import Own
 from qlearn.learners.learner import Result
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
-from qlearn.problems.icu_sepsis import icu_sepsis
-from qlearn.problems.random_mdp import random_mdp
 
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
 _MOST_STATES = 12  # that are listed
@@ -54,7 +50,7 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
     header = _header(mdp.labels, mdp.fingerprint, words, discount=mdp.discount)
 
     def make(known: Any) -> InteractivePolicyIteration:
-        knows = _comparator(comparator, mdp.k, seed)
+        knows = COMPARATORS[comparator].make(mdp.k, seed)
         return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
@@ -64,10 +60,6 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
     return {"labels": list(labels), "unit": words.unit, "problem": fingerprint, **more}
-
-
-def _comparator(name: str, k: int, seed: int) -> Comparator:
-    return PolytopeComparator(k) if name == "polytope" else PosteriorComparator(k, seed=seed)
 
 
 def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
@@ -82,9 +74,9 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
             )
         words = next((part for part in parts if isinstance(part, Words)), Words(title=problem.name))
         return parts[0], words, ""
-    if problem == "random":
-        states, actions, levels, discount = _RANDOM
-        mdp, _ = random_mdp(states, actions, levels, discount, seed=seed)
+    entry = PROBLEMS[problem]
+    if entry.factory is None:
+        mdp, _ = entry.instance(seed, _RANDOM)
         preamble = "Level 1 is the worst. There is no right or wrong answer."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
@@ -98,7 +90,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to the highest quarter of the doses given. "
         "All comes from a benchmark's tables: for research on algorithms; not medical advice."
     )
-    return icu_sepsis(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"), legend
+    return entry.factory(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"), legend
 
 
 def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Result) -> list[str]:
@@ -170,7 +162,8 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
     shares = vectors / float(f"{vectors[0].sum():.12g}")
 
     def make(known: Any) -> Any:
-        return choose(shares, _comparator(comparator, len(labels), seed), names=names, labels=labels, known=known)
+        made = COMPARATORS[comparator].make(len(labels), seed)
+        return choose(shares, made, names=names, labels=labels, known=known)
 
     report, stakes = partial(_choice_report, labels), partial(_choice_stakes, labels)
     finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."

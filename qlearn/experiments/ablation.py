@@ -16,15 +16,16 @@ from typing import Any
 
 import pandas as pd
 
+from qlearn.experiments.catalogue import ALWAYS, COMPARATORS, LEARNERS
 from qlearn.experiments.metrics import CELL, summarise
 from qlearn.experiments.parallel import Cell, Interrupted
 from qlearn.experiments.run import Run, in_order, run, run_all, run_named
-from qlearn.experiments.settings import ALWAYS, AblationSettings
+from qlearn.experiments.settings import AblationSettings
 
 __all__ = ["AblationSettings", "Interrupted", "Run", "ablate", "plan_of", "run", "summarise"]
 
 KEYS = (*CELL, "seed")
-AUDITED = ("polytope", "relaxed")  # to a statistical model a surprising answer is no contradiction
+AUDITED = tuple(name for name, entry in COMPARATORS.items() if entry.trusts)  # a model expects some wrong answers
 
 
 def ablate(
@@ -40,8 +41,9 @@ def ablate(
 
     ``changes`` are fields of ``AblationSettings`` by name, in place of those of ``settings`` (default: the defaults).
 
-    What the names of problems, learners and comparators stand for is said by ``run.PROBLEMS``, ``run.LEARNERS`` and
-    ``run.COMPARATORS``; "posterior-close" is for Q-learning alone. ``audit`` > 0 adds a second, audited run to each
+    ``catalogue`` says what the names of problems, learners and comparators stand for. "posterior-close" is for
+    "q-learning" alone. "policy-iteration" runs only with comparators that can prove a loss bound (not "always", not
+    "box"), and has no audited runs and no oracle. ``audit`` > 0 adds a second, audited run to each
     cell of the polytope, which only so notices an error; "relaxed", which differs from it only where answers contradict
     each other, then has no other. "always" with a truthful tutor is always run: it is the oracle that the others are
     paired with, all but the audited ones, which are shorter (their paired columns are nan).
@@ -95,12 +97,19 @@ def plan_of(settings: AblationSettings) -> list[Cell]:
         if learner in own["learner"]:
             listed = ALWAYS in settings.comparators and 0.0 in settings.error_rates
             return not audit and (listed or (comparator, tutor) != (ALWAYS, 0.0))
-        # value iteration has its indifference from the tolerance
-        return learner != "ivi" or comparator != "posterior-close" or comparator in own["comparator"]
+        entry = LEARNERS[learner]
+        if audit and entry.needs_proof:  # its audits follow the last question, so such a run cannot be shorter
+            return False
+        return comparator in own["comparator"] or entry.pairs_with(COMPARATORS[comparator])
 
     plan = [
         dict(zip(KEYS, (problem, learner, *arm, seed), strict=True))
         for problem, learner, arm, seed in product(problems, learners, arms, seeds)
         if is_wanted(learner, *arm)
     ]
+    if not plan:
+        raise ValueError(
+            f"learners {', '.join(learners)} do not run with comparators {', '.join(settings.names('comparators'))}: "
+            "policy-iteration has no audited runs, and needs a comparator that can prove a loss bound, such as polytope"
+        )
     return in_order(plan, KEYS, own)

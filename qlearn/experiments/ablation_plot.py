@@ -16,35 +16,22 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import StrMethodFormatter
 
 from elicit.plot import STYLES, styles
+from qlearn.experiments.catalogue import NAMES
 from qlearn.experiments.settings import ORDER
 
-NAMES = {
-    "random": "random MDP",
-    "icu": "ICU-Sepsis",
-    "frozen-lake": "FrozenLake 8x8",
-    "deep-sea-treasure": "deep-sea-treasure",
-    "q-learning": "Q-learning",
-    "ivi": "value iteration",
-    "always": "always ask",
-    "polytope": "polytope",
-    "relaxed": "relaxed polytope",
-    "posterior": "posterior",
-    "posterior-close": "posterior, indifferent",
-    "ensemble": "Bradley-Terry ensemble",
-    "box": "Bradley-Terry box",
-    "box-rescaled": "Bradley-Terry box, rescaled",
-}
-"""What tables and pictures call a problem, a learner and a comparator."""
 _BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
+_INCHES_A_CHARACTER = 0.075  # of a legend's text, of the default font and size
+_INCHES_A_HANDLE = 0.75  # of its handle and the space between two columns
+_LINES, _INCHES_A_LINE = 5, 0.21  # the lines of a legend that the figure's height allows for, and what one more takes
 _ASKED = "questions asked\n(log scale)"
-_LOST = "excess policy loss, %\n(log scale beyond ±0.1)"
+_LOST = "policy loss, %\n(log scale beyond 0.1)"
 LEGEND = """\
 errors       chance that the tutor answers wrongly, or the name of a tutor of yours
 seeds        over which the means of the row are taken; "3 of 8": the rest had not finished
 questions    asked, mean over the seeds ± half the width of the 95% t-interval
 % asked      questions in percent of the comparisons that neither equality nor dominance settles
-excess loss  true policy loss beyond that of always asking a truthful tutor, paired by seed, mean over the states, in
-             percent of the value range; of a learner of yours beyond that of the best policy
+loss         true policy loss against the optimal policy under the hidden values, for each learner alike: mean over the
+             states, in percent of the value range
 wrong %      verdicts against the hidden scale, in percent of those that the comparator decided from answers
 after 1st    the same, after the tutor's first wrong answer
 *            with audits, in runs that are shorter: their questions compare with each other only
@@ -76,10 +63,10 @@ def plot_ablation(
     names: Mapping[str, str] | None = None,
     seeds: int | None = None,
 ) -> Figure:
-    """For each problem and learner, two panels one above the other: questions asked, and excess policy loss, by the
-    tutor's error rate (tutors of yours beside them, by name), a path for each comparator, with 95% t-intervals where
-    there are three seeds or more: of two they would hide all else. Hollow markers: the budget was spent in at least one
-    run.
+    """For each problem and learner, two panels one above the other: questions asked, and true policy loss against the
+    optimal policy under the hidden values, by the tutor's error rate. A line joins the error rates of a comparator;
+    tutors of yours stand beside them, by name, and no line joins them. With 95% t-intervals where there are three seeds
+    or more: of two they would hide all else. Hollow markers: the budget was spent in at least one run.
 
     ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget, ``names``
     overrides ``NAMES``, and where points have fewer runs than ``seeds`` the title says so.
@@ -94,10 +81,11 @@ def plot_ablation(
         for j, learner in enumerate(learners):
             asked, lost = grid[2 * i][j], grid[2 * i + 1][j]
             part = plain[(plain.problem == problem) & (plain.learner == learner)]
-            _paths(asked, part, part.asked, part.asked_half, looks, tutors, least=0.0)
-            _paths(lost, part, 100 * part.excess_loss, 100 * part.excess_loss_half, looks, tutors)
+            _paths(asked, part, part.asked, part.asked_half, looks, tutors)
+            _paths(lost, part, 100 * part.loss, 100 * part.loss_half, looks, tutors)
             _scales(asked, lost, max_queries)
             asked.set_ylim(0, 3 * max(10, plain.asked.max()))
+            lost.set_ylim(0, 200 * max(0.001, _highest(plain[plain.problem == problem])))
             asked.set_title(f"{called('problem', problem)}: {called('learner', learner)}", fontsize=11)
             if j == 0:
                 asked.set_ylabel(_ASKED)
@@ -112,16 +100,25 @@ def plot_ablation(
     if (plain.budget_spent > 0).any():
         hollow: dict[str, Any] = {"color": "0.35", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
         handles.append(Line2D([], [], label="hollow: budget spent", markersize=7, **hollow))
-    columns = min(len(handles), 2 * len(learners))  # as many as the width of the panels holds
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    columns = max(1, min(len(handles), int(figure.get_figwidth() / (_INCHES_A_CHARACTER * longest + _INCHES_A_HANDLE))))
+    more_lines = math.ceil(len(handles) / columns) - _LINES
+    figure.set_figheight(figure.get_figheight() + max(0, more_lines) * _INCHES_A_LINE)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2)
     title = (
-        "What each comparator costs: questions to the tutor, and policy loss beyond always asking a truthful one "
-        "(share of the value range); lower is better"
+        "What each comparator costs: questions to the tutor, and policy loss against the optimal policy under the "
+        "hidden values, for each learner alike (share of the value range); lower is better"
     )
     many = len(learners) > 1
-    lines = [textwrap.fill(title, 100 if many else 64), _means_of(plain.runs, seeds)]
+    lines = [textwrap.fill(title, 50 * len(learners) if many else 64), _means_of(plain.runs, seeds)]
     figure.suptitle("\n".join(lines), fontsize=11 if many else 9.5)
     return figure
+
+
+def _highest(rows: pd.DataFrame) -> float:
+    """The greatest mean loss, or upper end of an interval that is drawn, as a share of the value range."""
+    half = rows.loss_half.where(rows.runs > 2).fillna(0.0)
+    return float((rows.loss + half).max())
 
 
 def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
@@ -155,26 +152,30 @@ def _paths(
     half: pd.Series,
     looks: Mapping[str, Mapping[str, Any]],
     tutors: list[float | str],
-    least: float = -math.inf,
 ) -> None:
-    """A path over the tutors a comparator; intervals beside each other, not on each other, and none below ``least``."""
-    comparators = list(dict.fromkeys(part.comparator))
-    for place, name in enumerate(comparators):
+    """Draw the means of each comparator, a line through those of the error rates only. Intervals stand beside each
+    other, and none reaches below 0."""
+    for place, name in enumerate(looks):  # the same place in every panel
+        if not (part.comparator == name).any():
+            continue
         style, own = looks[name], part.comparator == name
-        x = part.error_rate[own].map(tutors.index) + 0.6 * ((place + 0.5) / len(comparators) - 0.5)
+        x = part.error_rate[own].map(tutors.index) + 0.6 * ((place + 0.5) / len(looks) - 0.5)
         y, wide = mean[own], half[own].where(part.runs[own] > 2).fillna(0.0)
         hollow = (part.budget_spent[own] > 0).to_numpy()
-        axes.errorbar(
-            x,
-            y,
-            [np.minimum(wide, y - least), wide],
-            color=style["color"],
-            linestyle=style["linestyle"],
-            linewidth=1.0,
-            ecolor=(style["color"], 0.6),
-            elinewidth=1.1,
-            capsize=2.5,
-        )
+        is_rate = part.error_rate[own].map(lambda tutor: not isinstance(tutor, str)).to_numpy()
+        for chosen, line in ((is_rate, style["linestyle"]), (~is_rate, "none")):  # a name is a category: no line
+            if chosen.any():
+                axes.errorbar(
+                    x[chosen],
+                    y[chosen],
+                    [np.minimum(wide, y)[chosen], wide[chosen]],
+                    color=style["color"],
+                    linestyle=line,
+                    linewidth=1.0,
+                    ecolor=(style["color"], 0.6),
+                    elinewidth=1.1,
+                    capsize=2.5,
+                )
         for chosen, face in ((~hollow, style["color"]), (hollow, "white")):
             look = {"color": style["color"], "marker": style["marker"], "markerfacecolor": face, "markersize": 6.5}
             for line in axes.plot(x[chosen], y[chosen], linestyle="none", **look, zorder=3, clip_on=False):
@@ -182,17 +183,15 @@ def _paths(
 
 
 def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:
-    """Both log scales, about 0; and the budget."""
+    """Set both log scales, about 0, and draw the budget."""
     asked.set_yscale("symlog", linthresh=10, linscale=0.5)
     asked.yaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    lost.axhline(0, color="0.6", linewidth=0.8, zorder=0)
     lost.set_yscale("symlog", linthresh=0.1, linscale=0.5)
     lost.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     lost.tick_params(labelbottom=True)
     for axes in (asked, lost):
         axes.grid(True, axis="y", color="0.92", linewidth=0.7)
         axes.set_axisbelow(True)
-    lost.margins(y=0.1)
     if max_queries is not None:
         asked.axhline(max_queries, zorder=0, **_BUDGET)
 
@@ -207,7 +206,7 @@ def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
         "seeds": f"{int(row.runs)}" if seeds in (None, row.runs) else f"{int(row.runs)} of {seeds}",
         "questions": _with_half(row.asked, row.asked_half, 0),
         "% asked": _number(row.asked_percent_open, 2),
-        "excess loss %": _with_half(100 * row.excess_loss, 100 * row.excess_loss_half, 2),
+        "loss %": _with_half(100 * row.loss, 100 * row.loss_half, 2),
         "wrong %": _rate(row.wrong_percent),
         "after 1st": _rate(row.wrong_percent_after),
         "audits to conflict": conflict,

@@ -15,6 +15,7 @@ from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.comparator import Comparator
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
+from qlearn.experiments.catalogue import COMPARATORS, LEARNERS
 from qlearn.experiments.parallel import Cell
 from qlearn.learners.learner import drive
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
@@ -26,13 +27,9 @@ from qlearn.problems.random_mdp import random_mdp
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
     """What the runs of these cells will need: with two processes, the loops take up what the proofs have compiled."""
     named = {name for cell in cells for name in (cell["comparator"], cell["learner"])}
-    parts_of = {
-        proofs: {"polytope", "relaxed"},
-        moves: {"posterior", "posterior-close"},
-        loops: {"q-learning"},
-        sweeps: {"ivi"},
-    }
-    return tuple(part for part, names in parts_of.items() if names & named)
+    needed = {entry.compiles for entry in COMPARATORS.values() if entry.name in named}
+    needed |= {entry.compiles for entry in LEARNERS.values() if entry.name in named}
+    return tuple(part for part in ALL if part.__name__ in needed)
 
 
 @jit.compiling()

@@ -17,16 +17,12 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from elicit.comparators.baselines import AlwaysAsk
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
-from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.model.comparator import TIE, Comparator
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn.experiments import compile_ahead
+from qlearn.experiments.catalogue import ALWAYS, COMPARATORS, LEARNERS, PROBLEMS, Size
 from qlearn.experiments.factories import Own
 from qlearn.experiments.metrics import (
     Watch,
@@ -39,18 +35,11 @@ from qlearn.experiments.metrics import (
 )
 from qlearn.experiments.own_parts import comparator_of, learner_of, problem_of, tutor_of
 from qlearn.experiments.parallel import Cell, Interrupted, sweep
-from qlearn.experiments.settings import ALWAYS, ORDER, Settings
+from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.learner import Learner, drive
-from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.value_iteration import InteractiveValueIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import policy_loss, value_iteration
-from qlearn.problems.gymnasium import deep_sea_treasure, frozen_lake
-from qlearn.problems.icu_sepsis import icu_sepsis
-from qlearn.problems.random_mdp import draw_values, random_mdp
 
-Size: TypeAlias = tuple[int, int, int, float]
-"""Of the random MDPs: states, actions, levels, discount."""
 SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor
 Owned: TypeAlias = Mapping[str, Own]
 """Of one run: the user's own, by the column of the table that has their names ("comparator", ...)."""
@@ -76,36 +65,6 @@ class Run(NamedTuple):
     seconds: float
 
 
-def _posterior(k: int, seed: int, settings: Settings) -> Comparator:
-    return PosteriorComparator(k, seed=seed, **settings.named("lapse", "level", "particles", "tie"))
-
-
-def _bradley_terry(k: int, seed: int, settings: Settings, **region: Any) -> Comparator:
-    own = settings.named("precision", "n_boot", "level", "refit_growth", "tie")
-    return BradleyTerryComparator(k, seed=seed, **region, **own)
-
-
-COMPARATORS: Mapping[str, Callable[[int, int, Settings], Comparator]] = {
-    ALWAYS: lambda k, seed, settings: AlwaysAsk(k, **settings.named("tie")),
-    "polytope": lambda k, seed, settings: PolytopeComparator(k, **settings.named("tie")),
-    "relaxed": lambda k, seed, settings: RelaxedPolytopeComparator(k, **settings.named("slack", "tie")),
-    "posterior": _posterior,
-    "posterior-close": _posterior,
-    "ensemble": partial(_bradley_terry, region="ensemble"),
-    "box-rescaled": partial(_bradley_terry, region="box", rescale=True),
-    "box": partial(_bradley_terry, region="box"),
-}
-"""A comparator of k levels, from the seed of its resamples and the settings of its run."""
-CLOSE = frozenset({"posterior-close"})  # those with which Q-learning has the indifference ``settings.close``
-
-
-LEARNERS: Mapping[str, tuple[Callable[..., Learner], Callable[[Settings], dict[str, Any]]]] = {
-    "q-learning": (InteractiveQLearning, lambda s: {"steps": s.steps, "epsilon": s.exploration or s.epsilon}),
-    "ivi": (InteractiveValueIteration, lambda s: s.named("tolerance", "max_sweeps")),
-}
-"""A learner, and the keywords that it has from the settings beside those that all learners have in common."""
-
-
 _reference = lru_cache(maxsize=32)(reference_differences)
 _solved = lru_cache(maxsize=32)(value_iteration)
 
@@ -116,21 +75,6 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
     ),
 }
 """A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of his errors."""
-
-
-def _one(make: Callable[[], OrdinalMDP]) -> Callable[[int, Size], tuple[OrdinalMDP, Floats]]:
-    """A problem whose MDP is the same whatever the seed; it is made once, which takes seconds."""
-    made = cache(make)
-    return lambda seed, size: (made(), draw_values(made().k, seed=seed))
-
-
-PROBLEMS: Mapping[str, Callable[[int, Size], tuple[OrdinalMDP, Floats]]] = {
-    "random": lambda seed, size: random_mdp(*size, seed=seed),
-    "icu": _one(icu_sepsis),
-    "frozen-lake": _one(frozen_lake),
-    "deep-sea-treasure": _one(deep_sea_treasure),
-}
-"""An MDP and its hidden values (k,)."""
 
 
 def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned | None = None) -> Run:
@@ -170,7 +114,7 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Ow
 def _comparator(cell: Cell, k: int, settings: Settings, own: Owned) -> Comparator:
     if "comparator" in own:
         return comparator_of(own["comparator"], k, cell["seed"])
-    return COMPARATORS[cell["comparator"]](k, cell["seed"], settings)
+    return COMPARATORS[cell["comparator"]].make(k, cell["seed"], asdict(settings))
 
 
 def _tutor(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned) -> CountsErrors:
@@ -190,9 +134,9 @@ def of_precision(c: float, mdp: OrdinalMDP, values: Floats, seed: int) -> Bradle
 def _learner(cell: Cell, mdp: OrdinalMDP, comparator: Comparator, settings: Settings, own: Owned) -> Learner:
     if "learner" in own:
         return learner_of(own["learner"], mdp, comparator, cell["seed"])
-    make, keywords = LEARNERS[cell["learner"]]
+    entry = LEARNERS[cell["learner"]]
     common = settings.named("max_queries", "indifference")
-    return make(mdp, comparator, seed=cell["seed"], audit=cell["audit"], **common, **keywords(settings))
+    return entry.factory(mdp, comparator, seed=cell["seed"], audit=cell["audit"], **common, **entry.keywords(settings))
 
 
 def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Settings:
@@ -202,16 +146,17 @@ def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Set
     if cell["audit"]:
         steps, sweeps = min(settings.steps, settings.audit_steps), min(settings.max_sweeps, settings.audit_sweeps)
         settings = replace(settings, steps=steps, max_sweeps=sweeps)
-    if "learner" not in own and cell["learner"] == "ivi":
-        return replace(settings, indifference=settings.tolerance * (1 - mdp.discount) / 2)
-    close = "comparator" not in own and cell["comparator"] in CLOSE
+    derived = None if "learner" in own else LEARNERS[cell["learner"]].indifference
+    if derived is not None:
+        return replace(settings, indifference=derived(settings, mdp.discount))
+    close = "comparator" not in own and COMPARATORS[cell["comparator"]].indifferent
     return replace(settings, indifference=settings.close) if close else settings
 
 
 @lru_cache(maxsize=32)
 def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
     """The MDP and the hidden values (k,) of one of ``PROBLEMS``. Raises as their makers do."""
-    return PROBLEMS[problem](seed, size)
+    return PROBLEMS[problem].instance(seed, size)
 
 
 def _problem_of(cell: Cell, size: Size, own: Owned) -> tuple[OrdinalMDP, Floats]:
@@ -253,7 +198,7 @@ def run_all(
     for mine, cell in {(cell["problem"], *given_to(cell).items()): cell for cell in plan}.items():
         _check_parts(cell, _size(cell, size), settings.of_a_run(), dict(mine[1:]))  # said before the runs
     shared = {"size": size, "built": sources(), "settings": asdict(settings.of_a_run())}
-    best = set(given.get("learner", ()))
+    best = {*given.get("learner", ()), *(name for name, entry in LEARNERS.items() if entry.needs_proof)}
     try:
         ahead = compile_ahead.parts if len(plan) * settings.steps > _MUCH else None
         rows = sweep(function, plan, shared=shared, ahead=ahead, cost=_cost, own=own, **how)
@@ -325,7 +270,6 @@ def _size(cell: Cell, size: Mapping[str, Any]) -> Size:
 
 _MUCH = 1_000_000  # steps in all, that are worth compiling for before they begin
 _BESIDE = ("paper_loss_percent", "paper_abs_percent", "excess_loss", "excess_loss_initial")
-_SLOW = {"box": 8.0, "box-rescaled": 4.0, "ensemble": 4.0, "posterior": 3.0, "posterior-close": 3.0}  # others 1
 
 
 def _cost(cell: Cell) -> float:
@@ -333,7 +277,8 @@ def _cost(cell: Cell) -> float:
     if is_oracle(cell):
         return math.inf
     size = cell.get("levels", 1) * (1 + cell.get("states", 0) / 500)
-    slow = _SLOW.get(cell["comparator"], 1.0) * (2.0 if cell["error_rate"] else 1.0)
+    entry = COMPARATORS.get(cell["comparator"])
+    slow = (entry.cost if entry else 1.0) * (2.0 if cell["error_rate"] else 1.0)
     return float(size * slow / (10.0 if cell["audit"] else 1.0))
 
 

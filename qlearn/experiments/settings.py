@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
+from qlearn.experiments.catalogue import ALWAYS, COMPARATORS, LEARNERS, PROBLEMS
 from qlearn.experiments.factories import Own, own_of
 
 _LIKE: Mapping[type, Any] = {int: numbers.Integral, float: numbers.Real}  # NumPy's numbers too
@@ -92,13 +93,14 @@ BELOW_1 = Number(float, lambda x: 0 <= x < 1, "a number of at least 0 and below 
 ERROR_RATE = Number(float, lambda x: 0 <= x < 0.5, "a number of at least 0 and below 0.5")
 SCALE = Number(float, lambda x: x >= 0, "a number of at least 0")
 
-PROBLEMS = ("random", "icu", "frozen-lake", "deep-sea-treasure")
-LEARNERS = ("q-learning", "ivi")
-ALWAYS = "always"
-COMPARATORS = (ALWAYS, "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box-rescaled", "box")
 TRUTHFUL = "truthful"
 TUTORS = (TRUTHFUL, "c=1", "2%", "5%", "10%", "20%", "30%")  # of the paper's figures
-ORDER = {"problem": PROBLEMS, "learner": LEARNERS, "comparator": COMPARATORS, "errs": TUTORS}
+ORDER: Mapping[str, tuple[str, ...]] = {
+    "problem": tuple(PROBLEMS),
+    "learner": tuple(LEARNERS),
+    "comparator": tuple(COMPARATORS),
+    "errs": TUTORS,
+}
 """The order in which tables and pictures name things; the user's own come after them, as they were given."""
 OWN = {"problem": "problems", "learner": "learners", "comparator": "comparators", "error_rate": "tutors"}
 """The columns of a table that may hold a name of the user's, and the setting that gives it."""
@@ -135,7 +137,7 @@ class Settings:
     indifference: float = setting(0.0, SHARE, "undecided pairs this close count as equal (share of range)")
     close: float = setting(0.005, SHARE, "the indifference of posterior-close")
     tolerance: float = setting(0.005, INNER, "policy loss aimed at (share of range)")
-    max_sweeps: int = setting(200, COUNT, "stop there; a tutor who errs anew each time keeps it going")
+    max_sweeps: int = setting(200, COUNT, "value iteration stops there; a tutor who errs anew each time keeps it going")
     precision: float = setting(300.0, SCALE, "of the Bradley-Terry prior, logits per unit of d.e")
     n_boot: int = setting(50, COUNT, "number of resamples of a Bradley-Terry fit")
     level: float = setting(0.95, INNER, "confidence level, also the posterior's")
@@ -172,7 +174,7 @@ class Settings:
         return Settings(**self.named(*(one.name for one in fields(Settings))))
 
 
-_IN_THE_ABLATION = ("always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box")
+_IN_THE_ABLATION = tuple(name for name in COMPARATORS if name != "box-rescaled")
 _IN_THE_PAPER = ("polytope", "posterior", "box-rescaled", "box")
 
 
@@ -187,20 +189,21 @@ class AblationSettings(Settings):
         ),
         "the random MDP": ("states", "actions", "levels", "discount"),
         "Q-learning": ("steps", "epsilon", "exploration", "indifference", "close"),
-        "value iteration": ("tolerance", "max_sweeps"),
+        "value iteration and policy iteration": ("tolerance", "max_sweeps"),
         "Bradley-Terry": ("precision", "n_boot", "level", "refit_growth"),
         "posterior and relaxed polytope": ("lapse", "particles", "slack"),
     }  # fmt: skip
 
     problems: tuple[str | Own, ...] = setting(
-        PROBLEMS[:2],
-        NameOrOwn(PROBLEMS, "(seed) returns (mdp, values)"),
+        ("random", "icu-sepsis"),
+        NameOrOwn(tuple(PROBLEMS), "(seed) returns (mdp, values)"),
         "random MDPs; real and known tasks; your own",
     )
     learners: tuple[str | Own, ...] = setting(
-        LEARNERS,
-        NameOrOwn(LEARNERS, "(mdp, comparator, seed) returns a Learner"),
-        "Q-learning, interactive value iteration; your own",
+        tuple(LEARNERS),
+        NameOrOwn(tuple(LEARNERS), "(mdp, comparator, seed) returns a Learner"),
+        "Q-learning; interactive value iteration and policy iteration; your own. Policy iteration runs only with "
+        "comparators that can prove a loss bound: not with always, not with box",
     )
     comparators: tuple[str | Own, ...] = setting(
         _IN_THE_ABLATION,

@@ -11,7 +11,7 @@ import pandas as pd
 
 from elicit.model.scale import Floats
 from qlearn.experiments.metrics import half_width, means
-from qlearn.experiments.settings import COMPARATORS, TUTORS
+from qlearn.experiments.settings import ORDER, TUTORS
 
 DENOMINATORS = ("all", "unequal", "open", "fresh")
 LOSSES = ("paper_loss_percent", "paper_abs_percent", "excess_loss_percent")
@@ -45,7 +45,7 @@ def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
     fixed = points.groupby(other, sort=True)[name].nunique().idxmax()
     rows = frame[frame[other] == fixed]
     rows = rows.assign(excess_loss_percent=100 * rows.excess_loss, loss_percent=100 * rows.loss)
-    places = {"place": rows.comparator.map(COMPARATORS.index), "tutor": rows.errs.map(TUTORS.index)}
+    places = {"place": rows.comparator.map(ORDER["comparator"].index), "tutor": rows.errs.map(TUTORS.index)}
     return rows.assign(**places).sort_values([*places, name, "seed"]).drop(columns=[*places])
 
 

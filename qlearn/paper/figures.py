@@ -17,7 +17,7 @@ from matplotlib.markers import CARETDOWN
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from elicit.plot import STYLES
-from qlearn.experiments.ablation_plot import NAMES
+from qlearn.experiments.catalogue import NAMES
 from qlearn.experiments.settings import TRUTHFUL, TUTORS
 
 _X = {"levels": "number of levels k", "states": "number of states |S|"}

@@ -251,9 +251,8 @@ def test_a_partial_table_and_picture_say_what_is_incomplete(
 def test_parts_of_the_users_go_in_from_the_current_directory(jobs: int, tmp_path: Path) -> None:
     (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef exact(k, seed):\n"
                                            "    return Exact(tiny(seed)[1])\n")  # fmt: skip
-    options = (
-        "ablate --learners ivi certified=tests.own_cases:certified --error-rates 0 --tutors tests.own_cases:careless"
-    )
+    options = "ablate --learners value-iteration certified=tests.own_cases:certified --error-rates 0"
+    options += " --tutors tests.own_cases:careless"
     options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1"
     options += f" --jobs {jobs}"
     options += " --tolerance 0.05 --audit 0"
@@ -268,7 +267,7 @@ def test_parts_of_the_users_go_in_from_the_current_directory(jobs: int, tmp_path
     )
     assert len(rows) == 9
     careless = "tests.own_cases:careless"
-    for learner in ("ivi", "certified"):
+    for learner in ("value-iteration", "certified"):
         for tutor in ("0.0", careless):
             assert rows.asked[learner, "exact", tutor] == 0
             assert rows.loss[learner, "exact", tutor] < 0.05
@@ -293,7 +292,7 @@ def test_quick_has_enough_seeds_for_its_picture_to_tell_the_comparators_apart(tm
     assert times.seconds.sum() < 60  # some 3 seconds where nothing has to be compiled, and nobody else computes
     cells = pd.read_csv(tmp_path / "summary.csv").set_index(["learner", "comparator", "error_rate"])
     assert (cells.runs >= 8).all()
-    for learner in ("q-learning", "ivi"):
+    for learner in ("q-learning", "value-iteration"):
         here = cells.loc[learner]
         for name in ("polytope", "posterior", "ensemble"):  # all ask far less than always, beyond their intervals
             few, most = here.loc[name, 0.0], here.loc["always", 0.0]

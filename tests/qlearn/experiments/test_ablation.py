@@ -1,5 +1,6 @@
 """A tiny ablation from end to end."""
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,17 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from elicit import FlippingTutor, PolytopeComparator, Tier, TruthfulTutor
-from elicit.plot import STYLES, styles
-from qlearn import InteractiveQLearning, drive, policy_loss, random_mdp
+from elicit.model.comparator import Comparator
+from elicit.plot import STYLES, kind_of, styles
+from qlearn import InteractivePolicyIteration, InteractiveQLearning, drive, policy_loss, random_mdp
+from qlearn.experiments import compile_ahead
 from qlearn.experiments import run as runs
 from qlearn.experiments.ablation import KEYS, ablate, summarise
 from qlearn.experiments.ablation_plot import LEGEND, NAMES, table
+from qlearn.experiments.catalogue import TAUGHT_WITH
 from qlearn.experiments.metrics import MEASURES
 from qlearn.experiments.run import Run, run
-from qlearn.experiments.settings import ORDER, TUTORS, Settings
+from qlearn.experiments.settings import ORDER, TUTORS, AblationSettings, Settings
 from qlearn.learners.exploration import EXPLORATIONS
 from tests.sweep_cases import TINY
 
@@ -34,7 +38,7 @@ def frame() -> pd.DataFrame:
 def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(frame: pd.DataFrame, tmp_path: Path) -> None:
     journal = tmp_path / "journal"
     seen: list[tuple[int, int]] = []
-    part = TINY | {"comparators": ["polytope"], "error_rates": [0.15], "learners": ["ivi"]}
+    part = TINY | {"comparators": ["polytope"], "error_rates": [0.15], "learners": ["value-iteration"]}
     first = ablate(**part, jobs=1, journal=journal)  # three runs of the whole
     assert first.comparator.tolist() == ["always", "polytope", "polytope"]  # the oracle always runs
     whole = ablate(**TINY, jobs=2, journal=journal, progress=lambda *now: seen.append(now))
@@ -52,10 +56,10 @@ def test_rows_are_the_same_on_one_process_and_on_two_computed_or_read_back(frame
 
 def test_one_row_a_cell_in_order(frame: pd.DataFrame) -> None:
     # 2 error rates each: plain runs of all but the relaxed polytope, which is always audited, as the polytope is once
-    # more; the posterior with an indifference for Q-learning only
-    assert len(frame) == 2 * (6 + 2) + 2 * (5 + 2)
+    # more; the posterior with an indifference for Q-learning only; policy iteration where a loss bound can be proven
+    assert len(frame) == 2 * (6 + 2) + 2 * (5 + 2) + 2 * 3
     assert not frame.duplicated(list(KEYS)).any()
-    assert frame.learner.unique().tolist() == ["q-learning", "ivi"]
+    assert frame.learner.unique().tolist() == ["q-learning", "value-iteration", "policy-iteration"]
     assert frame.comparator.unique().tolist() == [
         "always", "polytope", "relaxed", "posterior", "posterior-close", "ensemble", "box"
     ]  # fmt: skip
@@ -81,11 +85,33 @@ def test_polytope_with_a_truthful_tutor_is_the_oracle_with_fewer_questions(frame
 def test_audited_runs_are_shorter_and_not_paired(frame: pd.DataFrame) -> None:
     audited = frame[frame.audit > 0]
     assert (audited[audited.learner == "q-learning"].rounds == 20).all()
-    assert (audited[audited.learner == "ivi"].rounds <= 8).all()
+    assert (audited[audited.learner == "value-iteration"].rounds <= 8).all()
     assert audited.audited.sum() > 0
     paired = ["excess_loss", "excess_loss_initial", "paper_loss_percent"]
     assert audited[paired].isna().all(axis=None)
-    assert frame[frame.audit == 0][paired].notna().all(axis=None)
+    with_oracle = frame[(frame.audit == 0) & (frame.learner != "policy-iteration")]
+    assert with_oracle[paired].notna().all(axis=None)
+
+
+def test_policy_iteration_runs_where_a_bound_can_be_proven_and_its_losses_are_those_of_all(frame: pd.DataFrame) -> None:
+    mine = frame[frame.learner == "policy-iteration"]
+    assert mine.comparator.unique().tolist() == ["polytope", "posterior", "ensemble"]
+    assert (mine.audit == 0).all()
+    assert mine.excess_loss.tolist() == mine.loss.tolist()  # without an oracle: beyond the best policy
+    assert mine.paper_loss_percent.isna().all()
+    assert (mine.loss[(mine.comparator == "polytope") & (mine.error_rate == 0)] <= TINY["tolerance"]).all()
+    (row,) = mine[(mine.comparator == "polytope") & (mine.error_rate == 0.15)].itertuples()
+    mdp, values = random_mdp(8, 3, 4, seed=0)
+    learner = InteractivePolicyIteration(mdp, PolytopeComparator(4, tie=0.0), tolerance=0.05, max_queries=40, seed=0)
+    result = drive(learner, FlippingTutor(values, 0.15, seed=0))
+    loss = policy_loss(mdp, result.policy, values)
+    assert (row.asked, row.status, row.loss) == (result.asked, result.status.name.lower(), loss.mean())
+
+
+def test_a_learner_that_no_comparator_goes_with_is_refused() -> None:
+    none = TINY | {"comparators": ["always", "box"], "learners": ["policy-iteration"]}
+    with pytest.raises(ValueError, match=r"policy-iteration .* needs a comparator that can prove a loss bound"):
+        ablate(**none, jobs=1)
 
 
 def test_a_run_can_be_rebuilt_by_hand(frame: pd.DataFrame) -> None:
@@ -101,7 +127,7 @@ def test_a_run_can_be_rebuilt_by_hand(frame: pd.DataFrame) -> None:
 
 
 def test_runs_of_other_sources_are_not_taken_from_the_journal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    one = TINY | {"comparators": ["always"], "error_rates": [0.0], "learners": ["ivi"]}
+    one = TINY | {"comparators": ["always"], "error_rates": [0.0], "learners": ["value-iteration"]}
     ablate(**one, jobs=1, journal=tmp_path / "journal")
     ablate(**one, jobs=1, journal=tmp_path / "journal")
     older, now = ["older"], runs.sources  # the sweep asks first, then the worker
@@ -158,6 +184,19 @@ def test_every_name_has_something_that_it_stands_for() -> None:
     made = {"problem": {*runs.PROBLEMS}, "learner": {*runs.LEARNERS}, "comparator": {*runs.COMPARATORS}}
     assert {name: {*ORDER[name]} for name in ORDER} == made | {"errs": {*TUTORS}}
     assert {*NAMES} == set().union(*made.values())
+    catalogues: list[Mapping[str, Any]] = [runs.PROBLEMS, runs.LEARNERS, runs.COMPARATORS]
+    assert all(entry.name == name for one in catalogues for name, entry in one.items())
+    assert len({*NAMES.values()}) == len(NAMES)
+    assert {*TAUGHT_WITH} <= {*runs.COMPARATORS}
+    small_runs = {part.__name__ for part in compile_ahead.ALL}
+    assert {entry.compiles for one in catalogues[1:] for entry in one.values()} == small_runs | {None}
+    for name, entry in runs.COMPARATORS.items():
+        if not entry.indifferent:
+            assert kind_of(entry.make(4, 0)) == name
+    assert all(isinstance(entry.make(3, 0), Comparator) for entry in runs.COMPARATORS.values())
+    for name, kind in (("q-learning", InteractiveQLearning), ("policy-iteration", InteractivePolicyIteration)):
+        mdp, _ = random_mdp(4, 2, 3, seed=0)
+        assert type(runs.LEARNERS[name].factory(mdp, PolytopeComparator(3))) is kind
     looks = [(style["color"], style["marker"]) for style in STYLES.values()]
     assert {*STYLES} == {*ORDER["comparator"]}
     assert all(len(set(look)) == len(STYLES) for look in zip(*looks, strict=True))  # no two have one in common
@@ -169,6 +208,14 @@ def test_every_name_has_something_that_it_stands_for() -> None:
     choices = {one.name: one.metadata["check"] for one in fields(Settings)}
     assert {*choices["exploration"].names} == {*EXPLORATIONS}
     assert {*choices["noise"].names} == {*runs.TUTORS}
+
+
+def test_the_page_of_commands_lists_the_names_of_the_catalogue() -> None:
+    page = (Path(runs.__file__).parents[2] / "docs" / "commands.md").read_text(encoding="utf-8")
+    told = " ".join(page.split())
+    settings = {one.name: one.metadata["check"] for one in fields(AblationSettings)}
+    for title, name in (("Learners", "learners"), ("Problems", "problems"), ("Comparators", "comparators")):
+        assert f"{title}: {', '.join(f'`{each}`' for each in settings[name].names)}." in told
 
 
 def test_what_runs_do_not_depend_on_is_there() -> None:
@@ -201,7 +248,7 @@ def test_known_tasks_are_problems_too(problem: str) -> None:
     pytest.importorskip("mo_gymnasium")
     settings = TINY | {"problems": [problem], "comparators": ["polytope"], "error_rates": [0.0], "audit": 0.0}
     rows = ablate(**settings, jobs=1)
-    assert len(rows) == 4
+    assert len(rows) == 5  # the oracles, and the polytope with each learner
     assert (rows.problem == problem).all()
     polytope = rows[(rows.comparator == "polytope") & (rows.learner == "q-learning")]
     assert (polytope.excess_loss == 0).all()

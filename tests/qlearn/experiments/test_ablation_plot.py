@@ -41,7 +41,7 @@ def test_the_ablation_shows_every_mean_beside_its_error_rate(summary: pd.DataFra
     for i, problem in enumerate(plain.problem.unique()):
         for j, learner in enumerate(plain.learner.unique()):
             part = plain[(plain.problem == problem) & (plain.learner == learner)]
-            for axes, values in zip(grid[i, :, j], (part.asked, 100 * part.excess_loss), strict=True):
+            for axes, values in zip(grid[i, :, j], (part.asked, 100 * part.loss), strict=True):
                 drawn = markers(axes)
                 assert len(drawn.pop("hollow", [])) == (part.budget_spent > 0).sum()
                 rates = sorted(part.error_rate.unique())
@@ -52,9 +52,21 @@ def test_the_ablation_shows_every_mean_beside_its_error_rate(summary: pd.DataFra
                 assert not drawn
 
 
+def test_a_line_joins_error_rates_and_no_tutors_by_name(summary: pd.DataFrame) -> None:
+    one = summary[(summary.learner == "q-learning") & (summary.problem == "random") & (summary.audit == 0)]
+    named = one[one.error_rate == 0].assign(error_rate="nurse")
+    figure = plot_ablation(pd.concat([one.astype({"error_rate": object}), named], ignore_index=True))
+    rates = one.error_rate.nunique()
+    for axes in figure.axes:
+        joined = [line.get_xdata() for line in axes.lines if line.get_linestyle() != "None"]
+        assert len(joined) == one.comparator.nunique()
+        assert all(round(float(x)) < rates for line in joined for x in line)
+        assert sum(len(at) for at in markers(axes).values()) == len(one) + len(named)
+
+
 @pytest.mark.slow
 def test_nothing_of_the_ablations_picture_lies_on_other_parts_or_outside(summary: pd.DataFrame) -> None:
-    one = summary[(summary.learner == "ivi") & (summary.problem == "random")]
+    one = summary[(summary.learner == "value-iteration") & (summary.problem == "random")]
     for part, budget in ((summary, 2000), (one, None)):
         figure = plot_ablation(part, max_queries=budget)
         figure.draw_without_rendering()
@@ -68,8 +80,18 @@ def test_nothing_of_the_ablations_picture_lies_on_other_parts_or_outside(summary
         assert {*named} == drawn | {"hollow: budget spent"} | ({"budget"} if budget else set())
 
 
-def test_no_interval_of_questions_reaches_below_none(summary: pd.DataFrame) -> None:
-    wide = summary.assign(asked_half=1e6)
-    for axes in np.array(plot_ablation(wide).axes).reshape(-1, 2, 2)[:, 0].flat:
+def test_no_interval_of_questions_or_losses_reaches_below_none(summary: pd.DataFrame) -> None:
+    wide = summary.assign(asked_half=1e6, loss_half=1.0)
+    for axes in plot_ablation(wide).axes:
         assert {low for low, _ in bars(axes)} == {0.0}
         assert axes.get_ylim()[0] == 0
+
+
+def test_long_names_are_not_cut_off_in_the_legend(summary: pd.DataFrame) -> None:
+    one = summary[(summary.learner == "q-learning") & (summary.problem == "random")]
+    named = one.assign(comparator="mypackage.models.of_mine:factory_" + one.comparator)
+    figure = plot_ablation(pd.concat([one, named], ignore_index=True))
+    figure.draw_without_rendering()
+    legend = figure.legends[0]
+    assert all(figure.bbox.padded(1).contains(*corner) for corner in legend.get_window_extent().corners())
+    assert min(axes.bbox.height for axes in figure.axes) > 0.15 * figure.bbox.height

@@ -50,12 +50,12 @@ def test_what_is_wrong_with_a_text_is_said(
 
 def test_a_mapping_names_ours_by_themselves_and_yours_by_their_factories() -> None:
     given = {"mine": exact, "polytope": "polytope", "always": ..., "other": "tests.own_cases:exact"}
-    settings = AblationSettings(comparators=given, problems={"box": tiny, "icu": "icu"})
+    settings = AblationSettings(comparators=given, problems={"box": tiny, "icu-sepsis": "icu-sepsis"})
     assert settings.names("comparators") == ("mine", "polytope", "always", "other")
     assert settings.own()["comparator"] == {"mine": Own("mine", exact), "other": Own("other", exact)}
-    assert settings.names("problems") == ("box", "icu")
-    assert settings == AblationSettings(comparators=given, problems={"box": tiny, "icu": ...})
-    assert settings != AblationSettings(comparators=given | {"mine": tiny}, problems={"box": tiny, "icu": ...})
+    assert settings.names("problems") == ("box", "icu-sepsis")
+    assert settings == AblationSettings(comparators=given, problems={"box": tiny, "icu-sepsis": ...})
+    assert settings != AblationSettings(comparators=given | {"mine": tiny}, problems={"box": tiny, "icu-sepsis": ...})
     assert settings.of_a_run() == AblationSettings().of_a_run()
 
 
@@ -102,18 +102,20 @@ def test_yours_come_after_ours_in_the_order_given_and_are_not_audited() -> None:
     settings = AblationSettings(
         comparators={"z": exact, "a": exact, "posterior-close": exact, "polytope": ...},
         tutors={"nurse": lambda values, seed: None},
-        learners={"mine": lambda mdp, comparator, seed: None, "ivi": ...},
+        learners={"mine": lambda mdp, comparator, seed: None, "value-iteration": ...},
         problems={"box": tiny, "random": ...},
         error_rates=(0.15, 0.0),
         seeds=1,
     )
     plan = plan_of(settings)
     assert list(dict.fromkeys(cell["problem"] for cell in plan)) == ["random", "box"]
-    assert list(dict.fromkeys(cell["learner"] for cell in plan)) == ["ivi", "mine"]
-    assert list(dict.fromkeys(cell["comparator"] for cell in plan if cell["learner"] == "ivi")) == [
+    assert list(dict.fromkeys(cell["learner"] for cell in plan)) == ["value-iteration", "mine"]
+    assert list(dict.fromkeys(cell["comparator"] for cell in plan if cell["learner"] == "value-iteration")) == [
         "always", "polytope", "posterior-close", "z", "a"
     ]  # fmt: skip
-    of_z = [cell["error_rate"] for cell in plan if cell["comparator"] == "z" and cell["learner"] == "ivi"]
+    of_z = [cell["error_rate"] for cell in plan if cell["comparator"] == "z" and cell["learner"] == "value-iteration"]
     assert of_z == [0.0, 0.15, "nurse"] * 2
-    assert {(cell["comparator"], cell["learner"]) for cell in plan if cell["audit"]} == {("polytope", "ivi")}
+    assert {(cell["comparator"], cell["learner"]) for cell in plan if cell["audit"]} == {
+        ("polytope", "value-iteration")
+    }
     assert "always" not in {cell["comparator"] for cell in plan if cell["learner"] == "mine"}  # it has no oracle

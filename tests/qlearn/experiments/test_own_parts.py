@@ -1,6 +1,7 @@
 """Comparators, problems, tutors and learners of the user's in the ablation: rows, journal, table and picture."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from qlearn.experiments.own_parts import Counted
 from tests.own_cases import Exact, careless, certified, exact, tiny
 from tests.sweep_cases import TINY
 
-SMALL: dict[str, Any] = TINY | {"learners": ["ivi"], "audit": 0.0, "tolerance": 0.1}
+SMALL: dict[str, Any] = TINY | {"learners": ["value-iteration"], "audit": 0.0, "tolerance": 0.1}
 
 
 def text_of(frame: pd.DataFrame) -> str:
@@ -63,7 +64,7 @@ def test_rows_are_the_same_on_two_processes_and_read_back(tmp_path: Path) -> Non
         "comparators": {"mine": lambda k, seed: exact(k, seed), "polytope": ...},
         "problems": {"box": lambda seed: tiny(seed + 1), "random": "random"},
         "tutors": {"careless": careless, "noisy": lambda values, seed: FlippingTutor(values, 0.3, seed)},
-        "learners": {"certified": certified, "ivi": "ivi"},
+        "learners": {"certified": certified, "value-iteration": "value-iteration"},
     }
     here = ablate(**own, jobs=1, journal=tmp_path / "journal")
     assert len(here) == 2 * (1 + 2 * 4 + 2 * 4)
@@ -163,17 +164,19 @@ def test_a_tutor_who_takes_a_reference_gets_differences_to_set_her_noise_by() ->
 def test_ours_take_equal_at_its_word_from_tutors_of_ours_and_not_from_yours(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[float] = []
 
-    def polytope(k: int, seed: int, settings: runs.Settings) -> PolytopeComparator:
-        comparator = runs.PolytopeComparator(k, **settings.named("tie"))
+    def polytope(k: int, seed: int, **settings: Any) -> PolytopeComparator:
+        comparator = PolytopeComparator(k, **settings)
         made.append(comparator.tie)
         return comparator
 
-    monkeypatch.setattr(runs, "COMPARATORS", {**runs.COMPARATORS, "polytope": polytope})
+    monkeypatch.setattr(
+        runs, "COMPARATORS", {**runs.COMPARATORS, "polytope": replace(runs.COMPARATORS["polytope"], factory=polytope)}
+    )
     given = SMALL | {"comparators": ["polytope"], "error_rates": (0.0,), "tutors": {"careless": careless}}
     ablate(**given, jobs=1)
     assert {*made} == {0.0, 0.01}
     for name in ("always", "polytope", "relaxed"):
-        made_by = [runs.COMPARATORS[name](4, 0, runs.Settings(tie=tie)).tie for tie in (0.0, 0.2)]  # type: ignore[attr-defined]
+        made_by = [runs.COMPARATORS[name].make(4, 0, {"tie": tie}).tie for tie in (0.0, 0.2)]  # type: ignore[attr-defined]
         assert made_by == [0.0, 0.2]
     made.clear()
     ablate(**given | {"tie": 0.05}, jobs=1)

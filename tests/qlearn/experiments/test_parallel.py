@@ -170,10 +170,14 @@ def test_what_goes_ahead_of_an_ablation() -> None:
     def named(**cell: Any) -> list[str]:
         return [part.__name__ for part in parts([cell])]
 
-    assert named(comparator="always", learner="ivi") == ["sweeps"]
-    assert named(comparator="relaxed", learner="ivi") == ["proofs", "sweeps"]
+    assert named(comparator="always", learner="value-iteration") == ["sweeps"]
+    assert named(comparator="relaxed", learner="value-iteration") == ["proofs", "sweeps"]
     assert named(comparator="posterior-close", learner="q-learning") == ["moves", "loops"]
-    both = [{"comparator": "polytope", "learner": "q-learning"}, {"comparator": "posterior", "learner": "ivi"}]
+    assert named(comparator="polytope", learner="policy-iteration") == ["proofs", "certificates"]
+    both = [
+        {"comparator": "polytope", "learner": "q-learning"},
+        {"comparator": "posterior", "learner": "value-iteration"},
+    ]
     for part in parts(both):
         part()
 

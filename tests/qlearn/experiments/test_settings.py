@@ -36,7 +36,7 @@ from qlearn.paper.figure_runs import figures
         ("noise", "loud", "noise must be one of flip, logistic, not 'loud'"),
         ("comparators", ["box", "sphere"], "comparators must each be one of always, polytope, "),
         ("comparators", "box", "comparators must be several values, not 'box'"),
-        ("problems", [["icu"]], r"problems must each be one of random, icu, frozen-lake, .*, not \['icu'\]"),
+        ("problems", [["icu"]], r"problems must each be one of random, icu-sepsis, frozen-lake, .*, not \['icu'\]"),
     ],
 )
 def test_a_value_that_cannot_be_is_refused_by_name(settings: str, value: Any, wanted: str) -> None:

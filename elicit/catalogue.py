@@ -1,0 +1,199 @@
+"""The catalogue of comparators: name, factory, label and look of each, in the order of tables and legends.
+
+Tables, pictures and commands take from here what they call a comparator and how they draw it. Imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from elicit._support.hashing import Seed
+    from elicit.model.comparator import Comparator
+
+
+def _always_ask(k: int, seed: Seed, **settings: Any) -> Comparator:
+    from elicit.comparators.baselines import AlwaysAsk
+
+    return AlwaysAsk(k, **settings)
+
+
+def _polytope(k: int, seed: Seed, **settings: Any) -> Comparator:
+    from elicit.comparators.polytope.comparator import PolytopeComparator
+
+    return PolytopeComparator(k, **settings)
+
+
+def _relaxed(k: int, seed: Seed, **settings: Any) -> Comparator:
+    from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
+
+    return RelaxedPolytopeComparator(k, **settings)
+
+
+def _posterior(k: int, seed: Seed, **settings: Any) -> Comparator:
+    from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
+
+    return PosteriorComparator(k, seed=seed, **settings)
+
+
+def _bradley_terry(k: int, seed: Seed, **settings: Any) -> Comparator:
+    from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
+
+    return BradleyTerryComparator(k, seed=seed, **settings)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparatorEntry:
+    """One comparator of the catalogue.
+
+    name         its one name: on the command line, in rows of results, in journals
+    label        its name in tables and pictures
+    kind         the name of its class
+    factory      from k, the seed of its own draws, and keywords
+    color, marker, linestyle    its look, as matplotlib's keywords
+    fixed        keywords that make it this comparator and no other of its class
+    options      further keywords that it takes, where they are given
+    learns       whether answers teach it anything
+    proves       whether it bounds the loss of a whole policy tightly enough for policy iteration to end
+    trusts       whether it takes each answer as a fact, so that a later answer can contradict it
+    indifferent  whether the learner treats close pairs as equal; otherwise the comparator is the one of the same class
+    cost         CPU time of a run, relative to the cheapest (rough; orders the runs of a sweep)
+    compiles     the small run of ``qlearn.experiments.compile_ahead`` that compiles what it needs
+    """
+
+    name: str
+    label: str
+    kind: str
+    factory: Callable[..., Comparator]
+    color: str
+    marker: str
+    linestyle: Any
+    fixed: Mapping[str, Any] = field(default_factory=dict)
+    options: tuple[str, ...] = ("tie",)
+    learns: bool = True
+    proves: bool = True
+    trusts: bool = False
+    indifferent: bool = False
+    cost: float = 1.0
+    compiles: str | None = None
+
+    @property
+    def look(self) -> dict[str, Any]:
+        """Colour, marker and line, as matplotlib's keywords."""
+        return {"color": self.color, "marker": self.marker, "linestyle": self.linestyle}
+
+    def make(self, k: int, seed: Seed, settings: Mapping[str, Any] | None = None) -> Comparator:
+        """Return the comparator of k levels; of ``settings`` it takes its ``options``, and ignores the rest."""
+        given = {name: value for name, value in (settings or {}).items() if name in self.options}
+        return self.factory(k, seed, **self.fixed, **given)
+
+    def is_kind_of(self, comparator: Comparator) -> bool:
+        """Whether the comparator is of this entry's class and has its fixed keywords."""
+        if type(comparator).__name__ != self.kind:
+            return False
+        return all(getattr(comparator, name) == value for name, value in self.fixed.items())
+
+
+_POSTERIOR: Mapping[str, Any] = {
+    "kind": "PosteriorComparator",
+    "factory": _posterior,
+    "options": ("lapse", "level", "particles", "tie"),
+    "cost": 3.0,
+    "compiles": "moves",
+}
+_BRADLEY_TERRY: Mapping[str, Any] = {
+    "kind": "BradleyTerryComparator",
+    "factory": _bradley_terry,
+    "options": ("precision", "n_boot", "level", "refit_growth", "tie"),
+}
+_ENTRIES = (  # Okabe and Ito's colours; the markers and line styles tell the same in grey
+    ComparatorEntry(
+        name="always",
+        label="always ask",
+        kind="AlwaysAsk",
+        factory=_always_ask,
+        color="#000000",
+        marker="D",
+        linestyle=(0, (1, 1.5)),
+        learns=False,
+        proves=False,
+    ),
+    ComparatorEntry(
+        name="polytope",
+        label="polytope",
+        kind="PolytopeComparator",
+        factory=_polytope,
+        color="#D55E00",
+        marker="s",
+        linestyle="-",
+        trusts=True,
+        compiles="proofs",
+    ),
+    ComparatorEntry(
+        name="relaxed",
+        label="relaxed polytope",
+        kind="RelaxedPolytopeComparator",
+        factory=_relaxed,
+        color="#E69F00",
+        marker="v",
+        linestyle=(0, (1, 1)),
+        options=("slack", "tie"),
+        trusts=True,
+        compiles="proofs",
+    ),
+    ComparatorEntry(
+        name="posterior",
+        label="posterior",
+        color="#CC79A7",
+        marker="P",
+        linestyle=(0, (8, 2)),
+        **_POSTERIOR,
+    ),
+    ComparatorEntry(
+        name="posterior-close",
+        label="posterior, indifferent",
+        color="#7A5195",
+        marker="X",
+        linestyle=(0, (2, 1)),
+        indifferent=True,
+        **_POSTERIOR,
+    ),
+    ComparatorEntry(
+        name="ensemble",
+        label="Bradley-Terry ensemble",
+        color="#0072B2",
+        marker="o",
+        linestyle=(0, (5, 1.5)),
+        fixed={"region": "ensemble"},
+        cost=4.0,
+        **_BRADLEY_TERRY,
+    ),
+    ComparatorEntry(
+        name="box-rescaled",
+        label="Bradley-Terry box, rescaled",
+        color="#56B4E9",
+        marker="p",
+        linestyle=(0, (3, 1, 1, 1, 1, 1)),
+        fixed={"region": "box", "rescale": True},
+        cost=4.0,
+        proves=False,
+        **_BRADLEY_TERRY,
+    ),
+    ComparatorEntry(
+        name="box",
+        label="Bradley-Terry box",
+        color="#009E73",
+        marker="^",
+        linestyle=(0, (4, 1.5, 1, 1.5)),
+        fixed={"region": "box"},
+        cost=8.0,
+        proves=False,
+        **_BRADLEY_TERRY,
+    ),
+)
+COMPARATORS: Mapping[str, ComparatorEntry] = {entry.name: entry for entry in _ENTRIES}
+"""The comparators by name."""
+ALWAYS = "always"
+"""The name of the comparator that learns nothing; with a truthful tutor it is the oracle."""
