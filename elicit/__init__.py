@@ -3,12 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
-from elicit.model.outcomes import Status
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.model.scale import as_differences
-from elicit.model.tutor import Tutor
-
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
     from elicit.asking.choose_from_list import choose
@@ -21,7 +15,12 @@ if TYPE_CHECKING:
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
+    from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
+    from elicit.model.outcomes import Status
+    from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
+    from elicit.model.scale import as_differences
     from elicit.model.scale_variable import scale_variable
+    from elicit.model.tutor import Tutor
     from elicit.person.hosts.widget import InterviewWidget as InterviewWidget
     from elicit.person.interview import Interview, Subject
     from elicit.person.session import Session
@@ -46,7 +45,12 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.person.session": ["Session"],
     "elicit.person.showing": ["Words"],
     "elicit.tutors.answer_log": ["AnswerLog"],
+    "elicit.model.comparator": ["Comparator", "Tier", "simultaneous_bounds"],
+    "elicit.model.outcomes": ["Status"],
+    "elicit.model.query": ["Answer", "Answers", "InconsistentAnswers", "Query", "StaleAnswer", "Verdict"],
+    "elicit.model.scale": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
+    "elicit.model.tutor": ["Tutor"],
     "elicit.tutors.replay": ["ReplayTutor"],
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
