@@ -3,10 +3,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.model.tutor import Tutor
-
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
     from elicit.asking.choose_from_list import choose
@@ -19,7 +15,10 @@ if TYPE_CHECKING:
     from elicit.diagnostics.held_out import compare_held_out, held_out
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
+    from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
+    from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
     from elicit.model.scale_variable import scale_variable
+    from elicit.model.tutor import Tutor
     from elicit.person.interview import Interview, Subject
     from elicit.person.session import Session
     from elicit.person.showing import Words
@@ -40,6 +39,9 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.diagnostics.held_out": ["compare_held_out", "held_out"],
     "elicit.diagnostics.tutor_report": ["tutor_report"],
     "elicit.lp.prior_inequalities": ["Inequality", "inequalities", "inequality"],
+    "elicit.model.comparator": ["Comparator", "Tier", "simultaneous_bounds"],
+    "elicit.model.query": ["Answer", "Answers", "InconsistentAnswers", "Query", "StaleAnswer", "Verdict"],
+    "elicit.model.tutor": ["Tutor"],
     "elicit.person.interview": ["Interview", "Subject"],
     "elicit.person.session": ["Session"],
     "elicit.person.showing": ["Words"],
