@@ -122,12 +122,12 @@ def within(d: Any, t: Any, indifference: float, rule: Any) -> int:
 
 
 @compiled
-def certifies(certificate: Any, side: int, t: Any) -> bool:
-    """Whether t (p,), with the sign of ``side``, lies above the certificate of an earlier verdict of that sign, which
-    then is that of t too."""
+def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
+    """Whether t (p,), with the sign of ``side``, lies above one row of the certificates (n, p), that of an earlier
+    verdict of that sign, which then is that of t too."""
     sign, above = (1.0 if side > 0 else -1.0), True
     for j in range(len(t)):
-        above = above and sign * t[j] >= certificate[j]
+        above = above and sign * t[j] >= certificates[row, j]
     return above
 
 

@@ -264,8 +264,10 @@ def blocking(slack: Any, rate: Any, is_active: Any) -> int:
     -1 where none is met."""
     reach = math.inf
     for c in range(len(slack)):
-        if not is_active[c] and rate[c] < -1e-11:
-            reach = min(reach, (max(slack[c], 0.0) + 1e-13) / -rate[c])
+        room, speed = max(slack[c], 0.0) + 1e-13, -rate[c]
+        # the product excludes most constraints, so that few need a division
+        if room <= reach * speed * (1.0 + 8.0 * EPS) and speed > 1e-11 and not is_active[c]:
+            reach = min(reach, room / speed)
     best = -1
     for c in range(len(slack)):
         met = not is_active[c] and rate[c] < -1e-11 and max(slack[c], 0.0) <= reach * -rate[c]

@@ -29,10 +29,15 @@ def tail_sums_into(d: Any, i: int, t: Any) -> None:
 @compiled
 def by_dominance(t: Any) -> int:
     """``scale.dominance`` of one row of tail sums t (p,) (eq. 4)."""
-    some_up, some_down = False, False
+    least, greatest = 0.0, 0.0
     for j in range(len(t)):
-        some_up = some_up or t[j] > 0.0
-        some_down = some_down or t[j] < 0.0
-    if some_up:
-        return UNKNOWN if some_down else BETTER
-    return WORSE if some_down else EQUAL
+        least, greatest = min(least, t[j]), max(greatest, t[j])
+    return by_range(least, greatest)
+
+
+@compiled
+def by_range(least: float, greatest: float) -> int:
+    """Return the verdict of eq. (4) on tail sums whose extremes, 0 among them, are these."""
+    if greatest > 0.0:
+        return UNKNOWN if least < 0.0 else BETTER
+    return WORSE if least < 0.0 else EQUAL

@@ -26,7 +26,7 @@ from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.pairs_kernel import apart, mark_of, marks_within, near_to
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance
+from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_range
 from elicit.tutors.simulated_kernel import NOBODY, TRUTHFUL, WRONG, Respondent, nobody, respond
 
 BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
@@ -162,14 +162,15 @@ class PairJudge:
 @compiled
 def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
     """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
-    mine, other = q[s, a], q[s, b]
-    total = -0.0
+    # no views of rows of q: to count references to it would cost as much as all the sums
+    total, least, greatest = -0.0, 0.0, 0.0
     for j in range(len(d) - 1, 0, -1):
-        d[j] = mine[j] - other[j]
+        d[j] = q[s, a, j] - q[s, b, j]
         total += d[j]
         t[j - 1] = total
-    d[0] = mine[0] - other[0]
-    return by_dominance(t)
+        least, greatest = min(least, total), max(greatest, total)
+    d[0] = q[s, a, 0] - q[s, b, 0]
+    return by_range(least, greatest)
 
 
 @compiled
@@ -188,10 +189,9 @@ def certify(judged: Judgement, least: Any, row: int, certificates: Certificates)
 
 
 @compiled
-def full(judging: Judging) -> bool:
+def full(kept: Kept, fill: Any) -> bool:
     """Whether what was kept or told must be handed over before another pair is judged: there may be no more of it, or
-    the comparator has learned something."""
-    kept, fill = judging.kept, judging.told.fill
+    the comparator has learned something. ``fill`` is that of ``Told``."""
     watched = len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers)
     return bool(watched or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
 

@@ -73,10 +73,11 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
     Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair, ASK where only the
     tutor can settle it and DEFER where perhaps the elicitation can.
     """
-    rule, asking, oracle, certificates, kept, _, _ = judging
+    rule, asking, oracle, certificates, kept, _, told = judging
     limits, verdict_of, tier_of = certificates
-    best, cursor, decided = state.best, state.cursor, state.decided
-    m, k = state.q.shape[1:]
+    q, best, cursor, decided = state.q, state.best, state.cursor, state.decided
+    actions, plain, fill = model.actions, asking.plain, told.fill
+    m, k = q.shape[1:]
     d, t, work, least = np.empty(k), np.empty(k - 1), np.empty(k - 1), np.empty(k - 1)
     while True:
         if cursor[POSITION] == IDLE:
@@ -85,26 +86,26 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
             learn(state, model)
         s = cursor[STATE]
         while cursor[POSITION] < cursor[LAST]:
-            challenger = model.actions[s, cursor[POSITION]]
+            challenger = actions[s, cursor[POSITION]]
             incumbent = best[s]
             if challenger != incumbent:
                 if verdict == UNKNOWN:
-                    verdict, row = difference(state.q, s, challenger, incumbent, d, t), s * m + challenger
+                    verdict, row = difference(q, s, challenger, incumbent, d, t), s * m + challenger
                     if verdict == EQUAL or (rule.dominance and verdict != UNKNOWN):
                         tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                     else:
-                        if full(judging):
+                        if full(kept, fill):
                             return FULL
                         if oracle.kind != NOBODY:
                             verdict, tier = respond(t, oracle), BY_TUTOR
-                        elif asking.plain and verdict_of[row] != 0 and certifies(limits[row], verdict_of[row], t):
+                        elif plain and verdict_of[row] != 0 and certifies(limits, row, verdict_of[row], t):
                             verdict, tier = verdict_of[row], tier_of[row]
                         else:
                             judged = judge_pair(d, t, work, least, rule, asking)
                             verdict, tier = certify(judged, least, row, certificates)
                             if verdict == UNKNOWN:
-                                difference(state.q, s, challenger, incumbent, d, t)
-                                verdict, tier = put(state.q, s, challenger, incumbent, t, judging)
+                                difference(q, s, challenger, incumbent, d, t)
+                                verdict, tier = put(q, s, challenger, incumbent, t, judging)
                                 if verdict == UNSETTLED:
                                     return FULL
                         if verdict in (UNSETTLED, UNKNOWN):

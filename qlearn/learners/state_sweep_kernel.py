@@ -97,7 +97,7 @@ def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome)
                     tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
                 elif turns:
                     verdict, tier = respond(t, oracle), BY_TUTOR
-                elif plain and verdict_of[row] != 0 and certifies(limits[row], verdict_of[row], t):
+                elif plain and verdict_of[row] != 0 and certifies(limits, row, verdict_of[row], t):
                     verdict, tier = verdict_of[row], tier_of[row]
                 else:
                     judged = judge_pair(d, t, scratch, least, rule, asking)

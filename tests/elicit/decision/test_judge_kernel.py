@@ -67,11 +67,12 @@ def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
             continue
         found += 1
         assert abs(verdict) == 1
-        assert certifies(low, verdict, t)
-        assert not certifies(low, verdict, np.where(np.arange(K - 1) == 2, verdict * low - verdict * 1e-9, t))
+        assert certifies(low[None, :], 0, verdict, t)
+        below = np.where(np.arange(K - 1) == 2, verdict * low - verdict * 1e-9, t)
+        assert not certifies(low[None, :], 0, verdict, below)
         for other in (low, low + rng.exponential(0.02, K - 1), np.maximum(low, verdict * t - 1e-3)):
             moved = np.concatenate([[0.0], verdict * other - np.append(verdict * other[1:], 0.0)])
-            if certifies(low, verdict, tail_sums(moved[None, :])[0]):  # rounding may leave it below
+            if certifies(low[None, :], 0, verdict, tail_sums(moved[None, :])[0]):  # rounding may leave it below
                 beyond.append((verdict, moved))
     if name in ("ensemble", "box"):
         assert not found
