@@ -72,5 +72,8 @@ class AnsweredPairs:
             )
         table.sums[row], table.said[row], table.binding[row] = t, verdict, binding
         mark = mark_of(t)
-        at = int(np.searchsorted(table.marks, mark))
-        self.table = table._replace(marks=np.insert(table.marks, at, mark), rows=np.insert(table.rows, at, row))
+        at = int(table.marks.searchsorted(mark))
+        self.table = table._replace(
+            marks=np.concatenate([table.marks[:at], [mark], table.marks[at:]]),
+            rows=np.concatenate([table.rows[:at], [row], table.rows[at:]]),
+        )

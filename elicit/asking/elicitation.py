@@ -245,9 +245,11 @@ class Elicitation:
         answers = match(answers, self.ask())
         waiting = {p.query.id: p for p in self.pending}
         told = [answer for answer in answers if answer.verdict is not None]
-        comparator, taken = learn(self.comparator, Answers.of(told, self.comparator.k), on_conflict == "drop")
+        rows = Answers.of(told, self.comparator.k)
+        comparator, taken = learn(self.comparator, rows, on_conflict == "drop")
         equal_in_a_row = self._count_equal(answers)
-        used = Answers.of([answer for answer, took in zip(told, taken, strict=True) if took], self.comparator.k)
+        if not taken.all():
+            rows = Answers.of([answer for answer, took in zip(told, taken, strict=True) if took], self.comparator.k)
         dropped = tuple(answer for answer, took in zip(told, taken, strict=True) if not took)
         settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
         verdicts = [self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled]
@@ -272,7 +274,7 @@ class Elicitation:
             seen.append((query.d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8))))
         self._publish(
             comparator=comparator,
-            answers=self.answers + used,
+            answers=self.answers + rows,
             audits=audits,
             asked=asked_so_far,
             cannot_tell=cannot_tell,

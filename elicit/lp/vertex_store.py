@@ -42,19 +42,20 @@ def cut(known: Known, region: Region) -> Known:
     """The same for a region whose last row was not among its rows before: all rows that held still hold, and the
     corners that the new row cannot cut off stay. Its inner point is still the old one: ``refresh``."""
     row, limit, given = region.rows[-1], region.rhs[-1], len(known.limits)
+    new = _with_rows(known, row[None], region.rhs[-1:])
     stays = np.empty(known.counts[USED], dtype=np.bool_)
     beyond_doubt(known, row, limit, stays)
     after = _only_corners(known, np.flatnonzero(stays))
     after.counts[ROW] = 0
-    after = after._replace(
+    return after._replace(
         cuts=np.ascontiguousarray(region.rows.T),
         limits=region.rhs,
         inside=known.inside.copy(),
         room=np.full(region.p + len(region.rows), np.nan),
+        rows=_inserted(known.rows, given, new.rows),
+        lifted=_inserted(known.lifted, given, new.lifted),
+        masks=_inserted(known.masks, given, new.masks),
     )
-    limits = np.zeros(len(known.rows) + 1)
-    limits[given] = limit
-    return _with_rows(after, np.concatenate([known.rows[:given], row[None], known.rows[given:]]), limits)
 
 
 def refresh(known: Known, region: Region) -> Known:
@@ -196,6 +197,11 @@ def _with_rows(known: Known, rows: Floats, limits: Floats) -> Known:
     return known
 
 
+def _inserted(array: NDArray[Any], at: int, part: NDArray[Any]) -> NDArray[Any]:
+    """The array with further rows from place ``at`` on."""
+    return np.concatenate([array[:at], part, array[at:]])
+
+
 def _with_latest_rows(known: Known, rows: Floats) -> Known:
     """Other known rows: of these (r, p) the region's own, which come first, and the latest of the others."""
     given = len(known.limits)
@@ -208,7 +214,8 @@ def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
     n = len(stay)
     points, inverses = np.zeros_like(known.points), np.empty_like(known.inverses)
     active, kind, age = np.zeros_like(known.active), np.zeros_like(known.kind), np.zeros_like(known.age)
-    points[:, :n], inverses[:n], active[:n] = known.points[:, stay], known.inverses[stay], known.active[stay]
+    points[:, :n], active[:n] = known.points[:, stay], known.active[stay]
+    np.take(known.inverses, stay, axis=0, out=inverses[:n], mode="clip")  # "raise" would copy them twice
     kind[:n], age[:n] = known.kind[stay], known.age[stay]
     counts = known.counts.copy()
     counts[USED], counts[SLOT] = n, n % len(kind)

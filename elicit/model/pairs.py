@@ -8,6 +8,8 @@ hashes, it is the whole numbers of ``whole_numbers``.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -54,7 +56,7 @@ def ways_round(t: Floats) -> NDArray[np.int8]:
 def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], int]:
     """Return x (p,) in grains of 2^-30, and the exponent of two by which it was divided if it is not of order one."""
     size = float(np.abs(x).max(initial=0.0)) * OFFSET
-    exponent = max(0, int(np.frexp(size)[1]))
+    exponent = max(0, math.frexp(size)[1])
     return np.floor(np.ldexp(x, -exponent) * GRID + 0.5).astype(np.int64), exponent
 
 

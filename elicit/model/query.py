@@ -339,7 +339,10 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
                 "what ask() returns now"
             )
         asked = waiting[name]
-        if not (np.array_equal(asked.left, answer.query.left) and np.array_equal(asked.right, answer.query.right)):
+        told_of = answer.query
+        if told_of is not asked and not (
+            np.array_equal(asked.left, told_of.left) and np.array_equal(asked.right, told_of.right)
+        ):
             raise StaleAnswer(
                 f"the answer with the id {name!r} is about other vectors than the pending query of that id; answer the "
                 "very query that ask() returned (were its numbers rounded on the way?)"

@@ -377,7 +377,8 @@ def _log_and_tell(
     """Log answers, then tell them to the learner."""
     if not answers:
         return
-    _append(log, answers, learner.implied)
+    if log is not None:
+        _append(log, answers, learner.implied)
     try:
         dropped = learner.tell(answers, on_conflict)
     except InconsistentAnswers:
@@ -386,11 +387,10 @@ def _log_and_tell(
     _mark_unused(log, dropped)
 
 
-def _append(log: AnswerLog | None, answers: Sequence[Answer], implied: Mapping[str, Verdict]) -> None:
-    if log is not None:
-        for answer in answers:
-            audited: dict[str, Any] = {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
-            log.append(answer, **audited)
+def _append(log: AnswerLog, answers: Sequence[Answer], implied: Mapping[str, Verdict]) -> None:
+    for answer in answers:
+        audited: dict[str, Any] = {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
+        log.append(answer, **audited)
 
 
 def _mark_unused(log: AnswerLog | None, answers: Sequence[Answer]) -> None:

@@ -38,7 +38,7 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
     return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
 
 
-_FIRST_PIECE = 256  # steps that the loop runs before it may be compiled; each piece is twice the one before
+_FIRST_PIECE = 256  # steps that the loop runs before it may be compiled; then as many again as it has done
 
 
 class InteractiveQLearning(Learner):
@@ -126,14 +126,14 @@ class InteractiveQLearning(Learner):
     def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
         """Run to this step, or to a pair that only the tutor can settle: then the query. Where questions are put off,
         such pairs go by the best guess."""
-        elicitation, state, piece = self._elicitation, self.state, _FIRST_PIECE
+        elicitation, state = self._elicitation, self.state
         elicitation.puts_off = puts_off
         self._pairs.take_told()
         rule = rule_of(elicitation.comparator)
         while True:
             judging, verdict = self._pairs.judging(rule), self._verdict
-            end = min(steps, int(state.cursor[kernel.STEP]) + piece)
-            piece *= 2
+            step = int(state.cursor[kernel.STEP])
+            end = min(steps, step + max(step, _FIRST_PIECE))
             with np.errstate(all="ignore"):  # the hash wraps around
                 code = kernel.advance(state, self.model._replace(steps=end), verdict, judging)
             self._verdict = int(Verdict.UNKNOWN)  # used up, should what follows be interrupted

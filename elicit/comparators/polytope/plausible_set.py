@@ -27,6 +27,7 @@ from elicit.lp.vertices import USED
 from elicit.model.comparator import Decisions, Tier, verdicts_from
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
+from elicit.model.tail_sums_kernel import UNSETTLED
 
 _AT_ONCE = 32  # rows whose walks' corners all find room beside each other
 
@@ -147,9 +148,11 @@ class PlausibleSet:
 
     def _holds(self, row: Floats, limit: float) -> bool:
         """Whether row.g >= limit is known to follow already: then it changes nothing."""
-        with np.errstate(all="ignore"):
-            if limit == 0 and settle(row, self._known) in (Verdict.BETTER, Verdict.EQUAL):
-                return True
+        if limit == 0:
+            with np.errstate(all="ignore"):
+                verdict = settle(row, self._known)
+            if verdict != UNSETTLED:
+                return verdict in (Verdict.BETTER, Verdict.EQUAL)
         return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
 
     def _solve(self, d: Floats) -> tuple[Verdict, Tier]:
