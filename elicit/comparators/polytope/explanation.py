@@ -129,7 +129,10 @@ class Explanation:
 
     @property
     def prior(self) -> tuple[UsedPrior, ...]:
-        """The prior inequalities that force the verdict, all needed; for EQUAL those of one proof, then of the other."""
+        """The prior inequalities that force the verdict, all needed.
+
+        For EQUAL they are those of one proof, then of the other.
+        """
         return tuple(used for proof in self.proofs for used in proof.prior)
 
     @property
