@@ -75,7 +75,7 @@ class ReplayedAsker:
 
     @property
     def makes_askers(self) -> bool:
-        """Whether it was given a function that makes an asker, not an asker."""
+        """True if it was given a function that makes an asker, not an asker."""
         return self._make is not None
 
     def current(self) -> Asker:

@@ -29,7 +29,7 @@ from elicit.tutors.answer_log import EXPECTED, REPEATS, AnswerLog, Entry
 
 @dataclass(frozen=True)
 class SessionStatus:
-    """Where a session stands. Repeats are counted apart from the other answers."""
+    """The point at which a session stands. Repeats are counted apart from the other answers."""
 
     answered: int  # answers that stand
     equal: int  # among these, answers that the two are equal
@@ -50,26 +50,27 @@ class SessionStatus:
 
 
 class Session(Closing):
-    """Questions, one at a time, and answers that are on the disk before anything is made of them.
+    """Questions, one at a time, and answers that are on the disk before anything else happens.
 
-    An answer that contradicts the others is marked unused in the log and decides its own pair only; ``conflicts`` names
-    the answers that contradict each other. Once enough of them are withdrawn, it is used again. A session is not for
-    several threads at a time.
+    An answer that contradicts the others is marked unused in the log and decides its own pair only.
+    ``conflicts`` names the answers that contradict each other. Once enough of them are withdrawn,
+    it is used again. A session is not for several threads at a time.
 
     Parameters
     ----------
     asker : MakeAsker or Asker
-        A function that makes an asker from the answers it is to know, or a new asker. With the latter the session
-        cannot undo, withdraw, or go on with a log whose questions are not its own.
+            A function that makes an asker from the answers it is to know, or a new asker. With the
+        latter the session cannot undo, withdraw, or go on with a log whose questions are not its
+        own.
     log : AnswerLog or path
         The session closes a log that it opened from a path.
     who : str, optional
-        Whose answers these are, for the log.
+        The person whose answers these are, for the log.
     audit : float
-        The share of questions in front of which an earlier one is put again, to see whether the answers agree. The
-        asker is not told the answer to a repeat, and nothing else depends on it.
+            The share of questions in front of which an earlier one is put again, to see whether the
+        answers agree. The asker is not told the answer to a repeat, and nothing else depends on it.
     seed : int or Generator or SeedSequence, optional
-        Chooses the repeats, together with the answers that stand. None takes a new one.
+        Chooses the repeats, together with the answers that stand. None draws a new one.
     clock : callable
         Returns seconds since 1970, for the log. Nothing depends on it.
 
@@ -99,10 +100,12 @@ class Session(Closing):
         self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
         self._put_at: dict[str, float] = {}  # when a pending question was put, by a clock that only goes forwards
         self.instead: Instead | None = None
-        """What is put in place of the asker's queries, for a session that makes its askers: after the answer a new
-        asker is made, which knows it."""
+        """Chooses the query that replaces the asker's, for a session that makes its askers.
+
+        After the answer a new asker is made, which knows it.
+        """
         self.seed = seed_of(seed)
-        """Gives the same repeats again."""
+        """The seed that gives the same repeats again."""
         ReplayedAsker.check(asker)  # before a file is made
         self._mine = not isinstance(log, AnswerLog)
         self._log = log if isinstance(log, AnswerLog) else AnswerLog(log)
@@ -116,7 +119,7 @@ class Session(Closing):
 
     @property
     def log(self) -> AnswerLog:
-        """The log."""
+        """The answer log of the session."""
         return self._log
 
     def current_asker(self) -> Asker:
@@ -127,7 +130,7 @@ class Session(Closing):
 
     @property
     def makes_askers(self) -> bool:
-        """Whether it was given a function that makes an asker, not an asker."""
+        """True if it was given a function that makes an asker, not an asker."""
         return self._replayed.makes_askers
 
     def twin(self) -> Asker | None:
