@@ -113,7 +113,7 @@ def polytope(
     Parameters
     ----------
     comparators : PolytopeComparator or sequence
-            One, or several of which each knows more than the last. The last one is filled, and its
+        One, or several of which each knows more than the last. The last one is filled, and its
         analytic centre is the point.
     ax : matplotlib Axes, optional
     labels : (4,) str, optional

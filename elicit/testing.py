@@ -97,8 +97,8 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None 
     tutor : Tutor
     k : int
     truthful : bool
-            If True, also demand the properties of a tutor without errors: the same answer to the
-        same pair, the mirrored one to the mirrored pair, and never one against dominance.
+        If True, also demand the properties of a tutor without errors: the same answer to the same
+        pair, the mirrored one to the mirrored pair, and never one against dominance.
     seed : int, SeedSequence, Generator or None
 
     Raises

@@ -102,8 +102,8 @@ class Dominance(_Unlearning):
     k : int
         Number of levels.
     tie : float
-            Largest |d.e| that the tutor may call equal, as in ``PolytopeComparator``. Learners use
-        it; verdicts and bounds do not depend on it.
+        Largest |d.e| that the tutor may call equal, as in ``PolytopeComparator``. Learners use it;
+        verdicts and bounds do not depend on it.
     """
 
     rule = silent()
@@ -119,8 +119,8 @@ class AlwaysAsk(_Unlearning):
     k : int
         Number of levels.
     tie : float
-            Largest |d.e| that the tutor may call equal, as in ``PolytopeComparator``. Learners use
-        it; verdicts and bounds do not depend on it.
+        Largest |d.e| that the tutor may call equal, as in ``PolytopeComparator``. Learners use it;
+        verdicts and bounds do not depend on it.
     """
 
     rule = asking()

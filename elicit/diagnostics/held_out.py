@@ -28,9 +28,9 @@ _RESAMPLES = 1000
 class HeldOut:
     """Scores of a comparator's predictions of answers that it has not learned from; see ``held_out``.
 
-    Intervals have level ``level``. They are Wilson's (1927) for shares, and percentiles of a
+    Intervals have the level given. They are Wilson's (1927) for shares, and percentiles of a
     bootstrap over the answers for the log-likelihood. Both take the answers as independent. Neither
-    allows for another training set giving another comparator.
+    allows for the fact that another training set would have given another comparator.
 
     Attributes
     ----------
@@ -41,8 +41,8 @@ class HeldOut:
     decided
         Share of the scored answers on which the comparator is certain.
     accuracy, wrong
-            Shares of the decided answers that agree with the comparator, and that say the opposite.
-        The comparator calls the rest EQUAL.
+        Shares of the decided answers that agree with the comparator, and that say the opposite. The
+        comparator calls the rest EQUAL.
     by_values
         Share of the scored answers whose sign at ``.values`` agrees. A value of 0 counts as half.
     log_likelihood
@@ -100,14 +100,14 @@ def held_out(
     Parameters
     ----------
     comparator : Comparator
-            Fresh, as in ``PosteriorComparator(k)``. If it knows something already, it knows that in
+        Fresh, as in ``PosteriorComparator(k)``. If it knows something already, it knows that in
         every fold.
     answers : AnswerLog, entries, Answers
         As for ``tutor_report``, including those marked unused.
     folds : int or "sequential"
-            The pairs are dealt into so many folds by ``seed``, all answers to one pair into the
-        same. Each fold is predicted from the others, in told order. ``"sequential"``: each answer
-        is predicted from those before it, repeated pairs included.
+        The pairs are dealt into so many folds by ``seed``, all answers to one pair into the same.
+        Each fold is predicted from the others, in told order. ``"sequential"``: each answer is
+        predicted from those before it, repeated pairs included.
     level : float
         Level of the intervals, in (0, 1).
     seed : int, SeedSequence, Generator or None
@@ -119,8 +119,8 @@ def held_out(
     Raises
     ------
     ValueError
-            If the number of folds is not from 2 to the number of pairs, if the level is outside (0,
-        1), or if the answers are about other levels.
+        If the number of folds is not from 2 to the number of pairs, if the level is outside (0, 1),
+        or if the answers are about other levels.
 
     Notes
     -----

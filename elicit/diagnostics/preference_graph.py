@@ -25,7 +25,7 @@ class Step(NamedTuple):
     Attributes
     ----------
     kind
-            "dominance" if the order of the levels says so (eq. 4), else "better" or "equal", as the
+        "dominance" if the order of the levels says so (eq. 4), else "better" or "equal", as the
         answers do.
     ids
         The answers that say so, those that say "better" first; () for dominance.
@@ -83,12 +83,12 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
     Returns
     -------
     networkx.DiGraph
-            Nodes are 0, 1, ... in the order in which the vectors were first shown, with the
-        attribute ``vector`` (k,). Vectors that differ at level 1 only are worth the same, and are
-        one node. Edges have ``ids``, the answers that say that the start is at least as good as the
-        end (those that say "better" first). Their ``kind`` is "better" if some answers say that,
-        else "equal", or "dominance" if there are none. Their ``dominates`` is True if the order of
-        the levels says that the start is better.
+        Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute
+        ``vector`` (k,). Vectors that differ at level 1 only are worth the same, and are one node.
+        Edges have ``ids``, the answers that say that the start is at least as good as the end
+        (those that say "better" first). Their ``kind`` is "better" if some answers say that, else
+        "equal", or "dominance" if there are none. Their ``dominates`` is True if the order of the
+        levels says that the start is better.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
     Returns
     -------
     list of Cycle
-            Sorted, fewest answers first. There are no more cycles than edges, and one shortest-path
+        Sorted, fewest answers first. There are no more cycles than edges, and one shortest-path
         search per node and per cycle.
     """
     minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in _circles(graph)}

@@ -62,18 +62,18 @@ class TutorReport:
     Attributes
     ----------
     answers
-            Number of answers that prefer a side or call a tie. ``ties`` of them are ties.
-        ``unused`` of them were told but not learned from. Repeats of a session are not told.
+        Number of answers that prefer a side or call a tie. ``ties`` of them are ties. ``unused`` of
+        them were told but not learned from. Repeats of a session are not told.
     cannot_tell, retracted
         Numbers of answers of these kinds. They are not among ``answers``.
     by_order, against_order
-            Number of answers to pairs that the order of the levels decides, and number of these
-        that contradict it.
+        Number of answers to pairs that the order of the levels decides, and number of these that
+        contradict it.
     repeated
         Number of questions asked more than once.
     couples
-            Number of couples of answers to one question: its first two answers, the next two, and
-        so on.
+        Number of couples of answers to one question: its first two answers, the next two, and so
+        on.
     consistency
         Share of couples that agree, with an exact interval (Clopper and Pearson 1934).
     error_rate_repeated
@@ -87,12 +87,12 @@ class TutorReport:
     doubtful
         (id, probability) of the answers that are more probably wrong than right.
     sided, exchanged, left_share
-            ``sided`` is the number of answers whose sides are on record, ``exchanged`` of which
-        were shown flipped. ``left_share`` is the share of the sided answers that prefer the side
-        shown left, with an exact interval.
+        ``sided`` is the number of answers whose sides are on record, ``exchanged`` of which were
+        shown flipped. ``left_share`` is the share of the sided answers that prefer the side shown
+        left, with an exact interval.
     left_p
-            Two-sided exact p-value of that share against 1/2, which the share is without a bias if
-        a coin decided about the sides. It is nan if they were never, or always, exchanged.
+        Two-sided exact p-value of that share against 1/2, which the share is without a bias if a
+        coin decided about the sides. It is nan if they were never, or always, exchanged.
     """
 
     k: int
@@ -167,7 +167,7 @@ def tutor_report(
     Parameters
     ----------
     log : AnswerLog, its entries, Answers to queries, or bare ``Answers``
-            Retracted answers are left out. Answers marked unused count: most were set aside because
+        Retracted answers are left out. Answers marked unused count: most were set aside because
         they contradict others, so leaving them out would flatter the tutor.
     k : int, optional
         Number of levels. It is needed if nothing else says it.

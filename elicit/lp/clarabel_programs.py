@@ -97,8 +97,8 @@ class Programs:
         Returns
         -------
         sign : int
-                1 if Clarabel's multipliers prove t.g > 0 on the whole region, -1 if t.g < 0
-            somewhere, and 0 if it is inconclusive.
+            1 if Clarabel's multipliers prove t.g > 0 on the whole region, -1 if t.g < 0 somewhere,
+            and 0 if it is inconclusive.
         point : (p,) or None
             Shows that the sign is -1.
         """

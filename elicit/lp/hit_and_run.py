@@ -42,8 +42,8 @@ def draws_within(region: Region, inside: Floats) -> Draws:
     ----------
     region : Region
     inside : (p,)
-            A point strictly inside it. If the region is too flat for the chains to move, it is the
-        only draw.
+        A point strictly inside it. If the region is too flat for the chains to move, it is the only
+        draw.
 
     Returns
     -------

@@ -83,8 +83,8 @@ def inequality(
     Parameters
     ----------
     text : str
-            Levels are e1 (worst, always 0) to ek (best, always 1), or go by their labels
-        ("very_ill" for "very ill").
+        Levels are e1 (worst, always 0) to ek (best, always 1), or go by their labels ("very_ill"
+        for "very ill").
     k : int, optional
         Number of levels. It may be left out if ``labels`` is given.
     labels : (k,) str, optional
@@ -174,7 +174,7 @@ def as_prior(prior: PriorLike, k: int) -> Prior | None:
     Parameters
     ----------
     prior : optional
-            None, (A (p, k), b (p,)) meaning A e >= b, an Inequality or its text, a linear cvxpy
+        None, (A (p, k), b (p,)) meaning A e >= b, an Inequality or its text, a linear cvxpy
         constraint over ``elicit.scale_variable(k)``, a sequence of these, or a Prior. A constraint
         goes by its label, or else as cvxpy prints it.
     k : int
@@ -187,7 +187,7 @@ def as_prior(prior: PriorLike, k: int) -> Prior | None:
     Raises
     ------
     ValueError
-            For other shapes, another number of levels, numbers that are not finite, and constraints
+        For other shapes, another number of levels, numbers that are not finite, and constraints
         that are not linear.
     """
     if prior is None:

@@ -18,12 +18,12 @@ now:
 ``withdraw``
     ``id`` of an answer that is taken back, whichever it is.
 ``outlook``
-        ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences),
-    ``to_come`` ([least, most], the number of questions after this one, or null) and ``ready`` (true
-    if nothing will be added; until then ask again).
+    ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
+    ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
+    will be added; until then ask again).
 ``answers``
-        The reply has ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``,
-    ``time``, ``withdrawn``, ``used`` and ``repeat``, and ``conflicts``, lists of ids.
+    The reply has ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``, ``time``,
+    ``withdrawn``, ``used`` and ``repeat``, and ``conflicts``, lists of ids.
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
 
@@ -151,8 +151,8 @@ class Interview(Closing):
     Raises
     ------
     ValueError
-            For something that is no message. The methods also raise what ``Session`` and its log
-        raise, after which the same message may be sent again.
+        For something that is no message. The methods also raise what ``Session`` and its log raise,
+        after which the same message may be sent again.
     """
 
     def __init__(self, session: Session, subject: Subject) -> None:

@@ -23,6 +23,8 @@ class LookAhead:
         The asker that has the pending query.
     twin : Asker
         A copy of it, which nothing else uses.
+    query : Query
+        The pending query.
     swapped : bool
         True if the query is shown right to left.
     """

@@ -61,8 +61,8 @@ class Outlook:
     before : Outlook, optional
         The outlook of the last question.
     answered : sequence
-            Verdicts that the asker was told since. The simulated sessions with just these answers
-        go on.
+        Verdicts that the asker was told since. The simulated sessions with just these answers go
+        on.
     counted : bool
         True if the question is one of those that are counted.
     """

@@ -13,8 +13,8 @@ _AGAIN = " again"  # suffix of the id of a query that is put again
 class Repeats:
     """Chooses when an earlier question is put again, and which one.
 
-    In front of a ``share`` of the questions one is put again. The choice depends on the seed and
-    on the answers that stand, so that it is the same after a restart.
+    In front of a ``share`` of the questions one is put again. The choice depends on the seed and on
+    the answers that stand, so that it is the same after a restart.
     """
 
     def __init__(self, log: AnswerLog, share: float, seed: Seed) -> None:

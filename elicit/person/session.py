@@ -59,7 +59,7 @@ class Session(Closing):
     Parameters
     ----------
     asker : MakeAsker or Asker
-            A function that makes an asker from the answers it is to know, or a new asker. With the
+        A function that makes an asker from the answers it is to know, or a new asker. With the
         latter the session cannot undo, withdraw, or go on with a log whose questions are not its
         own.
     log : AnswerLog or path
@@ -67,7 +67,7 @@ class Session(Closing):
     who : str, optional
         The person whose answers these are, for the log.
     audit : float
-            The share of questions in front of which an earlier one is put again, to see whether the
+        The share of questions in front of which an earlier one is put again, to see whether the
         answers agree. The asker is not told the answer to a repeat, and nothing else depends on it.
     seed : int or Generator or SeedSequence, optional
         Chooses the repeats, together with the answers that stand. None draws a new one.
@@ -163,9 +163,21 @@ class Session(Closing):
         return self._repeats.names(id) and id not in self._pending()
 
     def shown(self, id: str, swapped: bool = False, **how: Any) -> None:
-        """Log that a pending question is put to the person, perhaps right to left, and how (any JSON).
+        """Log that a pending question is put to the person, and how.
 
-        Raises StaleAnswer if no such query is pending."""
+        Parameters
+        ----------
+        id : str
+        swapped : bool
+            True if it is shown right to left.
+        **how
+            Any JSON.
+
+        Raises
+        ------
+        StaleAnswer
+            If no such query is pending.
+        """
         query = self._to_answer(id)
         if query is None:
             raise StaleAnswer(f"no pending query has the id {id!r}: show what question() returns")
@@ -237,8 +249,17 @@ class Session(Closing):
     def undo(self) -> Answer:
         """Take back the last answer that stands, and return it.
 
-        Its question is put again, or another one if it was answered before a restart. Raises ValueError if there is
-        none, and otherwise as ``withdraw`` does."""
+        Its question is put again, or another one if it was answered before a restart.
+
+        Returns
+        -------
+        Answer
+
+        Raises
+        ------
+        ValueError
+            If there is no answer, and otherwise as ``withdraw`` does.
+        """
         standing = [entry for entry in self._log if not entry.retracted]
         if not standing:
             raise ValueError("there is no answer to undo")
@@ -249,8 +270,18 @@ class Session(Closing):
     def withdraw(self, id: str, **metadata: Any) -> None:
         """Take back the answer to the query of this id. The others stay and are used.
 
-        ``metadata`` is any JSON for the log, such as the reason. Raises ValueError if no answer of this id stands, or
-        if the session was given an asker in place of a function that makes one."""
+        Parameters
+        ----------
+        id : str
+        **metadata
+            Any JSON for the log, such as the reason.
+
+        Raises
+        ------
+        ValueError
+            If no answer of this id stands, or if the session was given an asker in place of a
+            function that makes one.
+        """
         self._replayed.withdraw(id, {**self._now(), **metadata})
         self._put_at.clear()
 

@@ -134,10 +134,10 @@ class OrdinalReward(ByValues, LevelRewarded[float]):
     values : Comparator or (k,)
         A comparator, whose best guess is taken, or k numbers, worst level first, that do not fall.
     level : str, mapping or callable
-            The key of ``info`` with the step's level, 0 to k - 1; or a mapping from rewards to
-        levels; or a function of (observation, reward, info).
+        The key of ``info`` with the step's level, 0 to k - 1; or a mapping from rewards to levels;
+        or a function of (observation, reward, info).
     after : int or "last"
-            The level that lasts once an episode has terminated, or ``"last"`` for that of its last
+        The level that lasts once an episode has terminated, or ``"last"`` for that of its last
         step.
     discount : float
 

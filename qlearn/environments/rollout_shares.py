@@ -21,7 +21,7 @@ class RolloutShares(NamedTuple):
     errors : (k,)
         Standard errors of the shares, none below ``error_of_unseen``.
     undecided : float
-            Share of time after episodes were cut off, at levels that nobody saw. ``shares`` and
+        Share of time after episodes were cut off, at levels that nobody saw. ``shares`` and
         ``undecided`` total 1.
     """
 

@@ -33,12 +33,12 @@ def rollout_shares(
     Parameters
     ----------
     env : gymnasium.Env
-            In an ``OrdinalReward`` or a ``LevelVector`` the level of a step, the level after the
-        end, and the discount are known. For another environment give ``discount``, ``k``, ``level``
-        and ``after``, in their words.
+        In an ``OrdinalReward`` or a ``LevelVector`` the level of a step, the level after the end,
+        and the discount are known. For another environment give ``discount``, ``k``, ``level`` and
+        ``after``, in their words.
     policy : callable or model
-            A function from an observation to an action, or anything with ``predict``, such as a
-        model of Stable-Baselines3 (which then takes its best action, not one to explore).
+        A function from an observation to an action, or anything with ``predict``, such as a model
+        of Stable-Baselines3 (which then takes its best action, not one to explore).
     discount : float, optional
     episodes : int
     k : int, optional
@@ -47,8 +47,8 @@ def rollout_shares(
     after : int or "last", optional
         For a ``LevelVector`` without a lasting level it supplies one.
     max_steps : int, optional
-            Episodes are cut off after so many steps, and where the environment truncates them.
-        Default: once less than 1e-4 of the time is left.
+        Episodes are cut off after so many steps, and where the environment truncates them. Default:
+        once less than 1e-4 of the time is left.
     seed : int, optional
         Goes to the first ``reset``.
 

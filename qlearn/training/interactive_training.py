@@ -69,8 +69,8 @@ class InteractiveTraining:
 
         while not training.finished:
             if (values := training.to_train()) is not None:
-                            policy = ...                            # train on
-                qlearn.OrdinalReward(env, values, ...)
+                policy = ...                            # train on qlearn.OrdinalReward(env, values,
+                ...)
                 training.add(policy, qlearn.rollout_shares(env, policy))
             while queries := training.ask():
                 training.tell([tutor(query) for query in queries])
@@ -80,17 +80,17 @@ class InteractiveTraining:
     Parameters
     ----------
     comparator : Comparator
-            It must bound differences all at once and name plausible scales
-        (``simultaneous_bounds``, ``draws``), as the polytope and the posterior do.
+        It must bound differences all at once and name plausible scales (``simultaneous_bounds``,
+        ``draws``), as the polytope and the posterior do.
     discount : float
         Discount of the share vectors.
     tolerance : float
-            A share of the value range, below 1. The training ends once answers and trainings can
-        gain no more than this.
+        A share of the value range, below 1. The training ends once answers and trainings can gain
+        no more than this.
     optimality_gap : float, optional
-            Largest distance of a training's end below its optimum, in the same unit (0: exactly
-        there). ``loss_bound`` counts it, beside errors of measured shares. None: it is unknown, and
-        there is no bound.
+        Largest distance of a training's end below its optimum, in the same unit (0: exactly there).
+        ``loss_bound`` counts it, beside errors of measured shares. None: it is unknown, and there
+        is no bound.
     objectives : (low (m,), high (m,)), optional
         Bounds of the objectives, for vectors of ``elicit.objectives`` with k = m + 1.
     labels : (k,) str, optional
@@ -104,7 +104,7 @@ class InteractiveTraining:
     known : AnswerLog, Answers or entries
         Answers given before.
     audit, max_audits
-            A share of the pairs of policies that the answers decided, and a limit. These pairs are
+        A share of the pairs of policies that the answers decided, and a limit. These pairs are
         asked about all the same, at the end.
     seed : int, SeedSequence, Generator or None
 
@@ -236,11 +236,11 @@ class InteractiveTraining:
         policy
             Any object.
         shares : (k,) or RolloutShares
-                As ``rollout_shares`` finds them, or its result. A total below 1 means that runs
-            were cut off. The missing share counts in ``loss_bound``.
+            As ``rollout_shares`` finds them, or its result. A total below 1 means that runs were
+            cut off. The missing share counts in ``loss_bound``.
         errors : (k,), optional
-                Standard errors of the shares; for objectives those of each (k - 1,). Without errors
-            the shares are taken to be exact.
+            Standard errors of the shares; for objectives those of each (k - 1,). Without errors the
+            shares are taken to be exact.
         trained : bool
 
         Raises
@@ -286,8 +286,8 @@ class InteractiveTraining:
         ----------
         answers : sequence of Answer
         on_conflict : {"raise", "drop"}
-                With ``"drop"`` an answer that contradicts the others decides its own pair only, and
-            is returned.
+            With ``"drop"`` an answer that contradicts the others decides its own pair only, and is
+            returned.
 
         Returns
         -------

@@ -26,7 +26,7 @@ from qlearn.training.reachable_set import ReachableSet
 from qlearn.training.training_result import TrainedPolicy
 
 ROUNDING = 1e-9
-"""More than what corners and bounds are off by."""
+"""Upper bound on the rounding errors of vertices and bounds."""
 
 
 def greatest_error(errors: ArrayLike, k: int) -> float:
@@ -56,8 +56,8 @@ def greatest_error(errors: ArrayLike, k: int) -> float:
 def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, float]:
     """Return the greatest d.e over differences and plausible scales, and the confidence in it.
 
-    If the scales are drawn, it is the quantile, at the comparator's level, of the greatest under
-    each scale.
+    If the scales are drawn, ``loss`` is the quantile, at the comparator's level, of the greatest
+    under each scale.
 
     Parameters
     ----------

@@ -85,8 +85,8 @@ class TrainingResult:
     policies
         All policies that were added, in order.
     observed_gap : float
-            The most by which a policy beat another one at the scale that the latter was trained on.
-        At least that training fell short of its optimum by so much.
+        The most by which a policy beat another one at the scale that the latter was trained on. At
+        least that training fell short of its optimum by so much.
     """
 
     policy: Any

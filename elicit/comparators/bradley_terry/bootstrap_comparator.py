@@ -62,25 +62,25 @@ class BradleyTerryComparator:
     k : int
         Number of levels.
     precision : float
-            The c of eq. (6), in logits per unit of d.e. It enters only the prior, where it is
-        theta_k: the fit leaves theta = c (e - e_1) free. If it is 0, the answers teach nothing.
+        The c of eq. (6), in logits per unit of d.e. It enters only the prior, where it is theta_k:
+        the fit leaves theta = c (e - e_1) free. If it is 0, the answers teach nothing.
     n_boot : int
         Number of resamples, m.
     level : float
-            Confidence level of the percentile intervals. Their ends are order statistics, rounded
+        Confidence level of the percentile intervals. Their ends are order statistics, rounded
         outwards and widened to hold the point estimate.
     region : {"ensemble", "box"}
-            ``"ensemble"`` takes percentiles of d.theta over the m fits. ``"box"`` takes the paper's
+        ``"ensemble"`` takes percentiles of d.theta over the m fits. ``"box"`` takes the paper's
         extremes of d.theta over a percentile interval for each theta_i. It ignores how the levels
         vary together, and for k >= 10 it decides next to nothing.
     seed : int, SeedSequence, Generator or None
         Kept as an int. None draws a new one.
     prior_strength : float
-            The s of the prior -(s/2) sum_j ((k-1) (gamma_j / precision - centre_j))^2 on the gaps
-        gamma of theta. Gaps stray from their centre by about s^-1/2 equal gaps. 0: no prior.
+        The s of the prior -(s/2) sum_j ((k-1) (gamma_j / precision - centre_j))^2 on the gaps gamma
+        of theta. Gaps stray from their centre by about s^-1/2 equal gaps. 0: no prior.
     prior_shape : (low, high)
-            The prior's centre is equal gaps for the point estimate. Each resample draws a centre of
-        its own, because few answers show no spread of their own: gaps from Dirichlet(a), with log a
+        The prior's centre is equal gaps for the point estimate. Each resample draws a centre of its
+        own, because few answers show no spread of their own: gaps from Dirichlet(a), with log a
         uniform between the logs of these two. (1, 1) is uniform on the simplex of gaps, and
         overconfident on scales with a few large gaps.
     monotone : bool
@@ -88,22 +88,22 @@ class BradleyTerryComparator:
     rescale : bool
         Divide the theta of each resample by its theta_k first (footnote 3).
     refit_growth : float
-            Fits are made only at r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + refit_growth)))
-        answers. In between, the last fit stays in use. 0: a fit at every answer.
+        Fits are made only at r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + refit_growth))) answers.
+        In between, the last fit stays in use. 0: a fit at every answer.
     min_answers : int
-            A fit to fewer answers decides nothing. A bootstrap of one answer has no width, and one
-        of very few shows the prior more than the tutor.
+        A fit to fewer answers decides nothing. A bootstrap of one answer has no width, and one of
+        very few shows the prior more than the tutor.
     dominance : bool
-            Let eq. (4) decide before the fits do. If False, the fits decide alone, as in Algorithm
-        2, and bounds may exceed what the order of the levels allows.
+        Let eq. (4) decide before the fits do. If False, the fits decide alone, as in Algorithm 2,
+        and bounds may exceed what the order of the levels allows.
     no_maximum : {"ask", "take"}
-            Treatment of a fit that found no maximum (see ``NotConverged``). ``"ask"``: such a fit
-        could lie anywhere, so it takes the place of one left out at either end. If there are too
-        many of them, nothing is decided. ``"take"``: the fit counts where Newton's method stopped,
-        as with an optimiser whose convergence nobody checks.
+        Treatment of a fit that found no maximum (see ``NotConverged``). ``"ask"``: such a fit could
+        lie anywhere, so it takes the place of one left out at either end. If there are too many of
+        them, nothing is decided. ``"take"``: the fit counts where Newton's method stopped, as with
+        an optimiser whose convergence nobody checks.
     tie : float
-            Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0
-        <= tie < 1. Here d is a difference of share vectors, used as it is given. It is the width in
+        Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0 <=
+        tie < 1. Here d is a difference of share vectors, used as it is given. It is the width in
         Rao and Kupper's (1967) model of ties (see ``likelihood.fit``). As long as no answer is
         EQUAL the fits do not depend on it. 0: EQUAL means equal, and counts as half an answer each
         way.
@@ -440,7 +440,7 @@ def refit_point(n: int, growth: float) -> int:
 
 
 def next_refit(n: int, growth: float) -> int:
-    """Return the smallest r_i > n of the schedule of ``refit_point``."""
+    """Return the smallest number r_i > n at which a fit is made, by the schedule of ``refit_point``."""
     if (n + 1) * growth <= 1:
         return n + 1
     points = _refits(growth, 1 << n.bit_length())

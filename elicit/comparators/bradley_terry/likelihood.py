@@ -185,7 +185,7 @@ def fit(
     centre : (m, p)
         The prior's centre, in gaps that total 1.
     strength : float
-            Of the prior. With 0 the maximum may lie at infinity, if some scale explains the answers
+        Of the prior. With 0 the maximum may lie at infinity, if some scale explains the answers
         without error, or not be unique, if no answer touches some levels. Both leave a direction
         without curvature, and are reported as not converged.
     weights : (m, n), optional
@@ -195,9 +195,9 @@ def fit(
     monotone : bool
         Keep gamma >= 0.
     tie : float
-            If it is above 0 and any y is 0, ties have a probability of their own. With s = tie *
-        sum_j gamma_j the three answers have the probabilities sigma(t.gamma - s), sigma(-t.gamma -
-        s) and, for equal, the rest: (1 - exp(-2 s)) sigma(s - t.gamma) sigma(s + t.gamma).
+        If it is above 0 and any y is 0, ties have a probability of their own. With s = tie * sum_j
+        gamma_j the three answers have the probabilities sigma(t.gamma - s), sigma(-t.gamma - s)
+        and, for equal, the rest: (1 - exp(-2 s)) sigma(s - t.gamma) sigma(s + t.gamma).
 
     Returns
     -------

@@ -76,28 +76,28 @@ class PosteriorComparator:
     k : int
         Number of levels.
     precision : float, optional
-            The c of eq. (6), in logits per unit of d.e. None: learned, with log c ~ N(log 30,
-        2.5^2) a priori.
+        The c of eq. (6), in logits per unit of d.e. None: learned, with log c ~ N(log 30, 2.5^2) a
+        priori.
     lapse : float, optional
-            Share of answers given at random. A tutor who flips a tenth of all answers lapses in a
+        Share of answers given at random. A tutor who flips a tenth of all answers lapses in a
         fifth. None: learned, with Beta(1, 4) a priori.
     tie : float
-            Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0
-        <= tie < 1. Here d is a difference of share vectors, used as it is given. The tutor's own
-        width is learned, and is uniform up to twice the ``tie`` a priori, for nobody knows their
-        own. A tutor who has called nothing equal is taken as sharp: until the first EQUAL nothing
-        depends on ``tie``, and then all answers are learned afresh. 0: EQUAL means equal, and
-        counts as half an answer each way.
+        Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0 <=
+        tie < 1. Here d is a difference of share vectors, used as it is given. The tutor's own width
+        is learned, and is uniform up to twice the ``tie`` a priori, for nobody knows their own. A
+        tutor who has called nothing equal is taken as sharp: until the first EQUAL nothing depends
+        on ``tie``, and then all answers are learned afresh. 0: EQUAL means equal, and counts as
+        half an answer each way.
     level : float
         Posterior probability that a verdict needs, in (1/2, 1).
     particles : int
         Number of particles.
     shape : (low, high), optional
-            A priori the gaps are Dirichlet(a), with log a uniform between the logs of these two.
-        None: the two of ``CONCENTRATION``, each over k - 1. (1, 1) is uniform, and overconfident on
+        A priori the gaps are Dirichlet(a), with log a uniform between the logs of these two. None:
+        the two of ``CONCENTRATION``, each over k - 1. (1, 1) is uniform, and overconfident on
         scales with a few large gaps.
     prior : optional
-            Inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or
+        Inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or
         linear cvxpy constraints over ``elicit.scale_variable(k)``. For texts that use the levels'
         own names see ``elicit.inequalities(texts, labels=...)``.
     seed : int, SeedSequence, Generator or None

@@ -48,21 +48,21 @@ class PolytopeComparator:
     margin : float
         Least gap between neighbouring levels, a share of the value range, in [0, 1/(k-1)].
     prior : optional
-            (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", the results of
+        (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", the results of
         ``elicit.inequality``, and linear cvxpy constraints over ``elicit.scale_variable(k)``. For
         texts that use the levels' own names see ``elicit.inequalities(texts, labels=...)``.
     tie : float
-            Largest |d.e| that the tutor may call equal, a share of the value range e_k - e_1, in
-        [0, 1). Here d is a difference of share vectors. 0: equal means equal. It matters only once
-        the tutor says "equal": then a larger one is safer, and teaches less (docs/about-equal.md).
+        Largest |d.e| that the tutor may call equal, a share of the value range e_k - e_1, in [0,
+        1). Here d is a difference of share vectors. 0: equal means equal. It matters only once the
+        tutor says "equal": then a larger one is safer, and teaches less (docs/about-equal.md).
         Verdicts and ``bounds`` use it as it is. ``simultaneous_bounds``, and so the guarantees that
         depend on them, allow for twice as much.
 
     Raises
     ------
     ValueError
-            If k < 2, the margin is outside [0, 1/(k-1)], no scale satisfies the prior, or the tie
-        is outside [0, 1).
+        If k < 2, the margin is outside [0, 1/(k-1)], no scale satisfies the prior, or the tie is
+        outside [0, 1).
     """
 
     def __init__(self, k: int, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE) -> None:
@@ -110,8 +110,8 @@ class PolytopeComparator:
         Raises
         ------
         InconsistentAnswers
-                If no scale is left. It names a minimal contradictory set of rows of ``self.answers
-            + answers``.
+            If no scale is left. It names a minimal contradictory set of rows of ``self.answers +
+            answers``.
         """
         new = object.__new__(PolytopeComparator)
         new.k, new.margin, new.prior, new.tie = self.k, self.margin, self.prior, self.tie
@@ -255,7 +255,7 @@ class PolytopeComparator:
         Returns
         -------
         Explanation
-                A smallest set of answers and prior inequalities, and the order of the levels, with
+            A smallest set of answers and prior inequalities, and the order of the levels, with
             multipliers that prove the verdict. If the verdict is UNKNOWN: two scales that disagree.
             ``str()`` of it is a sentence.
         """
@@ -276,8 +276,8 @@ class PolytopeComparator:
         Returns
         -------
         least, greatest : cvxpy.Problem
-                The label of each constraint says where it comes from, such as "answer 3". An answer
-            is in the unit in which its largest tail sum is between 1/2 and 1.
+            The label of each constraint says where it comes from, such as "answer 3". An answer is
+            in the unit in which its largest tail sum is between 1/2 and 1.
         """
         from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
 

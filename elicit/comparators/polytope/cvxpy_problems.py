@@ -31,14 +31,14 @@ def least_and_greatest(
     prior : Prior or None
         The prior's inequalities, as they were given.
     violation : (n, budget), optional
-            If it is given, answers may be violated, by a variable "violation" (n,) whose entry i
+        If it is given, answers may be violated, by a variable "violation" (n,) whose entry i
         belongs to answer i. Its total is at most the budget. All are in the unit of the region's
         rows. None: answers may not be violated.
 
     Returns
     -------
     least, greatest : cvxpy.Problem
-            Labels are "worst level", "best level", "order", the prior's names, "answer 1", ... and
+        Labels are "worst level", "best level", "order", the prior's names, "answer 1", ... and
         "total violation". Each problem has its own constraints, and so its own dual values.
 
     Raises

@@ -55,8 +55,8 @@ class Proof:
     Attributes
     ----------
     remainder
-            Multiplier of the whole range e_k - e_1. It may be negative if the margin or a prior's
-        bound makes up for it.
+        Multiplier of the whole range e_k - e_1. It may be negative if the margin or a prior's bound
+        makes up for it.
     bound_without_margin
         The part of the bound that remains if neighbouring levels may be arbitrarily near.
     """
@@ -95,17 +95,17 @@ class Explanation:
     Attributes
     ----------
     proofs
-            Of d for BETTER, of -d for WORSE, of both for EQUAL. There are none if left and right
-        are the same, or if the verdict is UNKNOWN.
+        Of d for BETTER, of -d for WORSE, of both for EQUAL. There are none if left and right are
+        the same, or if the verdict is UNKNOWN.
     scales
-            Exact (k,) scales of K_t. UNKNOWN: one under which left is better, and one under which
-        right is. BETTER and WORSE: one under which it is strictly so, if the proof's bound is 0;
+        Exact (k,) scales of K_t. UNKNOWN: one under which left is better, and one under which right
+        is. BETTER and WORSE: one under which it is strictly so, if the proof's bound is 0;
         otherwise none.
     tie
         Largest |d.e| that an answer "equal" allows.
     told_equal
-            Row of an answer "equal" to this very pair, or None. Learners do not ask such a pair
-        again, though its sign is open.
+        Row of an answer "equal" to this very pair, or None. Learners do not ask such a pair again,
+        though its sign is open.
     """
 
     d: Floats

@@ -3,8 +3,7 @@
 A decided verdict says that d.e >= 0 for every scale in K_t (BETTER), that -d.e is (WORSE), or both
 (EQUAL). Its proof is an identity in e, with e_1 = 0 and e_k = 1 and every multiplier positive,
 
-        d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k -
-    e_1).
+    d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k - e_1).
 
 It adds up answered differences d_i, steps of the order and prior inequalities. The sign s_i turns
 each difference to the answered side: s_i d_i . e >= 0, or >= -tie if it was "equal". This is

@@ -206,7 +206,7 @@ class RelaxedPolytopeComparator:
         -------
         hi : (n,) in units of e_k - e_1
         confidence : float
-                1 as long as the answers are consistent. After that it is nan, for nothing says how
+            1 as long as the answers are consistent. After that it is nan, for nothing says how
             likely the slack is to be enough.
         """
         high = self._set.simultaneous_bounds(rows := as_differences(d, self.k))[0]
@@ -251,8 +251,8 @@ class RelaxedPolytopeComparator:
         """
         if self._exact is not None:
             return ()
-        # on the set of its minimisers f is linear, hence each violation is: what is positive somewhere on the set
-        # is positive in its middle
+        # on the set of its minimisers f is linear, and hence each violation is: a violation that is positive
+        # somewhere on the set is positive in its middle
         best = self._within(self._least + LEAST_SLACK)
         wrong = self._hinges.owner[self._hinges.lacking(np.diff(best.values)) > 1e-7]
         return tuple((int(row), self.answers.ids[row]) for row in np.unique(wrong))
