@@ -87,9 +87,9 @@ class TutorReport:
     doubtful
         (id, probability) of the answers that are more probably wrong than right.
     sided, exchanged, left_share
-        ``sided`` is the number of answers whose sides are on record, ``exchanged`` of which were
-        shown flipped. ``left_share`` is the share of the sided answers that prefer the side shown
-        left, with an exact interval.
+        ``sided`` is the number of answers that prefer a side, or 0 if no sides are on record.
+        ``exchanged`` of these were shown flipped. ``left_share`` is the share of the sided answers
+        that prefer the side shown left, with an exact interval.
     left_p
         Two-sided exact p-value of that share against 1/2, which the share is without a bias if a
         coin decided about the sides. It is nan if they were never, or always, exchanged.
@@ -201,8 +201,8 @@ def tutor_report(
     likelihood is the integral of its derivative, the posterior mean of that of the log-likelihood
     (path sampling, Gelman and Meng 1998).
 
-    Answers that were asked because they could not be predicted say little about errors: with some
-    twenty of them the priors dominate. If no answer distinguishes a large precision from a larger
+    Some twenty answers to questions that were asked because nobody could predict them say little
+    about errors: then the priors dominate. If no answer distinguishes a large precision from a larger
     one, as with a tutor who never errs at near ties, its upper end is the prior's.
     """
     check_level(level)

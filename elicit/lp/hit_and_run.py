@@ -22,9 +22,15 @@ _LEAST_SLACK = 1e-12  # in a flat region the middle lies on constraints, with no
 
 
 class Draws(NamedTuple):
-    """Weighted draws of gaps (p, m), with their weights (m,) of total 1, and of the precision (m,).
+    """Weighted draws of scales.
 
-    The precision is in logits per unit of d.e. It is infinite if the tutor is taken never to err.
+    Attributes
+    ----------
+    gaps : (p, m)
+    weights : (m,)
+        Of total 1.
+    precision : (m,)
+        In logits per unit of d.e. It is infinite if the tutor is taken never to err.
     """
 
     gaps: Floats

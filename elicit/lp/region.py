@@ -61,9 +61,10 @@ class Region:
 
     @cached_property
     def constraints_in_order(self) -> tuple[Floats, Floats]:
-        """The constraints (m, p) and limits (m,) that say anything, each once, in an order of their set.
+        """The constraints (m, p) and limits (m,) that say anything, each once.
 
-        What is computed from them does not depend on the order in which answers came.
+        Their order depends on their set only. So nothing computed from them depends on the order of
+        the answers.
         """
         rows, limits = self.constraints
         used = np.flatnonzero(np.abs(rows).max(axis=1) > 0)
@@ -81,7 +82,7 @@ class Region:
 
 
 def rounding(p: int, magnitude: Any) -> Any:
-    """Return a bound on the error of a float sum of p products whose absolute values total ``magnitude``.
+    """Return a bound on the error of a float sum of p products.
 
     It also covers numbers that underflow (Higham 2002, section 3.1, with room to spare).
 
@@ -89,6 +90,7 @@ def rounding(p: int, magnitude: Any) -> Any:
     ----------
     p : int
     magnitude : float or array
+        Total of the products' absolute values.
 
     Returns
     -------
@@ -98,10 +100,10 @@ def rounding(p: int, magnitude: Any) -> Any:
 
 
 def _unit_rows(d: Floats, name: str) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return tail sums (n, p) with a largest entry in [1/2, 1), d (n, k) at the same scale, and exponents (n,).
+    """Return tail sums of d (n, k) with a largest entry in [1/2, 1), d at the same scale, and exponents.
 
-    The exponents are those of the powers of two by which they were divided. Raises ValueError if
-    that would lose bits.
+    The tail sums are (n, p). The exponents (n,) are those of the powers of two by which they were
+    divided. Raises ValueError if that would lose bits.
     """
     t, small, exponents = np.empty((len(d), d.shape[1] - 1)), np.empty(d.shape), np.empty(len(d), dtype=np.int64)
     row = scale_rows(d, d.shape[1].bit_length(), t, small, exponents)
@@ -259,7 +261,7 @@ def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
 
 
 def _slack(g: Floats, region: Region) -> tuple[Floats, Floats]:
-    """Return by how much g exceeds each limit (p + m,), less more than that number's rounding error."""
+    """Return by how much g exceeds each limit (p + m,), and bounds on the rounding errors of that."""
     with np.errstate(all="ignore"):
         slack = np.concatenate([g - region.margin, product(region.rows, g) - region.rhs])
         doubt = 4.0 * rounding(region.p, product(np.abs(region.rows), np.abs(g)) + np.abs(region.rhs))

@@ -53,7 +53,7 @@ class Outlook:
     pending : Query
         The query that the asker waits for. It is not the one shown if that is a repeat.
     stakes : callable
-        Returns a sentence on what depends on ``twin.result()``, or None.
+        Returns from ``twin.result()`` a sentence on the purpose of more questions, or None.
     ends : callable
         Returns whether a session ends in front of a query.
     seed : int

@@ -194,7 +194,7 @@ class Session(Closing):
     ) -> Answer:
         """Take the answer to the pending query of this id, and put it on the disk before it returns.
 
-        Given again what was answered already, it does nothing, so a page may send an answer twice.
+        An answer that was given already has no effect, so a page may send it twice.
 
         Parameters
         ----------

@@ -69,8 +69,7 @@ class InteractiveTraining:
 
         while not training.finished:
             if (values := training.to_train()) is not None:
-                policy = ...                            # train on qlearn.OrdinalReward(env, values,
-                ...)
+                policy = ...  # train on qlearn.OrdinalReward(env, values, ...)
                 training.add(policy, qlearn.rollout_shares(env, policy))
             while queries := training.ask():
                 training.tell([tutor(query) for query in queries])

@@ -53,7 +53,7 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
 
     The proof's multipliers are those of an optimal vertex, found in rationals. It has at most k - 2
     of them. An interior point would leave a small multiplier on every step of the order. Clarabel,
-    made rigorous, does the many tests of what can be left out. A proof that needs no margin is
+    made rigorous, does the many tests of which rows can be left out. A proof that needs no margin is
     preferred.
 
     Parameters
