@@ -1,8 +1,8 @@
-"""Pictures of what is known: the area of scales that still fit, each level's interval, the graph of answers; and one
-colour and marker for each comparator, in these and all other pictures.
+"""Pictures of comparators: the area of scales that still fit, intervals of levels, graphs of answers.
 
-All functions take ``ax`` (None makes a figure of its own), return it, show nothing and change no settings.
-matplotlib is imported when one is called; without it they raise ImportError.
+Each comparator has one colour and marker, in these and all other pictures. All functions take
+``ax`` (None makes a figure of its own), return it, show nothing and change no settings. matplotlib
+is imported when one is called. Without it they raise ImportError.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 STYLES: dict[str, dict[str, Any]] = {name: entry.look for name, entry in COMPARATORS.items()}
 """The colour, marker and line of each comparator, by the name that ``qlearn ablate`` gives it."""
-_OTHERS: tuple[dict[str, Any], ...] = (  # of whatever else is beside them, in its order
+_OTHERS: tuple[dict[str, Any], ...] = (  # styles of other comparators, in their order
     {"color": "#8C564B", "marker": "*", "linestyle": (0, (6, 1, 1, 1, 1, 1))},
     {"color": "#332288", "marker": "<", "linestyle": (0, (3, 1.5))},
     {"color": "#999933", "marker": "h", "linestyle": (0, (7, 1, 1, 1))},
@@ -42,8 +42,8 @@ _TRUE: dict[str, Any] = {
     "marker": "*", "markersize": 15, "color": "black", "markerfacecolor": "#F0E442", "linestyle": "none"
 }  # fmt: skip
 _MANY = 30
-"""Nodes of a graph of answers. With more, all arrows and shares cannot be read any more (looked at in pictures)."""
-_SWEEPS = 12  # up and down through the layers: more untangled no picture that was looked at
+"""Largest number of nodes of a graph of answers whose arrows and shares can all be read, by eye."""
+_SWEEPS = 12  # sweeps up and down through the layers: more of them improved no picture that was looked at
 _HEAD = "-|>,head_width=0.25,head_length=0.5"
 _ARROWS: dict[str, dict[str, Any]] = {
     "answer: better": {"arrowstyle": _HEAD, "color": "0.15", "linestyle": "-", "linewidth": 1.2},
@@ -55,14 +55,25 @@ _NAMES = {"better": "answer: better", "equal": "equal", "dominance": "by dominan
 
 
 def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """The colour, marker and line of each, as matplotlib's keywords: those of ``STYLES``, and for other names one after
-    the other, no two alike among the first six."""
+    """Return the colour, marker and line of each name, as matplotlib's keywords.
+
+    They are those of ``STYLES``, and for other names one after the other, no two alike among the
+    first six.
+
+    Parameters
+    ----------
+    names : iterable of str
+
+    Returns
+    -------
+    dict of str to dict
+    """
     others = cycle(_OTHERS)
     return {name: STYLES[name] if name in STYLES else next(others) for name in dict.fromkeys(names)}
 
 
 def kind_of(comparator: Comparator) -> str:
-    """A comparator's name in ``STYLES``; of a class that is not elicit's own, the name of the class."""
+    """Return a comparator's name in ``STYLES``, or for a class that is not elicit's own the class's name."""
     kinds = (name for name, entry in COMPARATORS.items() if entry.is_kind_of(comparator))
     return next(kinds, type(comparator).__name__)
 
@@ -75,12 +86,32 @@ def polytope(
     values: ArrayLike | None = None,
     cuts: bool = True,
 ) -> Axes:
-    """K_t at k = 4, as an area in the plane of the two middle levels' values: 0 <= e_2 <= e_3 <= 1 is a triangle,
-    of which margin, prior and answers leave a part. Areas compare like those in the simplex of the gaps.
+    """Draw K_t at k = 4, as an area in the plane of the two middle levels' values.
 
-    comparators: one, or several of which each knows more than the last; the last is filled, and its analytic centre is
-    the point. labels (4,): the levels' names, worst first. values (4,): the true scale, in any unit, a star. cuts=False
-    leaves out the lines of the last one's answers and prior. Raises ValueError for k other than 4.
+    All ordered scales, 0 <= e_2 <= e_3 <= 1, are a triangle, of which margin, prior and answers
+    leave a part. Areas compare like those in the simplex of the gaps.
+
+    Parameters
+    ----------
+    comparators : PolytopeComparator or sequence
+        One, or several of which each knows more than the last. The last one is filled, and its
+        analytic centre is the point.
+    ax : matplotlib Axes, optional
+    labels : (4,) str, optional
+        Names of the levels, worst first.
+    values : (4,), optional
+        The true scale, in any unit, drawn as a star.
+    cuts : bool
+        False leaves out the lines of the last one's answers and prior.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    ValueError
+        For k other than 4.
     """
     shown = list(comparators) if isinstance(comparators, Iterable) else [comparators]
     if not shown:
@@ -99,7 +130,7 @@ def polytope(
         area = Polygon(points, label=f"scales that fit {_count(one)}", zorder=2 + depth, linewidth=width)
         area.set(facecolor=(colour, inner), edgecolor=(colour, 0.35 + 0.65 * depth), linestyle=dashes)
         ax.add_patch(area)
-        if np.ptp(points, axis=0).max() < 0.01:  # too small to be seen
+        if np.ptp(points, axis=0).max() < 0.01:  # the area is too small to be seen
             ax.plot(*points.mean(axis=0), "o", markersize=13, markerfacecolor="none", color=colour, zorder=3)
     if cuts:
         region = shown[-1].region
@@ -132,12 +163,30 @@ def plausible(
     labels: Sequence[str] | None = None,
     values: ArrayLike | None = None,
 ) -> Axes:
-    """What a comparator holds possible at k = 4, in the plane of the two middle levels' values, in its own colour: a
-    polytope is an area; a Bradley-Terry box the rectangle of the two levels' intervals, which may leave the triangle of
-    ordered scales; an ensemble's fits and a posterior's particles are dots, the larger the more they weigh.
+    """Draw the scales that a comparator holds possible at k = 4, in its own colour.
 
-    labels (4,): the levels' names, worst first. values (4,): the true scale, in any unit, a star. Raises ValueError for
-    k other than 4, and for a comparator that is none of these.
+    They are drawn in the plane of the two middle levels' values. A polytope is an area. A
+    Bradley-Terry box is the rectangle of the two levels' intervals, which may leave the triangle of
+    ordered scales. An ensemble's fits and a posterior's particles are dots, the larger the more
+    they weigh.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    ax : matplotlib Axes, optional
+    labels : (4,) str, optional
+        Names of the levels, worst first.
+    values : (4,), optional
+        The true scale, in any unit, drawn as a star.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    ValueError
+        For k other than 4, and for a comparator of another kind.
     """
     kind, four = kind_of(comparator), comparator.k == 4
     if not four or kind not in ("polytope", "box", "box-rescaled", "ensemble", "posterior"):
@@ -169,8 +218,24 @@ def plausible(
 
 
 def corners(comparator: PolytopeComparator) -> Floats:
-    """The corners (m, 3) of K_t at k = 4, as gaps, in order around it; two where it is a segment, one where it is
-    a point. Computed in rationals and rounded at the end. Raises ValueError for k other than 4."""
+    """Return the vertices of K_t at k = 4, as gaps, in order around it.
+
+    They are computed in rationals and rounded at the end.
+
+    Parameters
+    ----------
+    comparator : PolytopeComparator
+
+    Returns
+    -------
+    (m, 3)
+        Two vertices if K_t is a segment, one if it is a point.
+
+    Raises
+    ------
+    ValueError
+        For k other than 4.
+    """
     if comparator.k != 4:
         raise ValueError(
             f"only for k = 4 levels the scales that fit form an area in a plane, and here k = {comparator.k}: "
@@ -193,11 +258,28 @@ def scale_intervals(
     labels: Sequence[str] | None = None,
     values: ArrayLike | None = None,
 ) -> Axes:
-    """Each level's value: the interval that ``bounds`` gives for it and the single best guess, for any comparator
-    and any k. Several of the same kind have its colour, the stronger the later.
+    """Draw each level's interval by ``bounds`` and its single best guess, for any comparator and any k.
 
-    comparators: one, several, or several by name, drawn beside each other. labels (k,): the levels' names, worst first.
-    values (k,): the true scale, in any unit, drawn as ticks. Raises ValueError where the comparators differ in k.
+    Several comparators of the same kind have its colour, the stronger the later.
+
+    Parameters
+    ----------
+    comparators : Comparator, sequence or mapping
+        One, several, or several by name, drawn beside each other.
+    ax : matplotlib Axes, optional
+    labels : (k,) str, optional
+        Names of the levels, worst first.
+    values : (k,), optional
+        The true scale, in any unit, drawn as ticks.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    ValueError
+        If the comparators differ in k.
     """
     named = _named(comparators)
     if not named:
@@ -272,7 +354,7 @@ def preference_graph(
     ax = _axes(ax, size)
     ring = {step[:2] for cycle in cycles for step in cycle.steps}
     dominance = nx.DiGraph(edge for edge, about in graph.edges.items() if about["kind"] == "dominance")
-    if nx.is_directed_acyclic_graph(dominance):  # as it is, but for rounding
+    if nx.is_directed_acyclic_graph(dominance):  # dominance is acyclic up to rounding
         dominance = nx.transitive_reduction(dominance)
     for (start, end), about in graph.edges.items():
         kind, back = about["kind"], graph.edges.get((end, start))
@@ -309,7 +391,7 @@ def preference_graph(
 
 
 def _percentages(vector: Floats) -> Floats:
-    """Return shares (k,) in percent, of total 100; whole ones where that says it all. Other vectors times 100."""
+    """Return shares (k,) in percent, of total 100, whole ones if that is exact; other vectors times 100."""
     percent = 100.0 * vector
     if (vector < 0).any() or abs(vector.sum() - 1.0) > 1e-9:
         return np.array([float(f"{share:.3g}") for share in percent])
@@ -317,7 +399,7 @@ def _percentages(vector: Floats) -> Floats:
 
 
 def _untangled(at: dict[int, tuple[float, float]], arrows: nx.DiGraph) -> dict[int, tuple[float, float]]:
-    """Return the same layers, each sorted by the mean place of the nodes that its own are joined to, several times."""
+    """Return the same layers, each sorted by the mean place of its nodes' neighbours, several times."""
     layers: dict[float, list[int]] = {}
     for node in sorted(at, key=lambda node: at[node]):
         layers.setdefault(at[node][1], []).append(node)
@@ -356,12 +438,12 @@ def _layers(graph: nx.DiGraph) -> tuple[dict[int, tuple[float, float]], nx.DiGra
 
 
 def _plane(g: Floats) -> Floats:
-    """(e_2, e_3) (m, 2) of gaps g (m, 3)."""
+    """Return (e_2, e_3) (m, 2) of gaps g (m, 3)."""
     return np.cumsum(g, axis=1)[:, :2]
 
 
 def _across(row: Floats, limit: float) -> Floats | None:
-    """The line row.g = limit across the triangle, (2, 2) in the plane; None where it misses it."""
+    """Return the line row.g = limit across the triangle, (2, 2) in the plane; None if it misses it."""
     if not row.min() < limit < row.max():
         return None
     exact = Fraction(float(limit))
@@ -374,7 +456,7 @@ _SIMPLEX: _Points = [tuple(Fraction(int(i == j)) for j in range(3)) for i in ran
 
 
 def _clipped(area: _Points, row: Floats, limit: Fraction) -> _Points:
-    """The part of a convex polygon where row.g >= limit, its corners in the same order, without rounding."""
+    """Return the part of a convex polygon where row.g >= limit, its vertices in the same order, exactly."""
     height = [exact_dot(row, point) - limit for point in area]
     kept = []
     for i, point in enumerate(area):
@@ -396,12 +478,15 @@ def _named(comparators: Comparator | Sequence[Comparator] | Mapping[str, Compara
 
 
 def _looks(comparators: Sequence[Comparator]) -> list[dict[str, Any]]:
-    """A style each: that of its kind; of several of a kind the fainter ones first, each with a marker of its own."""
+    """Return a style each: that of its kind.
+
+    If there are several of a kind, the fainter ones come first, each with a marker of its own.
+    """
     kinds = [kind_of(one) for one in comparators]
     each, alike, seen, looks = styles(kinds), Counter(kinds), Counter[str](), []
     for kind in kinds:
         seen[kind] += 1
-        style, back = each[kind], alike[kind] - seen[kind]  # how many of its kind come after it
+        style, back = each[kind], alike[kind] - seen[kind]  # ``back``: number of its kind that come after it
         if back:
             other = _FAINTER[(back - 1) % len(_FAINTER)]
             style = other | {"color": (style["color"], 0.3 + 0.6 * seen[kind] / alike[kind])}
@@ -419,7 +504,7 @@ def _unit(k: int) -> str:
 
 
 def _labels(labels: Sequence[str] | None, k: int) -> list[str]:
-    """The levels' names. Raises ValueError unless there are k."""
+    """Return the levels' names; raise ValueError unless there are k."""
     names = [f"$e_{{{j + 1}}}$" for j in range(k)] if labels is None else [str(label) for label in labels]
     if isinstance(labels, str) or len(names) != k:
         found = f"they are the text {labels!r}" if isinstance(labels, str) else f"there are {len(names)}: {names}"
@@ -428,7 +513,10 @@ def _labels(labels: Sequence[str] | None, k: int) -> list[str]:
 
 
 def _true(values: ArrayLike | None, k: int) -> Floats | None:
-    """The true scale from 0 to 1, if there is one. Raises ValueError unless it is k increasing numbers."""
+    """Return the true scale from 0 to 1, if there is one.
+
+    Raises ValueError unless it is k increasing numbers.
+    """
     if values is not None and np.shape(values) != (k,):
         raise ValueError(f"values must be the true scale, one number for each of {k} levels, not {values!r}")
     return None if values is None else normalise(values)
@@ -445,13 +533,13 @@ def _legend_above(ax: Axes, handles: Sequence[Any]) -> None:
         legend = ax.legend(handles=handles, ncols=1, **where)
     padding = 0.02 * figure.bbox.height  # between axes, legend and edge: about the height of a letter
     above = (legend.get_window_extent().height + padding + ax.bbox.y1 - figure.bbox.y1) / figure.bbox.height
-    if figure.get_layout_engine() is None and above > 0:  # else the layout makes room
+    if figure.get_layout_engine() is None and above > 0:  # otherwise the layout makes room
         box = ax.get_position()
         ax.set_position((box.x0, box.y0, box.width, max(0.2 * box.height, box.height - above)))
 
 
 def _axes(ax: Axes | None, size: tuple[float, float]) -> Axes:
-    """ax, or that of a new figure. Raises ImportError without matplotlib."""
+    """Return ax, or that of a new figure; raise ImportError without matplotlib."""
     try:
         import matplotlib.pyplot as plt
     except ImportError as error:

@@ -5,19 +5,19 @@
     def test_mine() -> None:
         check_comparator(MyComparator(k=5))
 
-Each raises AssertionError with what was asked, what came back, and what the contract says.
+Each raises an AssertionError that names the input, the result, and the contract's demand.
 
-A comparator must have five members, and needs no more to work in every learner, in ``choose`` and in every report
-(``elicit.as_differences(d, k)`` makes an array of what its methods are given, and refuses what is none):
+A comparator must have five members. With these it works in every learner, in ``choose`` and in every report.
+``elicit.as_differences(d, k)`` turns the argument of its methods into an array, or raises an error if it is none.
 
     k                       the number of levels
     values                  (k,) the best single guess at the scale, from 0 to 1, not decreasing, the same each time
     bounds(d)               lo (n,), hi (n,) of d.e, of differences d (n, k) = left - right; -inf, inf: nothing known
-    compare(d)              (n,) int8 verdicts: 1 left is better, -1 right is, 0 equal, 2 only the tutor can tell. What
-                            holds for every ordered scale comes first; level 1 and the length of d do not matter
+    compare(d)              (n,) int8 verdicts: 1 left is better, -1 right is, 0 equal, 2 only the tutor can tell. A
+                            verdict by dominance (eq. 4) comes first; level 1 and the length of d do not matter
     update(answers)         a new comparator that also knows these ``elicit.Answers``; the old one stays as it was
 
-It may have more, of which use is then made:
+These further members are optional, and are used if they exist:
 
 """
 
@@ -57,15 +57,25 @@ if __doc__ is not None:  # python -OO leaves it out
     )
 
 _T = TypeVar("_T")
-_TOLERANCE = 1e-8  # times |d|_1: what bounds may be off by; verdicts may not be off
+_TOLERANCE = 1e-8  # largest error of bounds, times |d|_1; verdicts may have none
 
 
 def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
-    """Check the whole ``Comparator`` contract, with all optional parts that it has, as it is and after some answers.
+    """Check the whole ``Comparator`` contract, with all optional parts that the comparator has.
 
-    The answers are those of a tutor whose scale is ``comparator.values``. Only a comparator whose ``rule`` says that
-    dominance does not come first (``AlwaysAsk``, Bradley-Terry with ``dominance=False``) may leave it undecided.
-    Raises AssertionError.
+    It is checked as it is, and after some answers. The answers are those of a tutor whose scale is
+    ``comparator.values``. Only a comparator whose ``rule`` says that dominance does not come first
+    (``AlwaysAsk``, Bradley-Terry with ``dominance=False``) may leave it undecided.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    seed : int, SeedSequence, Generator or None
+
+    Raises
+    ------
+    AssertionError
+        If it breaks the contract.
     """
     _say(is_comparator(comparator), "it must have k, values, bounds, compare and update")
     k = comparator.k
@@ -80,9 +90,21 @@ def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
 def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None = 0) -> None:
     """Check that a tutor answers queries about k levels as the contract says.
 
-    truthful=True also demands what only a tutor without errors does: the same answer to the same
-    pair, the mirrored one to the mirrored pair, and never one against dominance. Not for a
-    ReplayTutor, which knows only the queries of its log. Raises AssertionError.
+    The tutor must be no ReplayTutor, which knows only the queries of its log.
+
+    Parameters
+    ----------
+    tutor : Tutor
+    k : int
+    truthful : bool
+        If True, also demand the properties of a tutor without errors: the same answer to the same
+        pair, the mirrored one to the mirrored pair, and never one against dominance.
+    seed : int, SeedSequence, Generator or None
+
+    Raises
+    ------
+    AssertionError
+        If it breaks the contract.
     """
     _wanted(lambda: check_tutor_made(tutor, k))
     d = sample_differences(k, seed)
@@ -115,8 +137,20 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None 
 
 
 def sample_differences(k: int, seed: Seed | None = 0) -> Floats:
-    """Differences d (n, k) of share vectors on which comparators go wrong: smooth and sparse ones, near
-    and exact ties, single steps, dominated pairs, zero, and lengths from tiny to large."""
+    """Return differences of share vectors on which comparators go wrong.
+
+    They are smooth and sparse ones, near and exact ties, single steps, dominated pairs, zero, and
+    lengths from tiny to large.
+
+    Parameters
+    ----------
+    k : int
+    seed : int, SeedSequence, Generator or None
+
+    Returns
+    -------
+    (n, k)
+    """
     rng = np.random.default_rng(seed)
 
     def pairs(n: int, concentration: float = 1.0) -> Floats:
@@ -209,7 +243,7 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     _say(known.all(), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
     plain = dominance(tail_sums(d))
     rule = rule_of(comparator)
-    alone = isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance  # of NOTHING ``settle`` judges
+    alone = isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance  # with NOTHING ``settle`` decides
     if alone:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
     settled = plain != Verdict.UNKNOWN
@@ -257,7 +291,7 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
 
 
 def _check_settings(comparator: Comparator) -> None:
-    """What is a number, or the answers."""
+    """Check the settings: numbers and the answers."""
     known: Any = comparator
     if offers(known, "lapse"):
         _say(is_number(known.lapse, 0, 1), f"lapse, a share of the answers, must be in 0..1, not {known.lapse!r}")
@@ -300,7 +334,7 @@ def _check_rough_bounds(comparator: RoughBounds, d: Floats, tight: Floats) -> No
         right = np.shape(high) == (len(d),) and np.asarray(high).dtype == np.float64
         _say(right, f"rough_bounds of d {d.shape} must be ({len(d)},) float64, not {high!r}")
         room = _TOLERANCE * np.abs(d).sum(axis=1)
-        # below 0 it does not matter how far: such a difference is settled
+        # below 0 it does not matter how far: such a difference is decided
         wrong = (high < tight - room) | (high > np.maximum(tight, 0.0) + given + room)
         i = int(np.argmax(wrong))
         said = f"on d = {d[i]} rough_bounds is {high[i]}, and simultaneous_bounds {tight[i]}"
@@ -342,7 +376,7 @@ def _check_rule(comparator: Comparator, d: Floats) -> None:
 
 
 def _wanted(call: Callable[[], _T]) -> _T:
-    """What a part of the comparator returns; what the library itself would say of a wrong shape is said here."""
+    """Return what a part of the comparator returns; a wrong shape fails with the contract's own message."""
     try:
         return call()
     except (TypeError, ValueError) as error:
@@ -350,7 +384,7 @@ def _wanted(call: Callable[[], _T]) -> _T:
 
 
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:
-    """A comparator that has learned what a tutor of its best guess says; checked against the old one."""
+    """Return a comparator that has learned answers of a tutor by its best guess, after checks against the old."""
     before, bounds, values = comparator.compare(d), comparator.bounds(d), comparator.values.copy()
     kept = cast(KeepsAnswers, comparator).answers.ids if offers(comparator, "answers") else ()
     told = d[before == Verdict.UNKNOWN][:12]

@@ -39,7 +39,8 @@ def table(
 ) -> pd.DataFrame:
     """One row a run, as ``ablate`` gives it, with audited runs as long as the others, and these columns: ``k``, the
     number of levels; ``name``, the comparator, or "polytope, audited"; ``questions``, audits included; ``excess``,
-    true policy loss beyond the oracle's of the same problem, learner and seed, in percent of the value range."""
+    true policy loss beyond the oracle's of the same problem, learner and seed, in percent of the value range; the loss
+    itself for a learner without an oracle, as policy iteration is."""
     common: dict[str, Any] = {
         "comparators": COMPARATORS,
         "error_rates": ERROR_RATES,
@@ -61,7 +62,7 @@ def table(
     audited = rows.comparator.where((rows.audit == 0) | (rows.comparator != "polytope"), "polytope, audited")
     oracle = rows[(rows.comparator == "always") & (rows.error_rate == 0)]
     place = ["problem", "k", "learner", "seed"]
-    baseline = rows[place].merge(oracle[[*place, "loss"]], on=place, how="left").loss.to_numpy()
+    baseline = rows[place].merge(oracle[[*place, "loss"]], on=place, how="left").loss.fillna(0.0).to_numpy()
     return rows.assign(
         name=audited, questions=rows.asked + rows.audited, excess=100 * (rows.loss.to_numpy() - baseline)
     )

@@ -1,4 +1,4 @@
-"""The comparators: a folder for each model of the tutor, and the baselines that learn nothing from answers.
+"""Comparators: a folder for each model of the tutor, and the baselines that ignore answers.
 
 Imports from ``decision``, ``lp``, ``model`` and ``_support``.
 """

@@ -1,4 +1,4 @@
-"""The two comparators that learn nothing from answers: Dominance, which asks least, and AlwaysAsk, which asks most."""
+"""Comparators that ignore answers: Dominance asks the least, AlwaysAsk asks the most."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from elicit.model.scale import Floats, as_differences, order_bounds, tail_sums, 
 
 @dataclass(frozen=True)
 class _Unlearning:
-    """Only the order of the levels is known, and no answer changes that."""
+    """A comparator that knows only the order of the levels, whatever the answers."""
 
-    rule: ClassVar[Rule]  # what it knows, as plain arrays
+    rule: ClassVar[Rule]  # the comparator's knowledge, as plain arrays
     k: int
-    tie: float = TIE  # learners go by it (see PolytopeComparator); verdicts and bounds do not
+    tie: float = TIE  # used by learners (see PolytopeComparator), not by verdicts and bounds
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "k", check_levels(self.k))
@@ -29,34 +29,98 @@ class _Unlearning:
 
     @property
     def values(self) -> Floats:
-        """(k,) the centre of K_0: equal gaps."""
+        """The centre (k,) of K_0: equal gaps."""
         return values_of(np.full(self.k - 1, 1.0 / (self.k - 1)))
 
     def update(self, answers: Answers) -> Self:
-        """Itself: answers teach it nothing."""
+        """Return the comparator itself, because it learns nothing from answers.
+
+        Parameters
+        ----------
+        answers : Answers
+            They are checked and then ignored.
+
+        Returns
+        -------
+        Self
+        """
         check_answers(answers, self.k)
         return self
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) on differences d (n, k)."""
+        """Return verdicts on differences.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Least and greatest d.e (n,) over every ordered scale."""
+        """Return the least and the greatest d.e over every ordered scale.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
+        """
         return order_bounds(tail_sums(as_differences(d, self.k)), 0.0)
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e over every ordered scale, and their confidence, 1."""
+        """Return upper bounds on d.e over every ordered scale, and their confidence.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        confidence : float
+            Always 1.
+        """
         return self.bounds(d)[1], 1.0
 
 
 class Dominance(_Unlearning):
-    """Eq. (4) alone: decides what holds for every scale, and needs no answers."""
+    """A comparator by eq. (4) alone: it decides only what holds for every scale.
+
+    It needs no answers.
+
+    Parameters
+    ----------
+    k : int
+        Number of levels.
+    tie : float
+        Largest |d.e| that the tutor may call equal, as in ``PolytopeComparator``. Learners use it;
+        verdicts and bounds do not depend on it.
+    """
 
     rule = silent()
 
 
 class AlwaysAsk(_Unlearning):
-    """UNKNOWN for every difference but 0. With a truthful tutor it is the oracle baseline."""
+    """A comparator that says UNKNOWN for every difference but 0.
+
+    With a truthful tutor it is the oracle baseline.
+
+    Parameters
+    ----------
+    k : int
+        Number of levels.
+    tie : float
+        Largest |d.e| that the tutor may call equal, as in ``PolytopeComparator``. Learners use it;
+        verdicts and bounds do not depend on it.
+    """
 
     rule = asking()

@@ -1,4 +1,4 @@
-"""Reports on tutors and comparators, from answers.
+"""Reports on tutors and comparators, made from answers.
 
 Imports from ``asking``, ``tutors``, ``comparators`` and below.
 """

@@ -1,4 +1,4 @@
-"""Predictions of held-out answers: to compare comparators on a log, without a learner."""
+"""Predictions of held-out answers, which compare comparators on a log without a learner."""
 
 import math
 from collections.abc import Mapping
@@ -28,14 +28,29 @@ _RESAMPLES = 1000
 class HeldOut:
     """Scores of a comparator's predictions of answers that it has not learned from; see ``held_out``.
 
-    scored: held-out answers that prefer a side; the ``ties`` are not scored. decided: share of these on which the
-    comparator is certain. accuracy, wrong: shares of the decided answers that agree, and that say the opposite (the
-    rest it calls EQUAL). by_values: share whose sign at ``.values`` agrees, a value of 0 counting as half.
-    log_likelihood: mean log-probability of the answers; nan without ``.probability``. Intervals of ``level``: Wilson's
-    (1927) for shares, percentiles of a bootstrap over the answers for the log-likelihood; both take the answers as
-    independent, and leave out that another training set would have given another comparator.
-    contradicted: folds whose training answers the comparator found contradictory; dropped: how many of these it then
-    went without, over all folds.
+    Intervals have the level given. They are Wilson's (1927) for shares, and percentiles of a
+    bootstrap over the answers for the log-likelihood. Both take the answers as independent. Neither
+    allows for the fact that another training set would have given another comparator.
+
+    Attributes
+    ----------
+    scored
+        Number of held-out answers that prefer a side.
+    ties
+        Number of held-out answers that prefer none. They are not scored.
+    decided
+        Share of the scored answers on which the comparator is certain.
+    accuracy, wrong
+        Shares of the decided answers that agree with the comparator, and that say the opposite. The
+        comparator calls the rest EQUAL.
+    by_values
+        Share of the scored answers whose sign at ``.values`` agrees. A value of 0 counts as half.
+    log_likelihood
+        Mean log-probability of the answers; nan without ``.probability``.
+    contradicted
+        Number of folds whose training answers the comparator found contradictory.
+    dropped
+        Number of training answers that the comparator then went without, over all folds.
     """
 
     scored: int
@@ -55,7 +70,7 @@ class HeldOut:
 
 
 class HeldOutTable(dict[str, HeldOut]):
-    """``HeldOut`` by name; ``str()`` is an aligned table."""
+    """A dict from names to ``HeldOut``; ``str()`` is an aligned table."""
 
     def __str__(self) -> str:
         table = [["", "decided", "right of decided", "wrong of decided", "right by values", "log-likelihood"]]
@@ -78,20 +93,46 @@ class HeldOutTable(dict[str, HeldOut]):
 def held_out(
     comparator: Comparator, answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed | None = 0
 ) -> HeldOut:
-    """Scores of a comparator on answers of a log that it has not learned from. No learner, no hidden scale.
+    """Return the scores of a comparator on answers of a log that it has not learned from.
 
-    comparator: fresh, as in ``PosteriorComparator(k)``; what it knows already it knows in every fold. answers: as for
-    ``tutor_report``, those marked unused included. folds: the pairs are dealt into so many folds by ``seed``, all
-    answers to one pair into the same, and each fold is foretold from the others, in told order. "sequential": each
-    answer is foretold from those before it, repeated pairs included.
+    No learner and no hidden scale are needed.
 
-    Answers are not the truth: of a tutor who errs in a tenth of all answers no comparator agrees with more than nine
-    tenths, but by luck. A log that a learner asked for holds questions its comparator could not decide, harder than
-    fresh pairs. Contradictory training answers are taken as ``learn`` does, one by one, and those dropped are counted.
+    Parameters
+    ----------
+    comparator : Comparator
+        Fresh, as in ``PosteriorComparator(k)``. If it knows something already, it knows that in
+        every fold.
+    answers : AnswerLog, entries, Answers
+        As for ``tutor_report``, including those marked unused.
+    folds : int or "sequential"
+        The pairs are dealt into so many folds by ``seed``, all answers to one pair into the same.
+        Each fold is predicted from the others, in told order. ``"sequential"``: each answer is
+        predicted from those before it, repeated pairs included.
+    level : float
+        Level of the intervals, in (0, 1).
+    seed : int, SeedSequence, Generator or None
 
-    The probability of an answer is, for a ``PosteriorComparator``, that of its model, lapse included; else what a
-    comparator that ``Foretells`` says. Raises ValueError on other numbers of folds than 2 up to that of the pairs, on a
-    level outside (0, 1), and on answers about other levels.
+    Returns
+    -------
+    HeldOut
+
+    Raises
+    ------
+    ValueError
+        If the number of folds is not from 2 to the number of pairs, if the level is outside (0, 1),
+        or if the answers are about other levels.
+
+    Notes
+    -----
+    Answers are not the truth. If a tutor errs in a tenth of all answers, no comparator agrees with
+    more than nine tenths, except by luck. A log that a learner asked for holds questions that its
+    comparator could not decide. They are harder than fresh pairs.
+
+    Contradictory training answers are learned as ``learn`` does, one by one, and those dropped are
+    counted.
+
+    For a ``PosteriorComparator`` the probability of an answer is that of its model, lapse included.
+    For others it is the prediction of a comparator that ``Foretells``.
     """
     check_level(level)
     return _score(comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed_of(seed)))
@@ -100,7 +141,7 @@ def held_out(
 def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, key: int) -> HeldOut:
     y, n = rows.y, len(rows)
     told = np.empty((3, n))
-    lost = []  # how many training answers each fold dropped
+    lost = []  # number of training answers that each fold dropped
     if folds == "sequential":
         taken = np.ones(n, dtype=np.bool_)
         for i in range(n):
@@ -147,7 +188,24 @@ def compare_held_out(
     level: float = 0.95,
     seed: Seed | None = 0,
 ) -> HeldOutTable:
-    """``held_out`` of each comparator, by name, over the same folds; ``print`` shows an aligned table."""
+    """Return ``held_out`` of each comparator, by name, over the same folds.
+
+    Parameters
+    ----------
+    comparators : mapping of str to Comparator
+    answers, folds, level, seed
+        As for ``held_out``.
+
+    Returns
+    -------
+    HeldOutTable
+        ``print`` shows an aligned table.
+
+    Raises
+    ------
+    ValueError
+        As ``held_out`` does.
+    """
     check_level(level)
     if not comparators:
         return HeldOutTable()
@@ -156,7 +214,17 @@ def compare_held_out(
 
 
 def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
-    """count / n with Wilson's score interval; nan for n = 0."""
+    """Return count / n with Wilson's score interval; nan for n = 0.
+
+    Parameters
+    ----------
+    count, n : float, int
+    level : float
+
+    Returns
+    -------
+    Estimate
+    """
     if n == 0:
         return NOTHING
     z2 = float(ndtri((1.0 + level) / 2.0)) ** 2
@@ -183,7 +251,7 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
 
 
 def _deal(pairs: NDArray[np.intp], folds: int, key: int) -> NDArray[np.intp]:
-    """The fold (n,) of each row: pairs, not rows, are dealt."""
+    """Return the fold (n,) of each row; pairs are dealt, not rows."""
     n = int(pairs.max(initial=-1)) + 1
     wanted = f'"sequential" or a number from 2 to that of different pairs, {n}'
     require(isinstance(folds, (int, np.integer)) and 2 <= folds <= n, "folds", wanted, folds)
@@ -192,7 +260,7 @@ def _deal(pairs: NDArray[np.intp], folds: int, key: int) -> NDArray[np.intp]:
 
 
 def _bootstrap_mean(x: Floats, level: float, key: int) -> Estimate:
-    """The mean of x (n,) with a percentile interval; nan where one of them is or where there are none."""
+    """Return the mean of x (n,) with a percentile interval; nan if x has nan or is empty."""
     if not len(x) or np.isnan(x).any():
         return NOTHING
     rng = _rng(key, "bootstrap of scores")

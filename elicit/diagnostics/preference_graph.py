@@ -1,9 +1,9 @@
-"""The graph of answered vectors: what the answers say by transitivity alone, and where they run in a circle.
+"""The graph of answered vectors: conclusions by transitivity alone, and circular answers.
 
-This is weaker than a comparator, which also adds answers up, but it can be read: each conclusion is a chain of answers.
-(Where differences of vectors are rounded, a comparator that is exact about the rounded numbers can miss such a
-conclusion by that much.) A circle of a person's answers most likely holds a mistake: show it, and retract what is taken
-back.
+The graph is weaker than a comparator, which also adds answers up, but people can read it: each
+conclusion is a chain of answers. If differences of vectors are rounded, a comparator that is exact
+about the rounded numbers can miss such a conclusion by the rounding. A circle of a person's answers
+most likely holds an error. Show it to the person, and retract the answers that they take back.
 """
 
 from collections.abc import Iterable
@@ -20,10 +20,15 @@ from elicit.tutors.answer_log import Entry, entries_of
 
 
 class Step(NamedTuple):
-    """One link of a chain: node ``better`` is at least as good as node ``worse``.
+    """A link of a chain: node ``better`` is at least as good as node ``worse``.
 
-    kind: "dominance" where the order of the levels says so (eq. 4), else "better" or "equal", as the answers do.
-    ids: the answers that say so, those that say "better" first; () for dominance.
+    Attributes
+    ----------
+    kind
+        "dominance" if the order of the levels says so (eq. 4), else "better" or "equal", as the
+        answers do.
+    ids
+        The answers that say so, those that say "better" first; () for dominance.
     """
 
     better: int
@@ -34,7 +39,9 @@ class Step(NamedTuple):
 
 class Implied(NamedTuple):
     """A conclusion about two nodes: ``better`` is better than ``worse`` (verdict BETTER) or as good (EQUAL).
-    ``steps`` leads from the one to the other."""
+
+    ``steps`` leads from the one to the other.
+    """
 
     better: int
     worse: int
@@ -48,33 +55,49 @@ class Implied(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """A circular chain: each node is at least as good as the next, at least one of them better. The last
-    step ends where the first begins, at the node that was shown first."""
+    """A circular chain: each node is at least as good as the next, at least one of them better.
+
+    The last step ends at the node where the first begins. It is the node that was shown first.
+    """
 
     steps: tuple[Step, ...]
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """All answers on the cycle. To break it, all those of one of its steps must go."""
+        """All answers on the cycle. To break it, all answers of one of its steps must be withdrawn."""
         return tuple(name for step in self.steps for name in step.ids)
 
 
 def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) -> nx.DiGraph:
-    """The vectors that were shown, and what is known about pairs of them as edges better -> worse.
+    """Return the graph of the vectors that were shown, with edges from better to worse.
 
-    answers: Answers, an AnswerLog, or some of its entries; entries that are not used, such as retracted ones,
-    are left out. EQUAL makes an edge in either direction, and so do opposite answers to one pair. "Cannot
-    tell" makes none. dominance=True adds what the order of the levels settles: n (n - 1) / 2 comparisons.
+    EQUAL makes an edge in either direction, and so do opposite answers to one pair. "Cannot tell"
+    makes none. Entries that are not used, such as retracted ones, are left out.
 
-    Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute ``vector`` (k,); vectors
-    that differ at level 1 only are worth the same, and one node. Edges have ``ids``, the answers that say that the
-    start is at least as good as the end (those that say "better" first); ``kind``, "better" where some do, else
-    "equal", or "dominance" where there are none; and ``dominates``, whether the order of the levels says that the start
-    is better. Raises ValueError where the answers are about different numbers of levels.
+    Parameters
+    ----------
+    answers : Answers, AnswerLog, or some of its entries
+    dominance : bool
+        If True, add the edges that the order of the levels decides: n (n - 1) / 2 comparisons.
+
+    Returns
+    -------
+    networkx.DiGraph
+        Nodes are 0, 1, ... in the order in which the vectors were first shown, with the attribute
+        ``vector`` (k,). Vectors that differ at level 1 only are worth the same, and are one node.
+        Edges have ``ids``, the answers that say that the start is at least as good as the end
+        (those that say "better" first). Their ``kind`` is "better" if some answers say that, else
+        "equal", or "dominance" if there are none. Their ``dominates`` is True if the order of the
+        levels says that the start is better.
+
+    Raises
+    ------
+    ValueError
+        If the answers are about different numbers of levels.
     """
     graph = nx.DiGraph()
     nodes: dict[bytes, int] = {}
-    said: dict[tuple[int, int], tuple[list[str], list[str]]] = {}  # those that say "better", and "equal"
+    said: dict[tuple[int, int], tuple[list[str], list[str]]] = {}  # answers that say "better", and "equal"
     for answer in (entry.answer for entry in entries_of(answers) if entry.used):
         query = answer.query
         k = len(graph.nodes[0]["vector"]) if graph else len(query.left)
@@ -103,9 +126,20 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
 def follows(graph: nx.DiGraph) -> list[Implied]:
     """Return conclusions by transitivity about pairs that no edge joins: nobody needs to ask about them.
 
-    For each the chain with the fewest answers, and among those one with the fewest steps. Two nodes that are as good as
-    each other are listed once, the first one shown as ``better``. Of nodes on a cycle everything follows, also
-    opposites, so look at ``cycles`` first. Sorted by node; one shortest-path search a node.
+    For each pair it is the chain with the fewest answers, and among those one with the fewest
+    steps. Two nodes that are as good as each other are listed once, the first one shown as
+    ``better``. About nodes on a cycle everything follows, also opposites, so look at ``cycles``
+    first. There is one shortest-path search per node.
+
+    Parameters
+    ----------
+    graph : networkx.DiGraph
+        As ``preference_graph`` returns it.
+
+    Returns
+    -------
+    list of Implied
+        Sorted by node.
     """
     found = []
     joined = {pair for u, v in graph.edges for pair in ((u, v), (v, u))}
@@ -120,15 +154,28 @@ def follows(graph: nx.DiGraph) -> list[Implied]:
 
 
 def cycles(graph: nx.DiGraph) -> list[Cycle]:
-    """Minimal circular chains of answers, and of dominance, with at least one answer and a step that is not
-    "equal". Minimal: no part of the answers makes a circle. Empty: by transitivity alone, the answers
-    contradict neither each other nor the order of the levels.
+    """Return minimal circular chains of answers and of dominance.
 
-    For each such step that lies on a circle, the one through it with the fewest answers, then the fewest steps, or a
-    smaller one that is part of it. A comparator for reliable tutors takes all vectors on a cycle as equally good, if a
-    scale allows that (with dominance on the cycle it needs equal levels, which a margin above 0 forbids). From a person
-    it most likely means that one of these answers is wrong; one that is on many cycles is the first to ask about.
-    Sorted, fewest answers first. One shortest-path search a node and a cycle; no more cycles than edges.
+    A circle has at least one answer and a step that is not "equal". It is minimal if no part of its
+    answers makes a circle. For each such step that lies on a circle, the circle returned is that
+    through it with the fewest answers, then the fewest steps, or a smaller one that is part of it.
+
+    An empty list means that, by transitivity alone, the answers contradict neither each other nor
+    the order of the levels. Otherwise a comparator for reliable tutors takes all vectors on a cycle
+    as equally good, if a scale allows that (with dominance on the cycle it needs equal levels,
+    which a margin above 0 forbids). From a person a cycle most likely means that one of its answers
+    is wrong. Ask first about an answer that is on many cycles.
+
+    Parameters
+    ----------
+    graph : networkx.DiGraph
+        As ``preference_graph`` returns it.
+
+    Returns
+    -------
+    list of Cycle
+        Sorted, fewest answers first. There are no more cycles than edges, and one shortest-path
+        search per node and per cycle.
     """
     minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in _circles(graph)}
     return [Cycle(_steps(graph, (*nodes, nodes[0]))) for _, nodes in sorted(minimal, key=_fewest_first)]
@@ -140,7 +187,7 @@ _Said: TypeAlias = tuple[int, int, str]
 
 
 def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
-    """The edges along a path; where dominance suffices, no answer is called upon."""
+    """Return the edges along a path; where dominance suffices, no answer is named."""
     steps = []
     for edge in pairwise(path):
         about = graph.edges[edge]
@@ -149,13 +196,16 @@ def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
 
 
 def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
-    """The shortest circles through the strict steps that lie on one, fewest answers first: what the answers on it say,
-    of each such set one circle only, and its nodes, the smallest first."""
+    """Return the shortest circles through the strict steps that lie on one, fewest answers first.
+
+    Each comes as the answers on it, of each such set one circle only, and its nodes, the smallest
+    first.
+    """
     better = [edge for edge, about in graph.edges.items() if about["kind"] == "better" and not about["dominates"]]
     without = nx.DiGraph(graph)
     without.remove_edges_from(better)
     found = []
-    # A circle of dominance and "better" is found from the latter, so dominance is tried against "equal" only.
+    # A circle of dominance and "better" is found from the "better" step: dominance is tried against "equal" only.
     for whole, dominates in ((graph, False), (without, True)):
         for nodes in nx.strongly_connected_components(whole):
             part = whole.subgraph(nodes).copy()
@@ -176,14 +226,14 @@ def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
 
 
 def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
-    """The graph of these nodes as if nothing else had been said about them."""
+    """Return the graph of these nodes as if nothing else had been said about them."""
     edges = {(better, worse) for better, worse, _ in said} | {(b, a) for a, b, kind in said if kind == "equal"}
     inner = graph.subgraph(nodes)
     return inner.edge_subgraph(edge for edge, about in inner.edges.items() if about["dominates"] or edge in edges)
 
 
 def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:
-    """From a node to each that can be reached, the path with the fewest answers, then the fewest steps."""
+    """Return the path with the fewest answers, then the fewest steps, from a node to each it reaches."""
     answer = len(graph) + 1  # more than any number of steps
     paths: dict[int, list[int]] = nx.single_source_dijkstra_path(
         graph, start, weight=lambda _, __, about: 1 if about["dominates"] else 1 + answer
@@ -192,7 +242,7 @@ def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:
 
 
 def _said(graph: nx.DiGraph, nodes: _Nodes) -> frozenset[_Said]:
-    """The answers that a circle needs."""
+    """Return the answers that a circle needs."""
     steps = _steps(graph, (*nodes, nodes[0]))
     return frozenset(
         (min(s[:2]), max(s[:2]), s.kind) if s.kind == "equal" else (s.better, s.worse, s.kind) for s in steps if s.ids

@@ -1,7 +1,8 @@
 """Reports on the tutor behind a log: error rates, precision, side bias, held-out scores of comparators.
 
-Nothing here knows the hidden scale. Wrong answers show where a question was asked twice, where an answer goes against
-the order of the levels, and, through the model of ``PosteriorComparator``, where it fits no scale that fits the others.
+Nothing here knows the hidden scale. Wrong answers show in three ways: a question was asked twice,
+an answer contradicts the order of the levels, or, by the model of ``PosteriorComparator``, it fits
+no scale that fits the others.
 """
 
 import math
@@ -30,14 +31,14 @@ from elicit.tutors.answer_log import AnswerLog, Entry, entries_of
 Told = Answers | Iterable[Entry | Answer]
 """An ``AnswerLog`` or any iterable of its entries or of Answers, else bare ``Answers``."""
 
-_ROOTS = np.linspace(0.03, 0.98, 9)  # square roots of the lapses tried: the likelihood changes fastest near 0
+_ROOTS = np.linspace(0.03, 0.98, 9)  # square roots of the nine lapses tried: the likelihood changes fastest near 0
 _LAPSE = 4.0  # a priori the lapse is Beta(1, 4)
-_BOUNDLESS = math.exp(PRECISION[0] + 1.25 * PRECISION[1])  # an interval of the precision that reaches beyond has no end
-_SHOWN = 5  # doubtful answers that a report names
+_BOUNDLESS = math.exp(PRECISION[0] + 1.25 * PRECISION[1])  # an upper end of the precision above it comes from the prior
+_SHOWN = 5  # number of doubtful answers that a report names
 
 
 class Estimate(NamedTuple):
-    """A number and an interval that holds it; nan where the answers say nothing."""
+    """A number and an interval that holds it; nan if the answers say nothing."""
 
     value: float
     low: float
@@ -54,19 +55,44 @@ NOTHING = Estimate(math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, kw_only=True)
 class TutorReport:
-    """Findings of ``tutor_report``; ``str()`` says them in sentences. Estimates hold intervals of ``level``.
+    """Findings of ``tutor_report``; ``str()`` puts them in sentences.
 
-    answers: that prefer a side or call a tie, of them ``ties``, and of them ``unused``, which were told but not learned
-    from (repeats of a session are not told). Not among them: ``cannot_tell`` and ``retracted``. against_order: how many
-    of the ``by_order`` answers to pairs that the order of the levels settles go against it. repeated: questions asked
-    more than once. couples: their first two answers, the next two, and so on. consistency: share of couples that agree,
-    exact (Clopper and Pearson 1934). error_rate_repeated: from the couples without ties, exact. error_rate: share of
-    these very answers (ties left out) that are wrong, by the model. precision: logits per unit of d.e (median,
-    quantiles). lapse: share answered at random, half of it wrong (mean, shortest interval). doubtful: (id, probability)
-    of the answers that are more probably wrong than right. left_share: share of the ``sided`` answers (0 where no sides
-    are on record) that prefer the side shown left, exact; ``exchanged`` of these were shown the other way round.
-    left_p: two-sided exact p-value of that share against 1/2, which it is without a bias if a coin decided about the
-    sides; nan where they were never, or always, exchanged.
+    Estimates hold intervals of ``level``.
+
+    Attributes
+    ----------
+    answers
+        Number of answers that prefer a side or call a tie. ``ties`` of them are ties. ``unused`` of
+        them were told but not learned from. Repeats of a session are not told.
+    cannot_tell, retracted
+        Numbers of answers of these kinds. They are not among ``answers``.
+    by_order, against_order
+        Number of answers to pairs that the order of the levels decides, and number of these that
+        contradict it.
+    repeated
+        Number of questions asked more than once.
+    couples
+        Number of couples of answers to one question: its first two answers, the next two, and so
+        on.
+    consistency
+        Share of couples that agree, with an exact interval (Clopper and Pearson 1934).
+    error_rate_repeated
+        Error rate from the couples without ties, with an exact interval.
+    error_rate
+        Share of these very answers (without ties) that are wrong, by the model.
+    precision
+        In logits per unit of d.e (median, quantiles).
+    lapse
+        Share answered at random, half of it wrong (mean, shortest interval).
+    doubtful
+        (id, probability) of the answers that are more probably wrong than right.
+    sided, exchanged, left_share
+        ``sided`` is the number of answers that prefer a side, or 0 if no sides are on record.
+        ``exchanged`` of these were shown flipped. ``left_share`` is the share of the sided answers
+        that prefer the side shown left, with an exact interval.
+    left_p
+        Two-sided exact p-value of that share against 1/2, which the share is without a bias if a
+        coin decided about the sides. It is nan if they were never, or always, exchanged.
     """
 
     k: int
@@ -136,24 +162,48 @@ def tutor_report(
     particles: int | None = None,
     seed: Seed | None = 0,
 ) -> TutorReport:
-    """Estimate how often a tutor errs, the precision and consistency of the answers, and a bias to one side.
+    """Estimate how often a tutor errs, the precision and consistency of the answers, and a side bias.
 
-    log: an AnswerLog, its entries, Answers to queries, or bare ``Answers``. k: needed where nothing else says it.
-    Retracted answers are left out. Answers marked unused count: most were set aside because they contradict others, so
-    leaving them out would flatter the tutor. prior: inequalities that hold for certain, as in ``PosteriorComparator``.
-    particles: for each of nine lapses; None: 50 a gap, at least 300.
+    Parameters
+    ----------
+    log : AnswerLog, its entries, Answers to queries, or bare ``Answers``
+        Retracted answers are left out. Answers marked unused count: most were set aside because
+        they contradict others, so leaving them out would flatter the tutor.
+    k : int, optional
+        Number of levels. It is needed if nothing else says it.
+    level : float
+        Level of the intervals, in (0, 1).
+    prior : optional
+        Inequalities that hold for certain, as in ``PosteriorComparator``.
+    particles : int, optional
+        Number for each of nine lapses. None: 50 a gap, at least 300.
+    seed : int, SeedSequence, Generator or None
 
-    Two error rates. (i) Repeated questions: two answers to one pair differ with probability q = 2 e (1 - e) where
-    errors are independent and equally likely each way, so e = (1 - sqrt(1 - 2 q)) / 2. It assumes nothing about the
-    scale, but errors that a tutor repeats stay hidden, and where error rates differ between pairs e is below their
-    mean. (ii) The model, P(left said better) = lapse/2 + (1 - lapse) sigma(c d.e), with the prior of
-    ``PosteriorComparator`` on scale and precision c, and Beta(1, 4) (mean 1/5) on the lapse: the posterior share of
-    answers on the wrong side of the scale. The lapse's likelihood is the integral of its derivative, the posterior
-    mean of that of the log-likelihood (path sampling, Gelman and Meng 1998). Some twenty answers that were asked
-    because they could not be foretold say little about errors: then the priors speak. Where no answer tells a large
-    precision from a larger one, as with a tutor who never errs at near ties, the upper end for it is the prior's.
+    Returns
+    -------
+    TutorReport
 
-    Raises ValueError on a level outside (0, 1), and where nothing says how many levels there are.
+    Raises
+    ------
+    ValueError
+        If the level is outside (0, 1), or if nothing says how many levels there are.
+
+    Notes
+    -----
+    There are two error rates. The first is from repeated questions. Two answers to one pair differ
+    with probability q = 2 e (1 - e) if errors are independent and equally likely each way, so e =
+    (1 - sqrt(1 - 2 q)) / 2. It assumes nothing about the scale, but errors that a tutor repeats
+    stay hidden, and if error rates differ between pairs e is below their mean.
+
+    The second is from the model, P(left said better) = lapse/2 + (1 - lapse) sigma(c d.e), with the
+    prior of ``PosteriorComparator`` on scale and precision c, and Beta(1, 4) (mean 1/5) on the
+    lapse. It is the posterior share of answers on the wrong side of the scale. The lapse's
+    likelihood is the integral of its derivative, the posterior mean of that of the log-likelihood
+    (path sampling, Gelman and Meng 1998).
+
+    Some twenty answers to questions that were asked because nobody could predict them say little
+    about errors: then the priors dominate. If no answer distinguishes a large precision from a larger
+    one, as with a tutor who never errs at near ties, its upper end is the prior's.
     """
     check_level(level)
     told = read_log(log, k)
@@ -193,12 +243,22 @@ def tutor_report(
 
 
 def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
-    """count / n with Clopper and Pearson's interval; nan for n = 0."""
+    """Return count / n with Clopper and Pearson's interval; nan for n = 0.
+
+    Parameters
+    ----------
+    count, n : int
+    level : float
+
+    Returns
+    -------
+    Estimate
+    """
     return Estimate(count / n, *binomtest(count, n).proportion_ci(level, method="exact")) if n else NOTHING
 
 
 class _Record(NamedTuple):
-    """The answers that stand, which of them were shown exchanged (n,) if that is known, and the others' counts."""
+    """The answers that stand, which of them were shown exchanged (n,) if known, and the others' counts."""
 
     answers: Answers
     swapped: NDArray[np.bool_] | None
@@ -208,8 +268,20 @@ class _Record(NamedTuple):
 
 
 def read_log(log: Told, k: int | None) -> _Record:
-    """Return the recorded answers about k levels, without retracted ones. Raises TypeError where it is no log, and
-    ValueError where it is about other levels or nothing says how many."""
+    """Return the recorded answers about k levels, without retracted ones, and counts of the others.
+
+    Parameters
+    ----------
+    log : AnswerLog, its entries, Answers to queries, or bare ``Answers``
+    k : int or None
+
+    Raises
+    ------
+    TypeError
+        If it is no log.
+    ValueError
+        If it is about other levels, or nothing says how many.
+    """
     k = None if k is None else check_levels(k)
     if isinstance(log, Answers):
         if k not in (None, log.k):
@@ -233,8 +305,11 @@ def read_log(log: Told, k: int | None) -> _Record:
 
 
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
-    """Rows (m, 2) that answer the same pair, no row twice, so that couples are independent; and how many pairs were
-    answered more than once. A vector against itself is no question."""
+    """Return rows (m, 2) that answer the same pair, and how many pairs were answered more than once.
+
+    No row is in two couples, so that couples are independent. A vector against itself is no
+    question.
+    """
     pairs, asked = pair_numbers(answers.d), np.any(answers.d != 0, axis=1)
     rows = [np.flatnonzero(asked & (pairs == pair)) for pair in dict.fromkeys(pairs[asked].tolist())]
     couples = [mine[: len(mine) // 2 * 2].reshape(-1, 2) for mine in rows]
@@ -247,8 +322,10 @@ def _fit_model(
 ) -> dict[str, Any]:
     """Return the part of a ``TutorReport`` that depends on the model.
 
-    The posterior over scale and precision is one of particles, at each of some lapses. That over the lapse is its
-    integrated likelihood; each lapse tried stands for those nearest to it."""
+    The posterior over scale and precision is one of particles, at each of some lapses. The
+    posterior over the lapse is its integrated likelihood; each lapse tried stands for those nearest
+    to it.
+    """
     key, lapses = key_of(seed_of(seed)), _ROOTS**2
     m = max(300, 50 * (answers.k - 1)) if particles is None else particles
     t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
@@ -292,9 +369,10 @@ def _fit_model(
 
 
 def _around(value: float, low: float, high: float) -> Estimate:
-    """Widened to hold the value, which as a mean may lie outside its interval."""
+    """Return the interval widened to hold the value, a mean that may lie outside it."""
     return Estimate(float(value), float(min(low, value)), float(max(high, value)))
 
 
 def check_level(level: float) -> None:
+    """Raise ValueError unless a level is in (0, 1)."""
     require(is_number(level) and 0 < level < 1, "level", "a number strictly between 0 and 1", level)

@@ -1,7 +1,7 @@
 """The analytic centre of K_t: the point that maximises the product of its distances to all constraints.
 
-It is the polytope's single best guess at the scale (``values``), and a strictly interior point, which
-proves on which side of 0 some plausible d.e lies.
+It is the polytope's single best guess at the scale (``values``). It is also a strictly interior
+point, which proves on which side of 0 some plausible d.e lies.
 """
 
 from typing import NamedTuple
@@ -16,18 +16,18 @@ from elicit.lp.dual_simplex import Numbers, minimise_exactly
 from elicit.lp.region import Region
 from elicit.model.scale import Floats
 
-_FLAT = 1e-12  # a slack that no point of the region exceeds counts as none
-_BAND = 1e-8  # two opposite rows that leave less room than this are held in the middle of it
+_FLAT = 1e-12  # if no point of the region has a larger slack, the slack counts as 0
+_BAND = 1e-8  # two opposite rows with less room between them are replaced by its middle
 
 Flags = NDArray[np.bool_]
 
 
 class _Shape(NamedTuple):
-    """All constraints of a region in an order that depends on their set only: rows (m, p), limits (m,)."""
+    """All constraints of a region, in an order that depends on their set only: rows (m, p), limits (m,)."""
 
     rows: Floats
     limits: Floats
-    size: Floats  # (m,) the rows' largest entries
+    size: Floats  # (m,) largest entry of each row
 
 
 class _Hull(NamedTuple):
@@ -40,9 +40,10 @@ class _Hull(NamedTuple):
 
 @one_thread
 def analytic_centre(region: Region) -> Floats:
-    """The analytic centre g (p,) of the region, or of its relative interior where it is flat.
+    """Return the analytic centre g (p,) of the region, or of its relative interior if it is flat.
 
-    A pure function of the region's set of constraints: ``climb`` from the point with the greatest least slack.
+    It is a pure function of the region's set of constraints: ``climb`` from the point with the
+    greatest least slack.
     """
     shape = _canonical(region)
     hull = _opposites(shape)
@@ -62,7 +63,10 @@ def _canonical(region: Region) -> _Shape:
 
 
 def _opposites(shape: _Shape) -> _Hull:
-    """The rows that leave (nearly) no room between them: an answer "equal", or opposite answers."""
+    """Return the hull of the rows that leave (nearly) no room between them.
+
+    They come from an answer "equal", or from opposite answers.
+    """
     tightest: dict[bytes, float] = {}
     keys = [(row + 0.0).tobytes() for row in shape.rows]
     for key, limit in zip(keys, shape.limits, strict=True):
@@ -78,13 +82,16 @@ def _opposites(shape: _Shape) -> _Hull:
 
 
 def _inside(g: Floats, shape: _Shape, flat: Flags) -> bool:
-    """Whether g satisfies every constraint, those of the flat's own rows to within _FLAT."""
+    """Return whether g satisfies every constraint, the flat's own rows to within _FLAT."""
     slack = (product(shape.rows, g) - shape.limits) / shape.size
     return bool((slack[~flat] > 0).all() and (slack[flat] > -_FLAT).all())
 
 
 def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
-    """The point of the hull whose least slack is greatest; None where floats find none of positive slack."""
+    """Return the point of the hull whose least slack is greatest, or None.
+
+    It is None if floats find no point of positive slack.
+    """
     p, free = shape.rows.shape[1], ~hull.flat
     equal = np.concatenate([np.ones((1, p)), hull.equal])
     found = linprog(
@@ -105,8 +112,10 @@ def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
 
 
 def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
-    """A point that satisfies every constraint with room to spare which some point of the region does: the
-    mean of exact vertices, one for each constraint that the mean so far has no room in."""
+    """Return a point with room in every constraint in which some point of the region has room, and its hull.
+
+    It is the mean of exact vertices, one for each constraint in which the mean so far has no room.
+    """
     m = len(shape.rows)
     corners: list[Numbers] = [minimise_exactly(-shape.rows[0], region).g]
     flat = np.zeros(m, dtype=bool)
@@ -123,7 +132,10 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
 
 
 def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
-    """The analytic centre along the affine hull, from a point g of it that has room in all rows that are not flat."""
+    """Return the analytic centre along the affine hull, from a point g of it.
+
+    g has room in all rows that are not flat.
+    """
     p = len(g)
     along = null_basis(np.concatenate([np.ones((1, p)), hull.equal])) if len(hull.equal) else sums_to_zero(p)
     if along.shape[1] == 0:
@@ -134,9 +146,22 @@ def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
 
 @one_thread
 def climb(x: Floats, rows: Floats, limits: Floats, along: Floats) -> Floats:
-    """The point of x + span(along), x (n,) and along (n, q), where the product of the slacks of rows x >= limits is
-    greatest, from an x of positive slacks: damped Newton steps on the self-concordant barrier (Nesterov and
-    Nemirovskii 1994)."""
+    """Return the point of x + span(along) with the greatest product of the slacks of rows x >= limits.
+
+    Damped Newton steps on the self-concordant barrier (Nesterov and Nemirovskii 1994).
+
+    Parameters
+    ----------
+    x : (n,)
+        A point of positive slacks.
+    rows : (m, n)
+    limits : (m,)
+    along : (n, q)
+
+    Returns
+    -------
+    (n,)
+    """
     if not along.size:
         return x
     moves = product(rows, along)
@@ -145,12 +170,12 @@ def climb(x: Floats, rows: Floats, limits: Floats, along: Floats) -> Floats:
     last = np.inf
     for _ in range(200):
         slack = product(rows, x) - limits
-        # least squares on the scaled rows: the Newton step without squaring the condition number
+        # least squares on the scaled rows give the Newton step without squaring the condition number
         scaled = moves / slack[:, None]
         step = LeastSquares(scaled).solve(np.ones(len(slack)))
         along_rows = product(scaled, step)
         decrement = float(np.sqrt((along_rows * along_rows).sum()))
-        if decrement < 1e-10 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding lets it
+        if decrement < 1e-10 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding allows
             break
         last = decrement
         x = x + product(along, step) / (1.0 + decrement if decrement > 0.25 else 1.0)

@@ -11,19 +11,21 @@ from elicit.lp.dual_simplex import minimise, minimise_exactly
 from elicit.lp.region import Region, certified_bound, pull_inside, rounding
 from elicit.model.scale import Floats
 
-TIGHT = 4e-10  # that bounds are proven to be, for t of order 1
+TIGHT = 4e-10  # bounds are proven to be as tight as this, for t of order 1
 
 
 class Solved(NamedTuple):
-    """A solver's answer to min t.g: the point g (p,) and multipliers y (m,) >= 0 of the rows, both only
-    nearly right. None where the solver did not say "Solved"."""
+    """A solver's answer to min t.g: the point g (p,) and multipliers y (m,) >= 0 of the rows.
+
+    Both are only nearly right. There is none unless the solver said "Solved".
+    """
 
     g: Floats
     y: Floats
 
 
 class Programs:
-    """min t.g over one region for many t, with one Clarabel solver whose objective is replaced."""
+    """The programs min t.g over one region for many t, by one Clarabel solver whose objective is replaced."""
 
     def __init__(self, region: Region) -> None:
         self.region = region
@@ -31,7 +33,7 @@ class Programs:
         self._solver: Any = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the solver, which cannot be copied: a copy makes its own."""
+        """Return all but the solver, which cannot be copied: a copy makes its own."""
         return {**vars(self), "_solver": None}
 
     def solve(self, t: Floats) -> Solved | None:
@@ -53,14 +55,27 @@ class Programs:
         self.solves += 1
         solution = self._solver.solve()
         if solution.status != clarabel.SolverStatus.Solved:
-            self._solver = None  # a failure must not linger in the next solve's scaling
+            self._solver = None  # a failure must not affect the next solve's scaling
             return None
         return Solved(np.asarray(solution.x), np.maximum(np.asarray(solution.z)[1 + p :], 0.0))
 
     def least(self, t: Floats, inside: Floats | None, enough: float = TIGHT) -> float:
-        """A proven lower bound on t.g over the region (t of order 1), tight to ``enough``. ``inside`` is a point
-        strictly inside the region, if there is one: it turns nearly right points into right ones, whose
-        t.g shows how tight the bound is. Where floats cannot show it, the exact optimum is rounded down."""
+        """Return a proven lower bound on t.g over the region (t of order 1), tight to ``enough``.
+
+        ``inside`` is a point strictly inside the region, if there is one. It turns nearly right
+        points into right ones, whose t.g shows how tight the bound is. If floats cannot show that,
+        the result is the exact optimum rounded down.
+
+        Parameters
+        ----------
+        t : (p,)
+        inside : (p,), optional
+        enough : float
+
+        Returns
+        -------
+        float
+        """
         for propose in (self.solve, self._vertex):
             low, point = self._proven(t, propose(t), inside)
             if point is not None and float(product(t, point)) - low < enough:
@@ -70,8 +85,23 @@ class Programs:
         return low if low <= value else float(np.nextafter(low, -np.inf))
 
     def sign_of_least(self, t: Floats, inside: Floats | None) -> tuple[int, Floats | None]:
-        """1 where Clarabel's multipliers prove t.g > 0 on the whole region; -1, and a point (p,) that shows it, where
-        t.g < 0 somewhere; 0 where they cannot tell. ``inside`` as for ``least``."""
+        """Return the sign of the least t.g over the region, if it can be proven.
+
+        Parameters
+        ----------
+        t : (p,)
+            Of order 1.
+        inside : (p,), optional
+            As for ``least``.
+
+        Returns
+        -------
+        sign : int
+            1 if Clarabel's multipliers prove t.g > 0 on the whole region, -1 if t.g < 0 somewhere,
+            and 0 if it is inconclusive.
+        point : (p,) or None
+            Shows that the sign is -1.
+        """
         low, point = self._proven(t, self.solve(t), inside)
         if low > 0:
             return 1, None
@@ -82,13 +112,13 @@ class Programs:
         return 0, None
 
     def _proven(self, t: Floats, found: Solved | None, inside: Floats | None) -> tuple[float, Floats | None]:
-        """The bound that a solution's multipliers prove, and its point pulled strictly inside, if that can be done."""
+        """Return the bound that a solution's multipliers prove, and its point pulled strictly inside or None."""
         if found is None:
             return -np.inf, None
         point = None if inside is None else pull_inside(found.g, inside, self.region)
         return certified_bound(t, found.y, self.region), point
 
     def _vertex(self, t: Floats) -> Solved:
-        """The same from the simplex method in floats, where Clarabel's 1e-10 is not enough."""
+        """Return the optimum by the simplex method in floats, if Clarabel's 1e-10 is not enough."""
         vertex = minimise(t, self.region)
         return Solved(vertex.g, np.maximum(vertex.y, 0.0))

@@ -1,9 +1,10 @@
-"""What is known of the scale before any answer: named linear inequalities on e, with e_1 = 0 and e_k = 1.
+"""Prior knowledge of the scale: named linear inequalities on e, with e_1 = 0 and e_k = 1.
 
     inequality("well >= 2*stable", labels=["critical", "stable", "well"])
     inequality("e4 - e3 >= e3 - e2", k=5, name="the last steps grow")
 
-The text is read as a linear expression and never run: names of levels, numbers, + - * / and brackets.
+The text is read as a linear expression and never run: names of levels, numbers, + - * / and
+brackets.
 """
 
 from __future__ import annotations
@@ -26,17 +27,26 @@ from elicit.model.scale_variable import is_constraint, linear_rows
 if TYPE_CHECKING:
     import cvxpy
 
-_LONGEST = 1000  # characters; the parser's own limit is a crash
+_LONGEST = 1000  # characters; a text beyond the parser's own limit would crash it
 _FORM = 'such as "e4 >= 2*e2 + 0.1": names of levels, numbers, + - * / and brackets on both sides of one >= or <='
-_NO_WORD = re.compile(r"\W+")  # what a name in a text cannot hold, such as a space
+_NO_WORD = re.compile(r"\W+")  # characters that a name in a text cannot hold, such as a space
 _LIKE_A_NUMBER = re.compile(r"(?<![\w.])((?:\d+\.?\d*|\.\d+)[eE](\d+))(?![\w.])")
 
 
 @dataclass(frozen=True, eq=False)
 class Inequality:
-    """``coefficients`` (k,) . e >= ``bound``, and the ``name`` that people know it by.
+    """The inequality ``coefficients`` (k,) . e >= ``bound``, with the ``name`` that people know it by.
 
-    Raises ValueError unless all numbers are finite and there is one for each of k >= 2 levels.
+    Parameters
+    ----------
+    coefficients : (k,)
+    bound : float
+    name : str
+
+    Raises
+    ------
+    ValueError
+        Unless all numbers are finite and there is one for each of k >= 2 levels.
     """
 
     coefficients: Floats
@@ -68,10 +78,28 @@ PriorLike: TypeAlias = "Prior | tuple[ArrayLike, ArrayLike] | Statement | Sequen
 def inequality(
     text: str, k: int | None = None, labels: Sequence[str] | None = None, name: str | None = None
 ) -> Inequality:
-    """One inequality from text such as "e4 >= 2*e2". ``k`` may be left out where ``labels`` (k names) are given.
+    """Return one inequality from text such as "e4 >= 2*e2".
 
-    Levels are e1 (worst, always 0) to ek (best, always 1), or go by their labels ("very_ill" for "very ill").
-    The name defaults to the text. Raises ValueError for anything but one linear >= or <=.
+    Parameters
+    ----------
+    text : str
+        Levels are e1 (worst, always 0) to ek (best, always 1), or go by their labels ("very_ill"
+        for "very ill").
+    k : int, optional
+        Number of levels. It may be left out if ``labels`` is given.
+    labels : (k,) str, optional
+        Names of the levels, worst first.
+    name : str, optional
+        Default: the text.
+
+    Returns
+    -------
+    Inequality
+
+    Raises
+    ------
+    ValueError
+        For anything but one linear >= or <=.
     """
     found = inequalities(text, k, labels, name)
     if len(found) > 1:
@@ -141,12 +169,26 @@ def inequalities(
 
 
 def as_prior(prior: PriorLike, k: int) -> Prior | None:
-    """Any way to state prior knowledge about k levels as one ``Prior``; None where there is none.
+    """Return any statement of prior knowledge about k levels as one ``Prior``, or None if there is none.
 
-    Takes None, (A (p, k), b (p,)) meaning A e >= b, an Inequality or its text, a linear cvxpy constraint over
-    ``elicit.scale_variable(k)``, a sequence of these, or a Prior. A constraint goes by its label, or else as cvxpy
-    prints it. Raises ValueError for other shapes, another number of levels, numbers that are not finite, and
-    constraints that are not linear.
+    Parameters
+    ----------
+    prior : optional
+        None, (A (p, k), b (p,)) meaning A e >= b, an Inequality or its text, a linear cvxpy
+        constraint over ``elicit.scale_variable(k)``, a sequence of these, or a Prior. A constraint
+        goes by its label, or else as cvxpy prints it.
+    k : int
+        Number of levels.
+
+    Returns
+    -------
+    Prior or None
+
+    Raises
+    ------
+    ValueError
+        For other shapes, another number of levels, numbers that are not finite, and constraints
+        that are not linear.
     """
     if prior is None:
         return None
@@ -169,7 +211,7 @@ def as_prior(prior: PriorLike, k: int) -> Prior | None:
 
 
 def readable(coefficients: Floats, bound: float) -> str:
-    """coefficients (k,) . e >= bound as people write it, best level first: "2*e3 - e2 >= 0.1"."""
+    """Return coefficients (k,) . e >= bound as people write it, best level first: "2*e3 - e2 >= 0.1"."""
     terms = [(float(c), f"e{i + 1}") for i, c in enumerate(coefficients) if c != 0][::-1]
     sign = -1.0 if terms and terms[0][0] < 0 else 1.0
     text = ""
@@ -184,7 +226,10 @@ def _is_statement(one: object) -> bool:
 
 
 def _stated(one: Statement, k: int) -> Sequence[Inequality]:
-    """The inequalities of a statement about k levels. The rows of one constraint are told apart as those of a chain."""
+    """Return the inequalities of a statement about k levels.
+
+    The rows of one constraint are told apart as those of a chain.
+    """
     if isinstance(one, Inequality):
         return [one]
     if isinstance(one, str):
@@ -218,7 +263,7 @@ def _bounds(b: ArrayLike, count: int, name: str = "an inequality's bound") -> Fl
 
 
 def _levels(k: int, labels: Sequence[str] | None) -> dict[str, int]:
-    """Level numbers from 0 by every name that an expression may use."""
+    """Return level numbers from 0 by every name that an expression may use."""
     levels = {f"e{i + 1}": i for i in range(k)}
     require(labels is None or is_list(labels, k), "labels", f"{k} names, one a level", labels)
     for i, label in enumerate(labels or ()):
@@ -227,7 +272,7 @@ def _levels(k: int, labels: Sequence[str] | None) -> dict[str, int]:
             raise ValueError(f'the label "{label}" of level {i + 1} is also a name of level {levels[word] + 1}')
     words = [_NO_WORD.sub("_", normalize("NFKC", str(label))) for label in labels or ()]
     for i, word in enumerate(words):
-        if word.isidentifier() and words.count(word) == 1:  # else nobody could tell which level is meant
+        if word.isidentifier() and words.count(word) == 1:  # otherwise it is ambiguous which level is meant
             levels.setdefault(word, i)
     return levels
 
@@ -249,7 +294,7 @@ def _parsed(text: str, k: int) -> ast.expr:
 
 
 def _direction(op: ast.cmpop, text: str) -> int:
-    """1 for >=, -1 for <=. Raises ValueError for any other comparison."""
+    """Return 1 for >= and -1 for <=; raise ValueError for any other comparison."""
     if isinstance(op, (ast.Gt, ast.Lt)):
         sign = ">" if isinstance(op, ast.Gt) else "<"
         raise ValueError(f'"{text}": write {sign}= for {sign}; the border always belongs to the scales that fit')
@@ -261,7 +306,7 @@ def _direction(op: ast.cmpop, text: str) -> int:
 
 
 def _linear(node: ast.expr, levels: dict[str, int], text: str) -> Floats:
-    """The expression as a constant and a coefficient a level (1 + k,)."""
+    """Return the expression as a constant and a coefficient a level (1 + k,)."""
     out: Floats = np.zeros(1 + max(levels.values()) + 1)
     if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
         try:
@@ -282,7 +327,7 @@ def _linear(node: ast.expr, levels: dict[str, int], text: str) -> Floats:
         return side if isinstance(node.op, ast.UAdd) else 0.0 - side
     if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub, ast.Mult, ast.Div)):
         left, right = _linear(node.left, levels, text), _linear(node.right, levels, text)
-        with np.errstate(all="ignore"):  # the caller looks for what overflowed
+        with np.errstate(all="ignore"):  # the caller checks for overflow
             if isinstance(node.op, ast.Add):
                 return left + right
             if isinstance(node.op, ast.Sub):

@@ -1,7 +1,8 @@
-"""K_t in gap space: the rows that answers and prior inequalities make, and what floats can prove of the set.
+"""K_t in gap space: the rows of answers and prior inequalities, and proofs about the set in floats.
 
-Points and multipliers come from solvers that are only nearly right. A point counts once it satisfies every constraint
-by more than any rounding, and multipliers by a bound that holds for any multipliers.
+Points and multipliers come from solvers that are only nearly right. A point counts once it
+satisfies every constraint by more than any rounding. Multipliers count by a bound that holds for
+any multipliers.
 """
 
 from __future__ import annotations
@@ -27,8 +28,11 @@ TIE_BAND = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """K = {g >= margin, sum g = 1, rows g >= rhs}; ``owner`` (m,) names each row's origin: the number of
-    the answer it comes from, or -1 - i for prior inequality i."""
+    """The set K = {g >= margin, sum g = 1, rows g >= rhs}.
+
+    ``owner`` (m,) names each row's origin: the number of the answer it comes from, or -1 - i for
+    prior inequality i.
+    """
 
     margin: float
     rows: Floats
@@ -42,8 +46,11 @@ class Region:
 
     @property
     def exact_margin(self) -> Fraction:
-        """The margin as a rational: the float's own value, but 1/p itself where the float is nearest to it
-        (which is the only way to ask for equal gaps)."""
+        """The margin as a rational.
+
+        It is the float's own value, or 1/p itself if the float is nearest to that (which is the
+        only way to ask for equal gaps).
+        """
         return Fraction(1, self.p) if self.margin == 1.0 / self.p else Fraction(self.margin)
 
     @cached_property
@@ -54,32 +61,50 @@ class Region:
 
     @cached_property
     def constraints_in_order(self) -> tuple[Floats, Floats]:
-        """The constraints (m, p) and limits (m,) that say anything, each once, in an order that depends on their set
-        only: what is computed from them does not depend on the order in which answers came."""
+        """The constraints (m, p) and limits (m,) that say anything, each once.
+
+        Their order depends on their set only. So nothing computed from them depends on the order of
+        the answers.
+        """
         rows, limits = self.constraints
         used = np.flatnonzero(np.abs(rows).max(axis=1) > 0)
         _, first = np.unique(np.column_stack([limits, rows])[used], axis=0, return_index=True)
         return rows[used[first]], limits[used[first]]
 
     def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
-        """The same region with only some of its rows, and perhaps another margin."""
+        """Return the same region with only some of its rows, and perhaps another margin."""
         return Region(self.margin if margin is None else margin, self.rows[keep], self.rhs[keep], self.owner[keep])
 
     def plus(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> Region:
-        """The same region cut by further rows."""
+        """Return the same region cut by further rows."""
         join = np.concatenate
         return Region(self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner]))
 
 
 def rounding(p: int, magnitude: Any) -> Any:
-    """A bound on the error of a float sum of p products whose absolute values total ``magnitude``
-    (Higham 2002, section 3.1, with room to spare), and of numbers that underflow."""
+    """Return a bound on the error of a float sum of p products.
+
+    It also covers numbers that underflow (Higham 2002, section 3.1, with room to spare).
+
+    Parameters
+    ----------
+    p : int
+    magnitude : float or array
+        Total of the products' absolute values.
+
+    Returns
+    -------
+    float or array, as ``magnitude``
+    """
     return (p + 8) * 2.0**-52 * magnitude + 2.0**-1000
 
 
 def _unit_rows(d: Floats, name: str) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Tail sums (n, p) with a largest entry in [1/2, 1), d (n, k) at the same scale, and the exponents (n,)
-    of two by which they were divided. Raises ValueError where that would lose bits."""
+    """Return tail sums of d (n, k) with a largest entry in [1/2, 1), d at the same scale, and exponents.
+
+    The tail sums are (n, p). The exponents (n,) are those of the powers of two by which they were
+    divided. Raises ValueError if that would lose bits.
+    """
     t, small, exponents = np.empty((len(d), d.shape[1] - 1)), np.empty(d.shape), np.empty(len(d), dtype=np.int64)
     row = scale_rows(d, d.shape[1].bit_length(), t, small, exponents)
     if row >= 0:
@@ -89,8 +114,10 @@ def _unit_rows(d: Floats, name: str) -> tuple[Floats, Floats, NDArray[np.int64]]
 
 @compiled
 def scale_rows(d: Any, spare: int, t: Any, small: Any, exponents: Any) -> int:
-    """``_unit_rows`` into the last three arguments; the first row that would lose bits, else -1. ``spare`` bits leave
-    the sums below 1."""
+    """Write the tail sums, rows and exponents of ``_unit_rows`` into the last three arguments.
+
+    Returns the first row that would lose bits, or -1. ``spare`` bits leave the sums below 1.
+    """
     k = d.shape[1]
     for i in range(len(d)):
         largest = 0.0
@@ -116,12 +143,28 @@ def scale_rows(d: Any, spare: int, t: Any, small: Any, exponents: Any) -> int:
 
 
 def answer_rows(answers: Answers, first: int, tie: float) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Rows, right-hand sides and owners of the cuts: y t.g >= 0, and for y = 0 the band on both sides, as wide as
-    ``tie`` in units of d.e."""
+    """Return the rows, right-hand sides and owners of the answers' cuts.
+
+    An answer y = +-1 is the cut y t.g >= 0. An answer y = 0 is the band on both sides, as wide as
+    ``tie`` in units of d.e.
+
+    Parameters
+    ----------
+    answers : Answers
+    first : int
+        Number of the first answer.
+    tie : float
+
+    Returns
+    -------
+    rows : (m, p)
+    rhs : (m,)
+    owner : (m,)
+    """
     t, d, exponent = _unit_rows(answers.d, "the answers")
     with np.errstate(over="ignore"):
         tied = np.minimum(np.ldexp(tie, -exponent), 1.0)  # |t.g| <= 1 at this scale
-    # a little wider, so that rounding cannot exclude what the band allows
+    # a little wider, so that rounding cannot exclude any scale that the band allows
     band = -(1 + 1e-14) * np.maximum(TIE_BAND * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND), tied)
     rows, rhs, owner = [], [], []
     for i, y in enumerate(answers.y):
@@ -136,22 +179,46 @@ def answer_rows(answers: Answers, first: int, tie: float) -> tuple[Floats, Float
 
 
 def prior_rows(prior: Prior | tuple[Floats, Floats] | None, k: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """A e >= b in gap space: e is the cumulative sum of g, so A's tail sums are its rows."""
+    """Return rows, right-hand sides and owners of A e >= b in gap space.
+
+    e is the cumulative sum of g, so A's tail sums are its rows.
+
+    Parameters
+    ----------
+    prior : Prior, (A (p, k), b (p,)), or None
+    k : int
+
+    Returns
+    -------
+    rows : (m, k-1)
+    rhs, owner : (m,) each
+    """
     if prior is None:
         return np.empty((0, k - 1)), np.empty(0), np.empty(0, dtype=np.int64)
     rows, _, exponent = _unit_rows(prior[0], "the prior's A")
     with np.errstate(over="ignore"):
-        rhs = np.clip(np.ldexp(prior[1], -exponent), -2.0, 2.0)  # |row.g| <= 1: beyond, any limit means the same
+        rhs = np.clip(np.ldexp(prior[1], -exponent), -2.0, 2.0)  # |row.g| <= 1, so limits beyond make no difference
     if ((np.ldexp(rhs, exponent) != prior[1]) & (np.abs(rhs) < 2)).any():
         raise ValueError(f"the prior's b is too small beside its A: round {prior[1]} to 0 where it is nearly so")
     return rows, rhs, -1 - np.arange(len(rhs))
 
 
 def certified_bound(t: Floats, y: Floats, region: Region) -> float:
-    """A lower bound on t.g over the region that holds for ANY y >= 0.
+    """Return a lower bound on t.g over the region that holds for any y >= 0.
 
-    t.g = (t - rows'y).g + y.(rows g) >= min over K_0 of (t - rows'y).g + y.rhs, less every rounding;
-    -inf where floats overflow.
+    t.g = (t - rows'y).g + y.(rows g) >= min over K_0 of (t - rows'y).g + y.rhs, less every
+    rounding. It is -inf if floats overflow.
+
+    Parameters
+    ----------
+    t : (p,)
+    y : (m,)
+        Multipliers of the region's rows.
+    region : Region
+
+    Returns
+    -------
+    float
     """
     p, used = region.p, np.flatnonzero(y)
     rows, rhs, weights = region.rows[used], region.rhs[used], y[used]
@@ -165,7 +232,7 @@ def certified_bound(t: Floats, y: Floats, region: Region) -> float:
 
 
 def strictly_inside(g: Floats, region: Region) -> bool:
-    """Whether g, divided by its sum, satisfies every constraint by more than any rounding."""
+    """Return whether g, divided by its sum, satisfies every constraint by more than any rounding."""
     if not abs(float(g.sum()) - 1.0) < 1e-12:
         return False
     slack, doubt = _slack(g, region)
@@ -173,7 +240,10 @@ def strictly_inside(g: Floats, region: Region) -> bool:
 
 
 def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
-    """The nearest mixture of g (of total about 1) and a strictly interior centre that is itself strictly inside."""
+    """Return the nearest strictly interior mixture of g and a strictly interior centre, if there is one.
+
+    The entries of g (p,) total about 1.
+    """
     slack, doubt = _slack(g, region)
     centre_slack, _ = _slack(centre, region)
     short = ~(slack > doubt)
@@ -191,7 +261,7 @@ def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
 
 
 def _slack(g: Floats, region: Region) -> tuple[Floats, Floats]:
-    """By how much g exceeds each limit (p + m,), and more than that number's rounding error."""
+    """Return by how much g exceeds each limit (p + m,), and bounds on the rounding errors of that."""
     with np.errstate(all="ignore"):
         slack = np.concatenate([g - region.margin, product(region.rows, g) - region.rhs])
         doubt = 4.0 * rounding(region.p, product(np.abs(region.rows), np.abs(g)) + np.abs(region.rhs))

@@ -1,10 +1,12 @@
 """Cheap proofs about the sign of t.g over K_t, one difference at a time, in compiled code.
 
-In the order that pays: one known row lifted over t (dominance after adding an answer); known points of both signs;
-multipliers at the best corner known; the closed form over K_0; and last a walk from vertex to vertex of K_t (the primal
-simplex method, started at the best vertex known). A walk ends at a point that shows t.g < 0, or at multipliers y >= 0
-whose bound, less every rounding, shows t.g > 0. What none of them can show is left UNSETTLED: nothing here is a guess,
-and nothing kept between two calls changes a verdict. Dominance comes before all of this (``decision.judge_kernel``).
+They come in the order that pays: one known row lifted over t (dominance after adding an answer),
+known points of both signs, multipliers at the best vertex known, the closed form over K_0, and last
+a walk from vertex to vertex of K_t (the primal simplex method, started at the best vertex known). A
+walk ends at a point that shows t.g < 0, or at multipliers y >= 0 whose bound, less every rounding,
+shows t.g > 0. If none of them can show a sign, the difference is left UNSETTLED. Nothing here is a
+guess, and nothing kept between two calls changes a verdict. Dominance comes before all of this
+(``decision.judge_kernel``).
 """
 
 import math
@@ -17,13 +19,13 @@ from elicit.lp.primal_simplex import bound_of, doubt_at, largest, least_in_order
 from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known
 from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, UNSETTLED, WORSE, by_dominance
 
-BY_EQUAL, BY_DOMINANCE, BY_SCREEN, BY_SIMPLEX = 0, 1, 2, 3  # the codes of Tier
-NOWHERE = -1  # no row, no corner
+BY_EQUAL, BY_DOMINANCE, BY_SCREEN, BY_SIMPLEX = 0, 1, 2, 3  # codes of Tier
+NOWHERE = -1  # no row, no vertex
 
 
 @compiled
 def settle(t: Any, known: Known) -> int:
-    """The verdict (or UNSETTLED) on tail sums t (p,) of order 1, dominance included."""
+    """Return the verdict (or UNSETTLED) on tail sums t (p,) of order 1, dominance included."""
     by_order = by_dominance(t)
     if by_order != UNKNOWN:
         return by_order
@@ -35,11 +37,14 @@ def settle(t: Any, known: Known) -> int:
 
 @compiled
 def glance(t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y: Any, rest: Any) -> tuple[int, int]:
-    """Verdict, and the corner that proves it, from the known corners where t.g is least and greatest: they have both
-    signs (UNKNOWN, NOWHERE), or one of them proves to be the best of all. ``corners`` are the arrays of ``Known`` about
-    corners, of which ``used`` are in use; ``side`` is the certain sign of t.g at the inner point, else 0. Written into:
-    ``at`` (>= used,) t.g at each; where a corner proves the verdict, its multipliers into ``y`` (p,), and what they
-    leave of +-t into ``rest`` (p,)."""
+    """Return the verdict that the known vertices with the least and the greatest t.g prove, and the vertex.
+
+    If these have both signs, it is (UNKNOWN, NOWHERE). Otherwise one of them may prove to be the
+    best of all. ``corners`` are the arrays of ``Known`` about vertices, of which ``used`` are in
+    use. ``side`` is the certain sign of t.g at the inner point, else 0. ``at`` (>= used,) receives
+    t.g at each. If a vertex proves the verdict, its multipliers are written into ``y`` (p,), and
+    the part of +-t that they leave into ``rest`` (p,).
+    """
     margin, cuts, limits, points, inverses, active, kind = corners
     above, below = signs_at_points(t, doubt, side, points, kind, at[:used])
     lowest, highest = outermost(at[:used], kind, False)
@@ -56,7 +61,7 @@ def glance(t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y:
 
 
 def signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
-    """``signs_at_points``, all points at once."""
+    """Return the signs of ``signs_at_points``, computed for all points at once."""
     at[:] = 0.0
     for j in range(len(t)):
         at += points[j, : len(at)] * t[j]
@@ -66,8 +71,11 @@ def signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at: 
 
 @compiled_beside(signs_together)
 def signs_at_points(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
-    """Whether t.g is certainly positive at some known point of K_t, and certainly negative at some; ``side`` is its
-    sign at one of them, or 0. t.g at each of the points (p, >= q) is written into ``at`` (q,)."""
+    """Return whether t.g is certainly positive at some known point of K_t, and certainly negative at some.
+
+    ``side`` is its sign at one of them, or 0. t.g at each of the points (p, >= q) is written into
+    ``at`` (q,).
+    """
     used = len(at)
     for q in range(used):
         at[q] = 0.0
@@ -84,8 +92,10 @@ def signs_at_points(t: Any, doubt: float, side: int, points: Any, kind: Any, at:
 
 @compiled
 def outermost(at: Any, kind: Any, with_basis: bool) -> tuple[int, int]:
-    """The known points (only those with a basis, if wanted) of the least and the greatest number in at (q,); NOWHERE if
-    there are none."""
+    """Return the known points of the least and the greatest number in at (q,), NOWHERE if there are none.
+
+    If ``with_basis``, only points with a basis count.
+    """
     lowest, highest = NOWHERE, NOWHERE
     for q in range(len(at)):
         if with_basis and kind[q] == CERTAIN_POINT:
@@ -99,7 +109,10 @@ def outermost(at: Any, kind: Any, with_basis: bool) -> tuple[int, int]:
 
 @compiled
 def search(t: Any, known: Known) -> tuple[int, int]:
-    """Verdict and tier of tail sums t (p,) of order 1, by the closed form over K_0 and by walks between corners."""
+    """Return the verdict and tier of tail sums t (p,) of order 1.
+
+    They come from the closed form over K_0 and from walks between vertices.
+    """
     if known.margin == 0.0 and len(known.limits) == 0:
         return UNKNOWN, BY_SCREEN
     p, total = len(t), 0.0
@@ -107,7 +120,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
     for j in range(p):
         total += t[j]
         opposite[j] = -t[j]
-    if not math.isfinite(total):  # t too large to be summed: nothing follows
+    if not math.isfinite(total):  # t is too large to be summed: nothing follows
         return UNSETTLED, BY_SIMPLEX
     doubt = doubt_at(p, largest(t))
     if least_in_order(t, known.margin) > doubt:
@@ -138,7 +151,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
 
 @compiled
 def to_unit(t: Any) -> float:
-    """Scale t by a power of two to a largest entry in [1/2, 1), where no bit is lost by it; returns that entry."""
+    """Scale t by a power of two to a largest entry in [1/2, 1), if no bit is lost, and return that entry."""
     size = largest(t)
     fraction, exponent = math.frexp(size)
     if exponent == 0:
@@ -155,7 +168,7 @@ def to_unit(t: Any) -> float:
 
 @compiled
 def side_of(t: Any, g: Any, doubt: float) -> int:
-    """The certain sign of t.g at a point g, else 0."""
+    """Return the certain sign of t.g at a point g, else 0."""
     at = 0.0
     for j in range(len(t)):
         at += t[j] * g[j]
@@ -166,9 +179,11 @@ def side_of(t: Any, g: Any, doubt: float) -> int:
 
 @compiled
 def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: Any) -> int:
-    """A known row w with side * t >= lambda w for some lambda >= 0, NOWHERE if there is none: first the row that was
-    found last time, which ``counts`` remembers."""
-    negative = np.uint64(0)  # w can only help where it is negative wherever side * t is
+    """Return a known row w with side * t >= lambda w for some lambda >= 0, NOWHERE if there is none.
+
+    The row that was found last time comes first, which ``counts`` remembers.
+    """
+    negative = np.uint64(0)  # w can only help if it is negative at every entry where side * t is
     for j in range(min(len(t), 64)):
         if side * t[j] < 0.0:
             negative |= np.uint64(1) << np.uint64(j)
@@ -184,8 +199,10 @@ def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: A
 
 @compiled
 def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
-    """Whether side * t >= lambda w, rounding included, for row w and the least lambda
-    that lifts the negative entries."""
+    """Return whether side * t >= lambda w, rounding included, for row w.
+
+    Lambda is the least that lifts the negative entries.
+    """
     least = 0.0
     for j in range(len(t)):
         entry = side * t[j]
@@ -195,7 +212,7 @@ def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
             least = max(least, entry / rows[row, j])
     if not least > SMALL:
         return False
-    # lambda = 1 needs no multiplication, hence no rounding: it settles an answered pair met again
+    # lambda = 1 needs no multiplication, hence no rounding: it decides an answered pair met again
     for j in range(len(t)):
         lift = rows[row, j] if least == 1.0 else least * lifted[row, j]
         if not side * t[j] >= lift:

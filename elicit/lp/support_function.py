@@ -1,7 +1,7 @@
-"""The greatest t.g over K_t, proven, for many t at once: the support function of K_t, in code that numba can compile.
+"""The support function of K_t: proven greatest t.g for many t at once, in code numba can compile.
 
-Each maximum starts at the best corner known and walks on from there (``walk``); what is handed back is no corner's
-value but the bound that its multipliers prove, rounding included.
+Each maximum starts at the best vertex known and walks on from there (``walk``). The result is no
+vertex's value, but the bound that its multipliers prove, rounding included.
 """
 
 import math
@@ -18,8 +18,20 @@ from elicit.model.scale import Floats, order_bounds, tail_sums
 
 
 def greatest(d: Floats, known: Known) -> Floats:
-    """Upper bounds (n,) on d.e over K_t for valid differences d (n, k), tight but for rounding; of a set too flat
-    for floats to have corners, those that the order of the levels gives."""
+    """Return upper bounds (n,) on d.e over K_t for valid differences d (n, k), tight up to rounding.
+
+    If the set is too flat for floats to have vertices, they are those that the order of the levels
+    gives.
+
+    Parameters
+    ----------
+    d : (n, k)
+    known : Known
+
+    Returns
+    -------
+    (n,)
+    """
     t = tail_sums(d)
     high: Floats = order_bounds(t, known.margin)[1]
     high = high + rounding(t.shape[1] + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
@@ -31,7 +43,7 @@ def greatest(d: Floats, known: Known) -> Floats:
 
 @compiled
 def greatest_all(t: Any, known: Known, high: Any) -> None:
-    """Lower each upper bound (n,) on t.g, t (n, p), to what multipliers at the best corner found prove."""
+    """Lower each upper bound (n,) on t.g, t (n, p), to the bound that the best vertex's multipliers prove."""
     n, p = t.shape
     s, rest, y = np.empty(p), np.empty(p), np.empty(p)
     nothing = np.zeros(0, dtype=np.bool_)
@@ -49,7 +61,7 @@ def greatest_all(t: Any, known: Known, high: Any) -> None:
         before = known.counts[SLOT]
         walk(s, start, known, nothing, -math.inf)
         found = -math.inf
-        for q in (start, before):  # the walk has put its last corner, if it moved at all, into the next slot
+        for q in (start, before):  # a walk that moved has put its last vertex into the next slot
             if known.kind[q] == CERTAIN_POINT or (q == before and known.counts[SLOT] == before):
                 continue
             multipliers(s, known.inverses, q, y)

@@ -1,4 +1,4 @@
-"""What a session needs of whatever asks: protocols, and how an answer is told."""
+"""Protocols that a session needs of an asker, and the way an answer is told."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
@@ -11,36 +11,49 @@ from elicit.tutors.answer_log import CONTRADICTS, Entry
 
 @runtime_checkable
 class Asker(Protocol):
-    """Whatever asks and is told answers, such as a learner of qlearn, or what ``choose`` returns."""
+    """Protocol of whatever asks and is told answers: a learner of qlearn, or the result of ``choose``."""
 
     def ask(self) -> Sequence[Query]:
-        """Return the pending queries, the same until they are answered; none when finished."""
+        """Return the pending queries, or none when finished.
+
+        They are the same until they are answered.
+        """
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> Any:
         """Take answers to pending queries.
 
-        Raises InconsistentAnswers, unless ``on_conflict="drop"``. When it raises, nothing has changed."""
+        Parameters
+        ----------
+        answers : sequence of Answer
+        on_conflict : {"raise", "drop"}
+            Treatment of an answer that contradicts the others.
+
+        Raises
+        ------
+        InconsistentAnswers
+            Unless ``on_conflict="drop"``. When it raises, nothing has changed.
+        """
 
     def result(self) -> Any:
-        """Return what is known so far."""
+        """Return the findings so far."""
 
 
 @runtime_checkable
 class Audits(Protocol):
-    """An asker that puts questions to the tutor whose answers it could infer."""
+    """Protocol of an asker that also asks questions whose answers it could infer."""
 
     @property
     def implied(self) -> Mapping[str, Verdict]:
-        """The verdicts that the answers so far imply, by the id of the pending query."""
+        """Verdicts that the answers so far imply, by the id of the pending query."""
 
 
 @runtime_checkable
 class Compares(Protocol):
-    """An asker that has a comparator."""
+    """Protocol of an asker that has a comparator."""
 
     @property
     def comparator(self) -> Comparator:
-        """What is known of the scale."""
+        """The comparator, which holds what is known of the scale."""
 
 
 MakeAsker: TypeAlias = Callable[[list[Entry]], Asker]
@@ -61,7 +74,16 @@ class AfterAnswer(NamedTuple):
 def tell(asker: Asker, answer: Answer) -> list[str] | None:
     """Tell an asker an answer, and drop it if it contradicts the others.
 
-    Returns the ids of the contradicting answers, None if there are none."""
+    Parameters
+    ----------
+    asker : Asker
+    answer : Answer
+
+    Returns
+    -------
+    list of str or None
+        The ids of the contradicting answers, None if there are none.
+    """
     try:
         asker.tell([answer])
     except InconsistentAnswers as error:
@@ -76,5 +98,5 @@ def counts(entry: Entry) -> bool:
 
 
 def last_answer(entries: Sequence[Entry], id: str) -> Answer | None:
-    """Return the last answer to the query of this id, None if there is none."""
+    """Return the last answer to the query of this id, or None if there is none."""
     return next((entry.answer for entry in reversed(entries) if entry.answer.query.id == id), None)

@@ -12,7 +12,10 @@ from elicit.person.showing import printable
 
 
 class ScaleRow(NamedTuple):
-    """The value of a level, from 0 to 100: the best guess, and an interval rounded outwards to whole numbers."""
+    """The value of a level, from 0 to 100: the best guess, and an interval.
+
+    The interval is rounded outwards to whole numbers.
+    """
 
     label: str
     value: float
@@ -21,11 +24,22 @@ class ScaleRow(NamedTuple):
 
 
 def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
-    """Return the value of each of the k levels (``labels``, worst first), best first."""
+    """Return the value of each of the k levels, best first.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    labels : (k,) str
+        Names of the levels, worst first.
+
+    Returns
+    -------
+    list of ScaleRow
+    """
     ends = np.eye(len(labels)) - np.eye(len(labels))[0]
     low, high = bounds_of(comparator, ends)
     values = 100.0 * best_guess(comparator)
-    # rounded outwards: what is said holds
+    # rounded outwards, so that the statement holds
     low = np.clip(np.floor(100.0 * low + 1e-6), 0, 100)
     high = np.clip(np.ceil(100.0 * high - 1e-6), 0, 100)
     low[-1] = 100.0

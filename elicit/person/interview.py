@@ -1,41 +1,60 @@
 """The interview: the screens that a host shows a person, and the messages that it sends back.
 
-A host, such as a page or a widget, sends messages and draws the replies: both are plain JSON, so one front end
-(``page/interview.js``) serves all of them. An ``Interview`` may be used by several threads, windows and people at once:
-one message is taken at a time, and an answer counts once.
+A host, such as a page or a widget, sends messages and draws the replies. Both are plain JSON, so
+one front end (``page/interview.js``) serves all of them. An ``Interview`` may be used by several
+threads, windows and people at once: one message is taken at a time, and an answer counts once.
 
-Every message is ``{"do": ...}``; the reply to the first five is the screen that is to be drawn now:
+Every message is ``{"do": ...}``. The reply to the first five of these is the screen to be drawn
+now:
 
 ``state``
-    nothing but that.
+    Nothing else.
 ``practised``
-    the practice question was answered, with ``choice``.
+    The practice question was answered, with ``choice``.
 ``answer``
-    ``id`` of the question, ``choice``: "a", "b", "equal" or "cannot tell".
+    ``id`` of the question; ``choice``: "a", "b", "equal" or "cannot tell".
 ``undo``
-    ``id`` of the answer that is taken back, which must be the last; else nothing happens.
+    ``id`` of the answer that is taken back. It must be the last one, otherwise nothing happens.
 ``withdraw``
     ``id`` of an answer that is taken back, whichever it is.
 ``outlook``
-    ``id`` of the question: what is computed beside it. The reply: ``why`` (sentences), ``to_come`` ([least, most], how
-    many questions come after this one, or null), ``ready`` (whether nothing is to be added any more: until then ask
-    again).
+    ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
+    ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
+    will be added; until then ask again).
 ``answers``
-    the reply: ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``, ``time``, ``withdrawn``, ``used``
-    and ``repeat``; and ``conflicts``, lists of ids.
+    The reply has ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``, ``time``,
+    ``withdrawn``, ``used`` and ``repeat``, and ``conflicts``, lists of ids.
 ``report``
-    the reply: ``html``, a page to keep, and ``name`` for its file.
+    The reply has ``html``, a page to keep, and ``name`` for its file.
 
-A screen: ``title``, ``preamble``, ``stage`` ("practice", "question" or "end"), ``answered`` (how many stand), ``last``
-(``id`` and ``sentence`` of what undo takes back, or null), ``note`` (what the person should know of the last message,
-or null), ``question`` (null at the end) and ``end`` (null before). A question: ``id``, ``number``, ``heading``,
-``sentences``, ``sides`` (what A and B are called), ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (whether
-rows have few enough to be drawn one by one) and ``rows``, best level first, each with ``label``, ``level`` (0 the
-worst), ``a`` and ``b``. The end: ``open`` (why there is no question though more could be asked, or null), ``scale``
-(rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100), ``certainty`` (of the intervals),
-``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and ``sentence``). ``counts``: ``answered``, of them
-``equal``, ``cannot tell`` and ``unused``; ``withdrawn``; and ``repeated``, the questions that were put again, which
-nothing else counts, of them ``alike``: answered as before.
+A screen has these fields:
+
+``title``, ``preamble``
+    Texts.
+``stage``
+    "practice", "question" or "end".
+``answered``
+    Number of answers that stand.
+``last``
+    ``id`` and ``sentence`` of the answer that undo takes back, or null.
+``note``
+    A remark to the person on the last message, or null.
+``question``
+    Null at the end.
+``end``
+    Null before the end.
+
+A question has ``id``, ``number``, ``heading``, ``sentences``, ``sides`` (the names of A and B),
+``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (true if the counts of the rows are small
+enough to be drawn one by one) and ``rows``, best level first. Each row has ``label``, ``level`` (0
+the worst), ``a`` and ``b``.
+
+The end has ``open`` (the reason why there is no question though more could be asked, or null),
+``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100),
+``certainty`` (of the intervals), ``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and
+``sentence``). ``counts`` has ``answered``, with ``equal``, ``cannot tell`` and ``unused`` among
+them; ``withdrawn``; and ``repeated``, the questions that were put again, which nothing else counts,
+with ``alike`` of them answered as before.
 """
 
 from __future__ import annotations
@@ -81,10 +100,23 @@ def _unsaid(_: Any) -> None:
 class Subject:
     """The subject of an interview, in words.
 
-    labels: the k levels, worst first. words: how the problem speaks. of: the number of outcomes on a side, if there is
-    a choice. report: returns sentences about the outcome of ``Session.result``. stakes: returns a sentence on what more
-    questions are for, from the same, or None. finer: advice for when no question in whole numbers is left. seed:
-    decides which side is A, and other choices by chance."""
+    Parameters
+    ----------
+    labels : (k,) str
+        The levels, worst first.
+    words : Words
+        The words in which the problem speaks.
+    of : int
+        Number of outcomes on a side, if there is a choice.
+    report : callable
+        Returns sentences about the outcome of ``Session.result``.
+    stakes : callable
+        Returns from the same outcome a sentence on the purpose of more questions, or None.
+    finer : str
+        Advice for when no question in whole numbers is left.
+    seed : int
+        Decides which side is A, and other choices by chance.
+    """
 
     labels: tuple[str, ...]
     words: Words = field(default_factory=Words)
@@ -97,7 +129,7 @@ class Subject:
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """Computations beside a question, ``shown`` by its id, for this asker, if it could be copied."""
+    """Computations beside a question (``shown`` by its id) for this asker, if it could be copied."""
 
     shown: str
     asker: Asker
@@ -106,23 +138,34 @@ class _Beside:
 
 
 class Interview(Closing):
-    """A session as screens and messages (see the module). Raises what ``Session`` and its log raise, after which the
-    same message may be sent again; ValueError for what is no message.
+    """A session as screens and messages (see the module).
 
-    While the person reads, a thread computes what is asked next after each answer that could be given. ``close``, or
-    leaving the Interview as a context manager, ends it; the session stays open."""
+    While the person reads, a thread computes the next question after each possible answer.
+    ``close``, or leaving the Interview as a context manager, ends it. The session stays open.
+
+    Parameters
+    ----------
+    session : Session
+    subject : Subject
+
+    Raises
+    ------
+    ValueError
+        For something that is no message. The methods also raise what ``Session`` and its log raise,
+        after which the same message may be sent again.
+    """
 
     def __init__(self, session: Session, subject: Subject) -> None:
         self._session, self._subject = session, subject
         self._lock = threading.RLock()
         self._practised = any(not entry.retracted for entry in session.log)
-        self._put: str | None = None  # the id last logged as put
+        self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
-        """What the last screen asks, for hosts that draw it themselves; None where it asks nothing."""
+        """The question of the last screen, for hosts that draw it themselves; None if it has none."""
         session.instead = partial(_in_whole_numbers, subject)
         self._background = Background()
         self._beside: _Beside | None = None
-        self._since: list[Verdict | None] = []  # what was answered since
+        self._since: list[Verdict | None] = []  # verdicts since then
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
             "practised": self._practise,
@@ -135,7 +178,23 @@ class Interview(Closing):
         }
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """The reply to a message. Raises ValueError for what is no message."""
+        """Return the reply to a message.
+
+        Parameters
+        ----------
+        message : mapping
+            As the module describes it.
+
+        Returns
+        -------
+        dict
+            JSON.
+
+        Raises
+        ------
+        ValueError
+            For something that is no message.
+        """
         parts = dict(message) if isinstance(message, Mapping) else {}
         does = self._does.get(str(parts.pop("do", None)))
         if does is None or not all(isinstance(value, str) for value in parts.values()):
@@ -148,7 +207,10 @@ class Interview(Closing):
             return does(**parts)
 
     def close(self) -> None:
-        """End what is computed beside. The session stays open, and so may this be used again."""
+        """End the background computation.
+
+        The session stays open, and the interview may be used again.
+        """
         self._background.close()
 
     def _screen(self, note: str | None = None) -> dict[str, Any]:
@@ -175,7 +237,7 @@ class Interview(Closing):
         shown_now = None if query is None else self._shown(query)
         if shown_now is None or not shown_now.exact:
             self.shown = None
-            # an answer to rounded numbers could make what is said at the end untrue
+            # an answer to rounded numbers could make the statements at the end untrue
             return {**screen, "stage": "end", "end": self._end(shown_now is not None)}
         if self._put != shown_now.id:
             session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
@@ -206,7 +268,7 @@ class Interview(Closing):
             if said is None:
                 return self._screen("That question is not open any more. This is where things stand.")
             if self._shown(said.answer.query).verdict(choice) == said.answer.verdict:  # type: ignore[arg-type]
-                return self._screen()  # sent twice
+                return self._screen()  # the answer was sent twice
             return self._screen(
                 f"That question was answered already, perhaps in another window: {self._sentence(said)}. "
                 "That answer stands; you can take it back."
@@ -215,13 +277,13 @@ class Interview(Closing):
         waits = self._session.next_told()
         self._session.answer(id, verdict, ahead=self._told_ahead)
         if waits is not None and waits.id != id and not self._session.log[-1].repeat:
-            self._forget()  # another asker asks now
+            self._forget()  # there is another asker now
         self._practised = True
         said = self._session.log[-1]
         return self._screen(_REPEATED if said.repeat else None if said.used else _UNUSED)
 
     def _compute_beside(self, shown: Shown) -> None:
-        """See to it that what is to be known beside a question, which is on the screen now, is computed."""
+        """Start the computations beside a question, which is on the screen now."""
         session, subject, now = self._session, self._subject, self._beside
         asker = session.current_asker()
         if now is not None and now.shown == shown.id and now.asker is asker:
@@ -231,10 +293,10 @@ class Interview(Closing):
         if (twin := session.twin()) is None:
             return
         pending = session.next_told()
-        assert pending is not None  # or nothing would be shown
+        assert pending is not None  # otherwise nothing would be shown
         ahead = None
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
-            ahead = now.ahead  # shown is, or was, a repeat
+            ahead = now.ahead  # ``shown`` is, or was, a repeat
         elif session.makes_askers and not self._rounded(pending):
             ahead = LookAhead(asker, twin, pending, self._shown(pending).swapped)
         counted = not session.is_repeat(shown.id)
@@ -243,7 +305,7 @@ class Interview(Closing):
         self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
 
     def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """The asker after an answer, where that was computed; what else is computed beside is given up."""
+        """Return the asker after an answer, if it was computed, and give up the other computations."""
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
         self._background.stop()
@@ -279,12 +341,12 @@ class Interview(Closing):
         return self._screen("Taken back. The other answers stay.")
 
     def _outlook(self, id: str) -> dict[str, Any]:
-        """Without the lock: nobody waits for it, nor it for anybody."""
+        """Return the notes beside a question, without taking the lock: nobody waits for it, nor it for anybody."""
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
             return {"id": id, "why": [], "to_come": None, "ready": True}
-        ready = outlook.ready  # first: what is there then stays
+        ready = outlook.ready  # read first: whatever is there by then stays
         to_come = None if outlook.to_come is None else [*outlook.to_come]
         return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
 

@@ -13,10 +13,21 @@ _LIKELY_FIRST = (Verdict.BETTER, Verdict.WORSE, Verdict.EQUAL, None)
 
 
 class LookAhead:
-    """Copies of an asker, each told another answer to its pending query, so that what they ask next is known already.
+    """Copies of an asker, each told another answer, so that their next questions are known already.
 
-    asker: who asks; twin: a copy of it, with which nothing else is done; swapped: whether the query is shown right to
-    left. ``steps`` computes what is not computed yet, perhaps in another thread than ``told``."""
+    ``steps`` computes the remaining ones. It may run in another thread than ``told``.
+
+    Parameters
+    ----------
+    asker : Asker
+        The asker that has the pending query.
+    twin : Asker
+        A copy of it, which nothing else uses.
+    query : Query
+        The pending query.
+    swapped : bool
+        True if the query is shown right to left.
+    """
 
     def __init__(self, asker: Asker, twin: Asker, query: Query, swapped: bool) -> None:
         self.asker, self.query = asker, query
@@ -26,7 +37,10 @@ class LookAhead:
         self._changed = Condition()
 
     def steps(self) -> Iterator[None]:
-        """Compute, one answer a step. What fails is left out: it will fail again, and be told, when it is needed."""
+        """Compute one answer a step.
+
+        A step that fails is left out. It fails again, and is reported, when it is needed.
+        """
         for verdict in _LIKELY_FIRST:
             if verdict in self._told:
                 continue
@@ -50,8 +64,19 @@ class LookAhead:
         return asker is self.asker and query.id == self.query.id
 
     def told(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """The asker after this answer, which is given away; None where that was not computed. Waits for it where it is
-        being computed."""
+        """Return the asker after this answer, or None if that was not computed.
+
+        The asker is given away. If it is being computed, the call waits for it.
+
+        Parameters
+        ----------
+        asker : Asker
+        answer : Answer
+
+        Returns
+        -------
+        AfterAnswer or None
+        """
         if not self.waits_for(asker, answer.query) or answer.swapped != self._swapped:
             return None
         with self._changed:

@@ -1,4 +1,4 @@
-"""Notes beside a question: why it is asked, and how many are still to come."""
+"""Notes beside a question: the reason why it is asked, and the number of questions to come."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from elicit.person.showing import Shown, printable
 _PLAYS = 12
 """Sessions that are played. One more like them is within their range in 11 of 13 cases; in 10 without the longest,
 which may be far longer than the others."""
-_FEWEST = 4  # that a range is made of
-_FEWEST_SO_FAR = 5  # while others are still played
-_SECONDS = 15.0  # that all this takes at most, but for a last step
-_LONGEST = 60  # questions that are played
+_FEWEST = 4  # least number of sessions to make a range of
+_FEWEST_SO_FAR = 5  # least number while others are still played
+_SECONDS = 15.0  # time limit of all this, except for a last step
+_LONGEST = 60  # largest number of questions that are played
 _NO_DIFFERENCE = 1e-12
 
 
 @dataclass(eq=False)
 class _Play:
-    """A session with a simulated tutor, from the present question on: its asker, the tutor, and the answers so far."""
+    """A session with a simulated tutor, from the present question on: its asker, tutor and answers so far."""
 
     asker: Asker
     says: Callable[[Query], Verdict]
@@ -40,13 +40,32 @@ class _Play:
 
 
 class Outlook:
-    """The notes beside a question that is shown. One thread may compute them, by ``steps``, while others read.
+    """The notes beside a question that is shown.
 
-    twin: a copy of the asker, which is not changed. shown: the question. pending: the query that the asker waits for;
-    it is not the one shown if that is a repeat. stakes: returns a sentence on what depends on ``twin.result()``, or
-    None. ends: returns whether a session ends in front of a query. seed: for what is left to chance. before: the
-    outlook of the last question. answered: what the asker was told since; the simulated sessions in which just that was
-    answered go on. counted: whether the question is one of those that are counted."""
+    One thread may compute them, by ``steps``, while others read.
+
+    Parameters
+    ----------
+    twin : Asker
+        A copy of the asker, which is not changed.
+    shown : Shown
+        The question.
+    pending : Query
+        The query that the asker waits for. It is not the one shown if that is a repeat.
+    stakes : callable
+        Returns from ``twin.result()`` a sentence on the purpose of more questions, or None.
+    ends : callable
+        Returns whether a session ends in front of a query.
+    seed : int
+        Seed of the simulations.
+    before : Outlook, optional
+        The outlook of the last question.
+    answered : sequence
+        Verdicts that the asker was told since. The simulated sessions with just these answers go
+        on.
+    counted : bool
+        True if the question is one of those that are counted.
+    """
 
     def __init__(
         self,
@@ -61,13 +80,13 @@ class Outlook:
         counted: bool = True,
     ) -> None:
         self.why: tuple[str, ...] = ()
-        """Why the question is asked, in sentences."""
+        """The reason why the question is asked, in sentences."""
         self.to_come: tuple[int, int] | None = None
-        """The least and the greatest number of questions after this one; None where nothing tells."""
+        """The least and the greatest number of questions after this one; None if unknown."""
         self.ready = False
-        """Whether nothing is to be added any more."""
+        """True if nothing will be added."""
         since = [*answered]
-        if before is not None and (earlier := before._before) is not None:  # it was given up before it began
+        if before is not None and (earlier := before._before) is not None:  # ``before`` was given up before it began
             before, since = earlier, [*before._answered, *since]
         self._twin, self._shown, self._pending = twin, shown, pending
         self._stakes, self._ends, self._seed = stakes, ends, seed
@@ -75,12 +94,12 @@ class Outlook:
         self._answered: list[Verdict | None] = since
         self._counted = counted
         self._plays: list[_Play] = []
-        if before is not None:  # at once; these may be in use still, and go on only in ``steps``
+        if before is not None:  # at once; the plays may be in use still, and go on only in ``steps``
             self._plays = before._going_on(self._answered)
             self._count(_FEWEST)
 
     def steps(self) -> Iterator[None]:
-        """Compute, in steps, once those of ``before`` have ended. Where one fails the rest is left out."""
+        """Compute in steps, after those of ``before`` have ended; if a step fails, the rest is left out."""
         try:
             yield from self._steps()
         finally:
@@ -90,7 +109,7 @@ class Outlook:
         until = time.monotonic() + _SECONDS
         if self._before is not None:
             self._plays = self._before._going_on(self._answered)
-            self._before = None  # nor what was before that
+            self._before = None  # releases the earlier outlooks too
         known = self._twin.comparator if isinstance(self._twin, Compares) else None
         if known is not None:
             sentence = what_is_open(self._shown, known)
@@ -109,7 +128,7 @@ class Outlook:
         self._count(_FEWEST)
 
     def _going_on(self, answered: list[Verdict | None]) -> list[_Play]:
-        """The plays that began with these answers, from there on."""
+        """Return the plays that began with these answers, from there on."""
         n = len(answered)
         same = [play for play in self._plays if play.answers[:n] == answered]
         return [_Play(play.asker, play.says, play.answers[n:], play.over) for play in same]
@@ -130,7 +149,7 @@ class Outlook:
             yield play
 
     def _go_on(self, play: _Play) -> None:
-        """One question and its answer."""
+        """Play one question and its answer."""
         query = next(iter(play.asker.ask()), None)
         if query is None or len(play.answers) == _LONGEST or self._ends(query):
             play.over = True
@@ -146,7 +165,7 @@ class Outlook:
 
 
 def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Generator) -> Callable[[Query], Verdict]:
-    """One with the scale of these gaps (p,) who errs as much as precision (1,) and lapse say."""
+    """Return a tutor with the scale of these gaps (p,) who errs by precision (1,) and lapse."""
 
     def says(query: Query) -> Verdict:
         score = product(tail_sums(query.d[None, :]), gaps)
@@ -159,7 +178,7 @@ def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Gene
 
 
 def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
-    """Return a sentence on what the comparator leaves open of a question; None if it knows nothing."""
+    """Return a sentence on what the comparator leaves open of a question, or None if it knows nothing."""
     level = trusted_share(comparator)
     sure = "" if level is None else f", with {level:.0%} probability,"
     left, right = shown.vectors
@@ -195,7 +214,7 @@ def _up(number: float) -> int:
 
 
 def _place(comparator: Comparator, low: int, level: int, high: int) -> tuple[int, int]:
-    """Between which whole numbers a level lies on the way from a lower one (0) to a higher one (100)."""
+    """Return the whole numbers between which a level lies, from a lower one (0) to a higher one (100)."""
     shares = np.linspace(0.0, 1.0, 101)
     d = np.zeros((101, comparator.k))
     d[:, level] = 1.0

@@ -7,14 +7,15 @@ from elicit.model.query import Answer, Query
 from elicit.person.asker import last_answer
 from elicit.tutors.answer_log import REPEATS, AnswerLog
 
-_AGAIN = " again"  # after the id of a query that is put again
+_AGAIN = " again"  # suffix of the id of a query that is put again
 
 
 class Repeats:
     """Chooses when an earlier question is put again, and which one.
 
-    In front of ``share`` of the questions one is put again. The choice depends on the seed and on the answers that
-    stand, so that it is the same after a restart."""
+    In front of a ``share`` of the questions one is put again. The choice depends on the seed and on
+    the answers that stand, so that it is the same after a restart.
+    """
 
     def __init__(self, log: AnswerLog, share: float, seed: Seed) -> None:
         self._log = log
@@ -22,7 +23,7 @@ class Repeats:
         self._key = fold(key_of(seed), name_code("questions put again"))
 
     def due(self) -> Query | None:
-        """Return the question to put again now, as a query with an id of its own; None if there is none."""
+        """Return the question to put again now, as a query with an id of its own, or None."""
         standing = [entry for entry in self._log if not entry.retracted]
         if not standing or standing[-1].repeat:
             return None
@@ -31,7 +32,7 @@ class Repeats:
         if uniform(chance) >= self._share:
             return None
         again = {entry.metadata[REPEATS] for entry in standing if entry.repeat}
-        # not the last one, which the person remembers
+        # never the last question, which the person remembers
         may = [said.query for said in first[:-1] if said.verdict is not None and said.query.id not in again]
         if not may:
             return None

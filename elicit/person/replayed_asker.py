@@ -31,8 +31,8 @@ class _Standing(NamedTuple):
     asker: Asker
     known: int
     telling: bool = False  # whether it may have been told the next entry already
-    contradicts: list[str] | None = None  # what the next entry contradicts, if it is known to
-    unmarked: list[str] | None = None  # what the last entry known contradicts, until the log says so
+    contradicts: list[str] | None = None  # ids that the next entry is known to contradict
+    unmarked: list[str] | None = None  # ids that the last known entry contradicts, until the log says so
 
 
 class ReplayedAsker:
@@ -75,7 +75,7 @@ class ReplayedAsker:
 
     @property
     def makes_askers(self) -> bool:
-        """Whether it was given a function that makes an asker, not an asker."""
+        """True if it was given a function that makes an asker, not an asker."""
         return self._make is not None
 
     def current(self) -> Asker:
@@ -114,7 +114,7 @@ class ReplayedAsker:
             self._stands = before
             raise
         if not repeat:
-            # without the last answer, what came before is told again, and its question comes back
+            # if the last answer is withdrawn, the earlier ones are told again, and its question comes back
             self._know(self._restarted() if id in known else self._resumed())
 
     def standing(self) -> tuple[list[Entry], list[Entry]]:

@@ -1,4 +1,4 @@
-"""What a person keeps of a session: one page of HTML that needs nothing else, no script and no address."""
+"""The page that a person keeps of a session: one HTML file, without scripts or links."""
 
 from __future__ import annotations
 
@@ -46,9 +46,26 @@ def report_page(
     checksum: str | None = None,
     preamble: str = "",
 ) -> str:
-    """The page. when: said as it is given; end, answers: as in the replies of ``Interview``; waiting: whether more
-    could be asked; log, checksum: the name of the file of the answers, and what its last line ends in; preamble: what
-    was said before the questions."""
+    """Return the page as HTML.
+
+    Parameters
+    ----------
+    title : str
+    when : str
+        The date, shown as it is given.
+    end, answers
+        As in the replies of ``Interview``.
+    waiting : bool
+        True if more could be asked.
+    log, checksum : str, optional
+        The name of the file of the answers, and the end of its last line.
+    preamble : str
+        Text shown before the questions.
+
+    Returns
+    -------
+    str
+    """
     name = title or "Your judgement"
     parts = [
         f"<h1>{_text(name)}: a report</h1>",
@@ -128,7 +145,7 @@ def _interval(low: float, value: float, high: float, colour: str) -> str:
 
 
 def _colour(share: float) -> str:
-    """From the worst level's (0) to the best one's (1)."""
+    """Return the colour of a level, from the worst one's (0) to the best one's (1)."""
     at = share * (len(_COLOURS) - 1)
     low = min(int(at), len(_COLOURS) - 2)
     pairs = zip(_COLOURS[low], _COLOURS[low + 1], strict=True)
@@ -136,7 +153,7 @@ def _colour(share: float) -> str:
 
 
 def _statements(lines: Iterable[str]) -> Iterator[str]:
-    """Paragraphs; the lines that are indented as a list under the one before."""
+    """Return paragraphs, with the indented lines as a list under the line before."""
     within = False
     for line in lines:
         item = line.startswith("  ")

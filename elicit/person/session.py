@@ -29,7 +29,7 @@ from elicit.tutors.answer_log import EXPECTED, REPEATS, AnswerLog, Entry
 
 @dataclass(frozen=True)
 class SessionStatus:
-    """Where a session stands. Repeats are counted apart from the other answers."""
+    """The point at which a session stands. Repeats are counted apart from the other answers."""
 
     answered: int  # answers that stand
     equal: int  # among these, answers that the two are equal
@@ -50,26 +50,27 @@ class SessionStatus:
 
 
 class Session(Closing):
-    """Questions, one at a time, and answers that are on the disk before anything is made of them.
+    """Questions, one at a time, and answers that are on the disk before anything else happens.
 
-    An answer that contradicts the others is marked unused in the log and decides its own pair only; ``conflicts`` names
-    the answers that contradict each other. Once enough of them are withdrawn, it is used again. A session is not for
-    several threads at a time.
+    An answer that contradicts the others is marked unused in the log and decides its own pair only.
+    ``conflicts`` names the answers that contradict each other. Once enough of them are withdrawn,
+    it is used again. A session is not for several threads at a time.
 
     Parameters
     ----------
     asker : MakeAsker or Asker
-        A function that makes an asker from the answers it is to know, or a new asker. With the latter the session
-        cannot undo, withdraw, or go on with a log whose questions are not its own.
+        A function that makes an asker from the answers it is to know, or a new asker. With the
+        latter the session cannot undo, withdraw, or go on with a log whose questions are not its
+        own.
     log : AnswerLog or path
         The session closes a log that it opened from a path.
     who : str, optional
-        Whose answers these are, for the log.
+        The person whose answers these are, for the log.
     audit : float
-        The share of questions in front of which an earlier one is put again, to see whether the answers agree. The
-        asker is not told the answer to a repeat, and nothing else depends on it.
+        The share of questions in front of which an earlier one is put again, to see whether the
+        answers agree. The asker is not told the answer to a repeat, and nothing else depends on it.
     seed : int or Generator or SeedSequence, optional
-        Chooses the repeats, together with the answers that stand. None takes a new one.
+        Chooses the repeats, together with the answers that stand. None draws a new one.
     clock : callable
         Returns seconds since 1970, for the log. Nothing depends on it.
 
@@ -99,10 +100,12 @@ class Session(Closing):
         self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
         self._put_at: dict[str, float] = {}  # when a pending question was put, by a clock that only goes forwards
         self.instead: Instead | None = None
-        """What is put in place of the asker's queries, for a session that makes its askers: after the answer a new
-        asker is made, which knows it."""
+        """Chooses the query that replaces the asker's, for a session that makes its askers.
+
+        After the answer a new asker is made, which knows it.
+        """
         self.seed = seed_of(seed)
-        """Gives the same repeats again."""
+        """The seed that gives the same repeats again."""
         ReplayedAsker.check(asker)  # before a file is made
         self._mine = not isinstance(log, AnswerLog)
         self._log = log if isinstance(log, AnswerLog) else AnswerLog(log)
@@ -116,7 +119,7 @@ class Session(Closing):
 
     @property
     def log(self) -> AnswerLog:
-        """The log."""
+        """The answer log of the session."""
         return self._log
 
     def current_asker(self) -> Asker:
@@ -127,7 +130,7 @@ class Session(Closing):
 
     @property
     def makes_askers(self) -> bool:
-        """Whether it was given a function that makes an asker, not an asker."""
+        """True if it was given a function that makes an asker, not an asker."""
         return self._replayed.makes_askers
 
     def twin(self) -> Asker | None:
@@ -160,9 +163,21 @@ class Session(Closing):
         return self._repeats.names(id) and id not in self._pending()
 
     def shown(self, id: str, swapped: bool = False, **how: Any) -> None:
-        """Log that a pending question is put to the person, perhaps right to left, and how (any JSON).
+        """Log that a pending question is put to the person, and how.
 
-        Raises StaleAnswer if no such query is pending."""
+        Parameters
+        ----------
+        id : str
+        swapped : bool
+            True if it is shown right to left.
+        **how
+            Any JSON.
+
+        Raises
+        ------
+        StaleAnswer
+            If no such query is pending.
+        """
         query = self._to_answer(id)
         if query is None:
             raise StaleAnswer(f"no pending query has the id {id!r}: show what question() returns")
@@ -179,7 +194,7 @@ class Session(Closing):
     ) -> Answer:
         """Take the answer to the pending query of this id, and put it on the disk before it returns.
 
-        Given again what was answered already, it does nothing, so a page may send an answer twice.
+        An answer that was given already has no effect, so a page may send it twice.
 
         Parameters
         ----------
@@ -234,8 +249,17 @@ class Session(Closing):
     def undo(self) -> Answer:
         """Take back the last answer that stands, and return it.
 
-        Its question is put again, or another one if it was answered before a restart. Raises ValueError if there is
-        none, and otherwise as ``withdraw`` does."""
+        Its question is put again, or another one if it was answered before a restart.
+
+        Returns
+        -------
+        Answer
+
+        Raises
+        ------
+        ValueError
+            If there is no answer, and otherwise as ``withdraw`` does.
+        """
         standing = [entry for entry in self._log if not entry.retracted]
         if not standing:
             raise ValueError("there is no answer to undo")
@@ -246,8 +270,18 @@ class Session(Closing):
     def withdraw(self, id: str, **metadata: Any) -> None:
         """Take back the answer to the query of this id. The others stay and are used.
 
-        ``metadata`` is any JSON for the log, such as the reason. Raises ValueError if no answer of this id stands, or
-        if the session was given an asker in place of a function that makes one."""
+        Parameters
+        ----------
+        id : str
+        **metadata
+            Any JSON for the log, such as the reason.
+
+        Raises
+        ------
+        ValueError
+            If no answer of this id stands, or if the session was given an asker in place of a
+            function that makes one.
+        """
         self._replayed.withdraw(id, {**self._now(), **metadata})
         self._put_at.clear()
 

@@ -1,7 +1,8 @@
-"""A question as a person is shown it: whole numbers, nothing that is not asked, in the words of the problem.
+"""A question as a person is shown it: in whole numbers, and in the words of the problem.
 
-``show`` turns a ``Query`` into a ``Shown``: the counts of two sides A and B, which of them is the query's left, and
-whether the counts are the query itself or rounded. ``Shown.text`` writes it for a terminal; other hosts draw its rows.
+``show`` turns a ``Query`` into a ``Shown``: the counts of two sides A and B, which of them is the
+query's left, and whether the counts are the query itself or rounded. It shows nothing that is not
+asked. ``Shown.text`` writes it for a terminal. Other hosts draw its rows.
 """
 
 import hashlib
@@ -24,18 +25,28 @@ NARROWEST = 30
 _FIVE = 5
 MOST_ICONS = 50
 """More in a row are not counted at a glance: then the numbers stand alone."""
-_MOST = 1000  # of so many at most a query is looked for in whole numbers
+_MOST = 1000  # largest total of whole numbers that a query is looked for in
 _ROUNDED = (100, 1_000, 10_000, 100_000, 1_000_000)
-_FINE = 0.1  # of the greatest difference: what rounding may change
+_FINE = 0.1  # largest change by rounding, as a share of the greatest difference
 
 
 @dataclass(frozen=True)
 class Words:
     """Words in which a problem speaks of its outcomes.
 
-    unit: what is counted, in the plural. verb: what the unit does, as in "975 of 1,000 patients fare the same". side: a
-    number of units together, as in "Two groups of 10 patients", "Group A". question: what is asked about two sides.
-    title and preamble: shown before the first question."""
+    Attributes
+    ----------
+    unit
+        The thing counted, in the plural.
+    verb
+        The verb of the unit, as in "975 of 1,000 patients fare the same".
+    side
+        A number of units together, as in "Two groups of 10 patients", "Group A".
+    question
+        The question about two sides.
+    title, preamble
+        Texts shown before the first question.
+    """
 
     unit: str = "days"
     verb: str = "are"
@@ -56,9 +67,19 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Shown:
-    """A query as it is shown. left, right: k counts each, worst level first, of equal totals; scale: what they are
-    divided by to be the query's vectors; exact: whether they then are those vectors to the last bit, or rounded;
-    swapped: whether side A is the query's right."""
+    """A query as it is shown.
+
+    Attributes
+    ----------
+    left, right
+        k counts each, worst level first, of equal totals.
+    scale
+        The number that divides them to give the query's vectors.
+    exact
+        True if they then equal those vectors to the last bit, and False if they are rounded.
+    swapped
+        True if side A is the query's right.
+    """
 
     id: str
     left: tuple[int, ...]
@@ -76,7 +97,7 @@ class Shown:
 
     @property
     def common(self) -> tuple[int, ...]:
-        """The counts (k) that both sides have; ``rows`` leaves them out."""
+        """The counts (k,) that both sides have; ``rows`` leaves them out."""
         return tuple(min(pair) for pair in zip(self.left, self.right, strict=True))
 
     @property
@@ -106,7 +127,21 @@ class Shown:
         return np.array(self.left) / self.scale, np.array(self.right) / self.scale
 
     def verdict(self, choice: Choice) -> Verdict | None:
-        """Return the verdict on the query's left that a choice stands for; None is "cannot tell". Raises ValueError."""
+        """Return the verdict on the query's left that a choice stands for; None is "cannot tell".
+
+        Parameters
+        ----------
+        choice : {"a", "b", "equal", "cannot tell"}
+
+        Returns
+        -------
+        Verdict or None
+
+        Raises
+        ------
+        ValueError
+            For any other choice.
+        """
         require(choice in ("a", "b", "equal", "cannot tell"), "choice", "'a', 'b', 'equal' or 'cannot tell'", choice)
         if choice == "cannot tell":
             return None
@@ -115,14 +150,30 @@ class Shown:
         return Verdict.BETTER if (choice == "a") != self.swapped else Verdict.WORSE
 
     def record(self) -> dict[str, Any]:
-        """Return what was shown, as JSON for a log."""
+        """Return the shown counts, as JSON for a log."""
         a, b = (self.right, self.left) if self.swapped else (self.left, self.right)
         return {"a": list(a), "b": list(b), "of": self.of, "unit": self.words.unit, "exact": self.exact}
 
     def text(self, width: int = 80) -> str:
-        """The question in plain text, in at most so many columns: two sides beside each other, or one above the other
-        where that is too narrow. "+" is one at the best level, "x" at the worst, "o" between. Raises ValueError below
-        ``NARROWEST`` columns."""
+        """Return the question in plain text.
+
+        The two sides are beside each other, or one above the other if the width is too small for
+        that. "+" is one outcome at the best level, "x" at the worst, "o" between.
+
+        Parameters
+        ----------
+        width : int
+            Largest number of columns.
+
+        Returns
+        -------
+        str
+
+        Raises
+        ------
+        ValueError
+            Below ``NARROWEST`` columns.
+        """
         wanted = f"a whole number of columns, at least {NARROWEST}"
         require(is_whole(width, NARROWEST), "width", wanted, width)
         lines: list[str] = []
@@ -131,7 +182,7 @@ class Shown:
         return "\n".join([*lines, "", *self._table(width)])
 
     def sentences(self) -> tuple[str, ...]:
-        """The sentences in front of the sides."""
+        """Return the sentences in front of the sides."""
         unit, verb, side, same = self.words.unit, self.words.verb, self.words.side, sum(self.common)
         asked = f"Two {side}s of {self.of:,} {unit}: {self.words.question}"
         said = []
@@ -154,7 +205,7 @@ class Shown:
         number = max((len(f"{n:,}") for n in counts), default=1)
         longest = max((len(row.label) for row in rows), default=1)
         icons = max(counts, default=0) <= MOST_ICONS
-        # of the width go: an indent of 2, 2 after the label, 3 between the sides, and 1 after each number
+        # the width includes an indent of 2, 2 after the label, 3 between the sides, and 1 after each number
         label = min(longest, 20)
         room = (width - 2 - label - 2 - 3) // 2 - number - 1
         if room >= 2 * _FIVE + 1:
@@ -176,11 +227,32 @@ class Shown:
 def show(
     query: Query, words: Words = Words(), of: int = 10, seed: int = 0, labels: Sequence[str] | None = None
 ) -> Shown:
-    """A query in whole numbers. Shares are counted out of ``of`` where that is exact, else out of 10, of 100, or of the
-    least number up to 1,000 that is; vectors that are whole already are taken as they are. What no such number gives is
-    rounded, to the same totals, out of so many that no difference changes by more than a tenth of the greatest, and
-    not ``exact``. ``seed`` and the query's id decide which side is A. ``labels``: the k levels' names, worst first,
-    where the query has none. Raises ValueError where the two totals differ, or a number is below 0: such are no counts.
+    """Return a query in whole numbers.
+
+    Shares are counted out of ``of`` if that is exact, else out of 10, of 100, or of the least
+    number up to 1,000 that is. Vectors that are whole already are taken as they are. If no such
+    number is exact, the counts are rounded, to the same totals, out of so many that no difference
+    changes by more than a tenth of the greatest. They are then not ``exact``.
+
+    Parameters
+    ----------
+    query : Query
+    words : Words
+    of : int
+        Number of outcomes on a side.
+    seed : int
+        With the query's id it decides which side is A.
+    labels : (k,) str, optional
+        Names of the levels, worst first, if the query has none.
+
+    Returns
+    -------
+    Shown
+
+    Raises
+    ------
+    ValueError
+        If the two totals differ, or a number is below 0: such vectors are no counts.
     """
     require(is_whole(of, 1), "of, how many are shown a side,", "a whole number of at least 1", of)
     both = np.stack([query.left, query.right])
@@ -199,16 +271,43 @@ def show(
 
 
 def practice(labels: Sequence[str], words: Words = Words(), of: int = 10, seed: int = 0) -> Shown:
-    """A question to try the keys with, about k labels, worst first: all at the best level, which is the query's left,
-    or all at the worst."""
+    """Return a practice question, for the person to try the keys with.
+
+    One side has all outcomes at the best level, which is the query's left, and the other all at the
+    worst.
+
+    Parameters
+    ----------
+    labels : (k,) str
+        Names of the levels, worst first.
+    words : Words
+    of : int
+        Number of outcomes on a side.
+    seed : int
+        Decides which side is A.
+
+    Returns
+    -------
+    Shown
+    """
     ends = np.eye(len(labels))[[-1, 0]]
     return show(Query(f"practice/{seed}", ends[0], ends[1], labels=labels), words, of, seed)
 
 
 def near_in_whole_numbers(query: Query) -> Iterator[Query]:
-    """Queries near one of shares that ``show`` shows exactly: out of 100, 1,000, ..., 1,000,000, as far as no
-    difference changes by more than a tenth of the greatest. The number is at the end of the id. Of other vectors there
-    are none."""
+    """Return queries near a query of shares that ``show`` shows exactly.
+
+    They are out of 100, 1,000, ..., 1,000,000, as far as no difference changes by more than a tenth
+    of the greatest. The number is at the end of the id. For other vectors there are none.
+
+    Parameters
+    ----------
+    query : Query
+
+    Returns
+    -------
+    iterator of Query
+    """
     both = np.stack([query.left, query.right])
     if (both < 0).any() or (np.abs(both.sum(axis=1) - 1.0) > 1e-9).any():
         return
@@ -232,7 +331,7 @@ def _whole(both: Floats, of: int, shares: bool) -> tuple[float, Floats, bool]:
 
 
 def _rounded(both: Floats, whole: int) -> Floats:
-    """Counts (2, k) of this total, in proportion to the vectors (2, k)."""
+    """Return counts (2, k) of this total, in proportion to the vectors (2, k)."""
     return np.stack([_to_total(vector * (whole / vector.sum()), whole) for vector in both])
 
 
@@ -243,7 +342,7 @@ def _fine(both: Floats, counts: Floats, factor: float) -> bool:
 
 
 def _to_total(parts: Floats, total: int) -> Floats:
-    """Whole numbers (k,) of this total, by the largest remainders."""
+    """Return whole numbers (k,) of this total, by the largest remainders."""
     counts = np.floor(parts)
     missing = total - int(counts.sum())
     counts[np.argsort(counts - parts, kind="stable")[:missing]] += 1
@@ -251,7 +350,7 @@ def _to_total(parts: Floats, total: int) -> Floats:
 
 
 def _row(row: Row, counts: Sequence[int], k: int, label: int, number: int, room: int, column: int) -> Iterator[str]:
-    """The lines of a level, with as many icons a line as have ``room``, in columns of this width."""
+    """Return the lines of a level, with as many icons a line as have ``room``, in columns of this width."""
     icon = "+" if row.level == k - 1 else "x" if row.level == 0 else "o"
     names = textwrap.wrap(row.label, label) or [""]
     icons = [_in_fives(icon * n, room) if room else [] for n in counts]
@@ -264,12 +363,12 @@ def _row(row: Row, counts: Sequence[int], k: int, label: int, number: int, room:
 
 
 def _in_fives(icons: str, room: int) -> list[str]:
-    """Icons in groups of five, in lines of at most ``room`` columns."""
+    """Return icons in groups of five, in lines of at most ``room`` columns."""
     fives = [icons[i : i + _FIVE] for i in range(0, len(icons), _FIVE)]
     a_line = (room + 1) // (_FIVE + 1)
     return [" ".join(fives[i : i + a_line]) for i in range(0, len(fives), a_line)]
 
 
 def printable(text: str) -> str:
-    """A name without what would steer a terminal, such as escapes and line feeds: spaces in their place."""
+    """Return a name with spaces in place of terminal controls, such as escapes and line feeds."""
     return "".join(letter if letter.isprintable() else " " for letter in text)

@@ -1,4 +1,4 @@
-"""Questions that are put in place of those that an asker waits for, such as simpler ones."""
+"""Questions that replace those that an asker waits for, such as simpler ones."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -17,9 +17,21 @@ query's difference was answered before."""
 
 
 def substitute(query: Query, asker: Asker, log: AnswerLog, instead: Instead) -> Query | None:
-    """Return the query that is put in place of a pending one; None if the query itself is put.
+    """Return the query that is put in place of a pending one, or None if the query itself is put.
 
-    An audit is always put as it is."""
+    An audit is always put as it is.
+
+    Parameters
+    ----------
+    query : Query
+    asker : Asker
+    log : AnswerLog
+    instead : callable
+
+    Returns
+    -------
+    Query or None
+    """
     if isinstance(asker, Audits) and query.id in asker.implied:
         return None
     said = [tail_sums(entry.answer.query.d) for entry in log if not entry.retracted]

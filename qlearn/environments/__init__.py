@@ -1,4 +1,4 @@
-"""Gymnasium environments whose steps have a level: rewards made of an ordinal scale, and share vectors from rollouts.
+"""Gymnasium environments whose steps have a level: rewards by an ordinal scale, and share vectors.
 
 May import from elicit alone.
 """

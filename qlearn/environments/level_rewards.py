@@ -1,5 +1,7 @@
-"""Gymnasium wrappers that put a reward made of levels in the place of an environment's own: a number by the values of
-an ordinal scale, or a vector with one entry a level."""
+"""Gymnasium wrappers that replace an environment's reward by one made of levels.
+
+The reward is a number by the values of an ordinal scale, or a vector with one entry a level.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +22,16 @@ Env = gym.Env[Any, Any]
 
 
 class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
-    """An environment whose reward goes by its steps' levels, which ``info["level"]`` then holds."""
+    """An environment whose reward is made of its steps' levels, which ``info["level"]`` then holds."""
 
     def __init__(self, env: Env, levels: Levels) -> None:
         super().__init__(env)
         self.levels = levels
         self._during: list[R] = []  # the reward of a step at each level
-        self._ending: list[R] | None = None  # of the step that terminates the episode
+        self._ending: list[R] | None = None  # the reward of a step that terminates the episode
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """A step of the environment, with the reward of its level."""
+        """Step the environment, and return the reward of the step's level."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         level = info["level"] = self.levels.of_step(observation, reward, info)
         if not terminated:
@@ -40,7 +42,10 @@ class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
 
 
 class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
-    """The same of several environments at once. Where they start anew with a step of their own, that step counts 0."""
+    """Several environments at once whose rewards are made of their steps' levels.
+
+    If environments start anew with a step of their own, that step counts 0.
+    """
 
     def __init__(self, env: VectorEnv[Any, Any, NDArray[Any]], levels: Levels) -> None:
         super().__init__(env)
@@ -56,13 +61,13 @@ class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
         self._ending: Floats | None = None
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """A reset of the environments, of all or, as ``options`` may say, of some."""
+        """Reset the environments, all of them or, as ``options`` may say, some."""
         some = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
         self._ended = self._ended & ~np.asarray(some)
         return self.env.reset(seed=seed, options=options)
 
     def step(self, actions: Any) -> tuple[Any, Any, NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """A step of each, with rewards (n,) or (n, k) by levels."""
+        """Step each environment, and return rewards (n,) or (n, k) by levels."""
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         stepped, told = ~self._ended, infos
         ended = np.asarray(terminated) | np.asarray(truncated)
@@ -82,7 +87,7 @@ class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
 
 
 class ByValues:
-    """What goes before a wrapper whose rewards are what a scale's values make of the levels."""
+    """The base class of wrappers whose rewards are the levels' values on a scale."""
 
     levels: Levels
 
@@ -102,7 +107,7 @@ class ByValues:
 
     @property
     def values(self) -> Floats:
-        """(k,) what each level is worth now; to be set to k numbers, or to a comparator."""
+        """The present value (k,) of each level. Set it to k numbers, or to a comparator."""
         return self._values
 
     @values.setter
@@ -117,24 +122,42 @@ class ByValues:
 
 
 class OrdinalReward(ByValues, LevelRewarded[float]):
-    """An environment whose reward is what the scale ``values`` makes of each step's level: any library can train on it.
+    """An environment whose reward is the value of each step's level, so that any library can train on it.
 
-    The discounted sum of an episode's rewards is its share vector times ``values``, exactly. With discount c a step at
-    level l has the reward (1 - c) values[l]. A step that terminates the episode after T steps brings what is left of
-    the time too, c^T, all at the level ``after``: its reward is (1 - c) values[l] + c values[after], for c^(T-1) times
-    the second part is c^T values[after]; with ``after="last"`` that is values[l]. So totals are 1 whenever an episode
-    ends, and a better policy is the same for every level that one calls worth 0. A truncated episode is cut off, not
-    ended: nothing is added, and what would have come is the trainer's to estimate, as always in Gymnasium.
+    The discounted sum of an episode's rewards is its share vector times ``values``, exactly.
+    ``info["level"]`` has the level. The ``values`` may be set anew at any time.
 
-    env: a Gymnasium environment, or several (``VectorEnv``: then this makes a wrapper of that kind). values: a
-    comparator, whose best guess is taken, or k numbers, worst level first, that do not fall. level: the key of
-    ``info`` with the step's level, 0 to k - 1; or a mapping from rewards to levels; or a function of (observation,
-    reward, info). after: the level that lasts once an episode has terminated, or "last" for that of its last step. The
-    ``values`` may be set anew at any time. ``info["level"]`` has the level. Raises ValueError, in ``step`` for a level
-    that is not there.
+    Parameters
+    ----------
+    env : gymnasium.Env or VectorEnv
+        With a ``VectorEnv`` this makes a wrapper of that kind.
+    values : Comparator or (k,)
+        A comparator, whose best guess is taken, or k numbers, worst level first, that do not fall.
+    level : str, mapping or callable
+        The key of ``info`` with the step's level, 0 to k - 1; or a mapping from rewards to levels;
+        or a function of (observation, reward, info).
+    after : int or "last"
+        The level that lasts once an episode has terminated, or ``"last"`` for that of its last
+        step.
+    discount : float
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range, and in ``step`` for a level that does not exist.
+
+    Notes
+    -----
+    With discount c a step at level l has the reward (1 - c) values[l]. A step that terminates the
+    episode after T steps also brings the remaining time, c^T, all at the level ``after``. Its
+    reward is (1 - c) values[l] + c values[after], for c^(T-1) times the second part is c^T
+    values[after]. With ``after="last"`` that is values[l]. So totals are 1 whenever an episode
+    ends, and a better policy is the same for every level that one calls worth 0. A truncated
+    episode is cut off, not ended. Nothing is added, and the trainer estimates what would have come,
+    as always in Gymnasium.
     """
 
-    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copies are made without arguments
+    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copying calls it without arguments
         if isinstance(env, VectorEnv):
             return OrdinalRewardVector(env, *given, **settings)
         return super().__new__(cls)
@@ -151,16 +174,29 @@ class OrdinalRewardVector(ByValues, LevelRewardedVector):
 
 
 class LevelVector(LevelRewarded[Floats]):
-    """An environment whose reward is a vector (k,), as MO-Gymnasium has them: 1 at the step's level, else 0.
+    """An environment whose reward is a vector (k,), as in MO-Gymnasium: 1 at the step's level, else 0.
 
-    With a ``discount`` the vectors are such that their discounted sum is the episode's share vector, which totals 1
-    when it ends: MO-Gymnasium's ``LinearReward`` with the values for weights then gives the rewards of
-    ``OrdinalReward``. ``level`` and ``after`` are those of ``OrdinalReward``, and so are environments in a
-    ``VectorEnv``: (n, k). The unwrapped environment gets the attribute ``reward_space``, where MO-Gymnasium looks for
-    it. Raises ValueError.
+    With a ``discount`` the discounted sum of the vectors is the episode's share vector, which
+    totals 1 when it ends. MO-Gymnasium's ``LinearReward`` with the values for weights then gives
+    the rewards of ``OrdinalReward``. The unwrapped environment gets the attribute ``reward_space``,
+    where MO-Gymnasium looks for it.
+
+    Parameters
+    ----------
+    env : gymnasium.Env or VectorEnv
+        In a ``VectorEnv`` the rewards are (n, k).
+    k : int
+        Number of levels.
+    level, after, discount
+        As in ``OrdinalReward``. Without a discount each step counts in full.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of range.
     """
 
-    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copies are made without arguments
+    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copying calls it without arguments
         if isinstance(env, VectorEnv):
             return LevelVectorVector(env, *given, **settings)
         return super().__new__(cls)
@@ -174,7 +210,7 @@ class LevelVector(LevelRewarded[Floats]):
         env.unwrapped.reward_space = reward_space(k)  # type: ignore[attr-defined]
 
     def step(self, action: Any) -> tuple[Any, Floats, bool, bool, dict[str, Any]]:
-        """A step of the environment, with a reward vector (k,) of its own."""
+        """Step the environment, and return a reward vector (k,) of its own."""
         observation, reward, *rest = super().step(action)
         return observation, reward.copy(), *rest
 
@@ -197,8 +233,10 @@ class LevelVectorVector(LevelRewardedVector):
 
 
 def _of_these_steps(key: str, infos: dict[str, Any], ended: NDArray[np.bool_]) -> dict[str, Any]:
-    """Infos with the levels of the steps just done: where an episode has ended, ``infos`` is of the new one's start,
-    and ``final_info`` of the step."""
+    """Return infos with the levels of the steps just done.
+
+    If an episode has ended, ``infos`` is of the new one's start, and ``final_info`` of the step.
+    """
     last: dict[str, Any] = infos.get("final_info", {})
     now = infos.get(key, np.zeros(len(ended)))
     has_last, has_now = last.get(f"_{key}", ~ended), infos.get(f"_{key}", ended)
@@ -208,12 +246,28 @@ def _of_these_steps(key: str, infos: dict[str, Any], ended: NDArray[np.bool_]) -
 
 
 def reward_space(k: int) -> gym.spaces.Box:
-    """Where vectors of levels lie."""
+    """Return the space in which vectors of levels lie."""
     return gym.spaces.Box(0.0, 1.0, (k,), np.float64)
 
 
 def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
-    """Values (k,) from a comparator or from numbers, a copy. Raises ValueError where they are not finite, or fall."""
+    """Return values from a comparator or from numbers, as a copy.
+
+    Parameters
+    ----------
+    values : Comparator or (k,)
+    k : int, optional
+        Number of levels.
+
+    Returns
+    -------
+    (k,)
+
+    Raises
+    ------
+    ValueError
+        If they are not finite, or fall.
+    """
     if hasattr(values, "bounds"):
         check_comparator_made(values)  # type: ignore[arg-type]
         values = best_guess(values)  # type: ignore[arg-type]
@@ -226,7 +280,7 @@ def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
 
 
 def levels_of(env: Any) -> Levels | None:
-    """The levels that a wrapper of this module, somewhere around an environment, reads; None where there is none."""
+    """Return the levels that a wrapper of this module around an environment reads, or None."""
     while isinstance(env, gym.Wrapper):
         if isinstance(env, LevelRewarded):
             return env.levels

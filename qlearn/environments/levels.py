@@ -1,12 +1,14 @@
-"""At which level a step of an environment counts, and how much of the discounted time it stands for.
+"""The level of each step of an environment, and the share of the discounted time it stands for.
 
-With discount c a run's share vector is (1 - c) times the sum over its steps t = 0, 1, ... of c^t times the unit vector
-of the step's level. A run that goes on for ever totals 1. One that terminates after T steps totals 1 - c^T, and what is
-left of the time, c^T, belongs to what lasts after it. The last step, t = T - 1, therefore counts
+With discount c a run's share vector is (1 - c) times the sum over its steps t = 0, 1, ... of c^t
+times the unit vector of the step's level. A run that goes on for ever totals 1. A run that
+terminates after T steps totals 1 - c^T. The remaining time, c^T, belongs to the level that lasts
+after it. The last step, t = T - 1, therefore counts
 
     (1 - c) [its own level] + c [the level that lasts]
 
-for c^(T-1) times the second part is c^T. Where its own level lasts, that is c + (1 - c) = 1 of its own level.
+for c^(T-1) times the second part is c^T. If its own level lasts, that is c + (1 - c) = 1 of its own
+level.
 """
 
 from __future__ import annotations
@@ -32,8 +34,11 @@ tasks that never terminate."""
 
 @dataclass(frozen=True)
 class Levels:
-    """The k levels of an environment's steps. Without a discount each step counts in full, and nothing comes after the
-    last. Raises ValueError and TypeError."""
+    """The k levels of an environment's steps.
+
+    Without a discount each step counts in full, and nothing comes after the last. Raises ValueError
+    and TypeError.
+    """
 
     k: int
     level: Level = "level"
@@ -56,12 +61,12 @@ class Levels:
 
     @property
     def during(self) -> Floats:
-        """(k, k): what a step at each level counts towards the shares, while the episode goes on."""
+        """The count (k, k) of a step at each level towards the shares, while the episode goes on."""
         return np.eye(self.k) * (1.0 if self.discount is None else 1.0 - self.discount)
 
     @property
     def ending(self) -> Floats | None:
-        """(k, k): the same of the step that terminates it; None where it is not said what lasts."""
+        """The count (k, k) of a step that terminates the episode, or None if no lasting level is given."""
         if self.discount is None or self.after == "last":
             return np.eye(self.k)
         if self.after is None:
@@ -70,16 +75,19 @@ class Levels:
         return self.during + self.discount * lasting
 
     def of_step(self, observation: Any, reward: Any, info: dict[str, Any]) -> int:
-        """The level of one step. Raises ValueError where there is none, or it is none of 0 to k - 1."""
+        """Return the level of one step.
+
+        Raises ValueError if there is none, or if it is not one of 0 to k - 1.
+        """
         level = self.level
         if callable(level):
-            found = level(observation, reward, info)  # whose own errors are its own
+            found = level(observation, reward, info)  # its own errors pass through
         else:
             try:
                 found = info[level] if isinstance(level, str) else level[float(reward)]
             except KeyError:
                 raise self._missing(reward, info) from None
-        if type(found) is int and 0 <= found < self.k:  # the quick way
+        if type(found) is int and 0 <= found < self.k:  # the fast path
             return found
         try:
             if 0 <= found < self.k and found == int(found):
@@ -89,7 +97,10 @@ class Levels:
         raise self._bad(found)
 
     def of_steps(self, observations: Any, rewards: Any, infos: dict[str, Any], stepped: Any) -> Any:
-        """The levels (n,) of one step of each of n environments; 0 where not ``stepped`` (n,). Raises ValueError."""
+        """Return the levels (n,) of one step of each of n environments, 0 unless ``stepped`` (n,).
+
+        Raises ValueError.
+        """
         level = self.level
         if isinstance(level, Mapping):
             found = [self.of_step(None, r, {}) if step else 0 for r, step in zip(rewards, stepped, strict=True)]
@@ -108,7 +119,7 @@ class Levels:
         return levels.astype(np.int64)
 
     def never_ends(self) -> ValueError:
-        """For an episode that terminates although it is not said what lasts."""
+        """Return the error for an episode that terminates although no lasting level is given."""
         return ValueError(
             "an episode has terminated, and the time after it counts, but it is not said at which level: give after=, "
             f"a level from 0 to {self.k - 1}, or 'last' for that of the last step"

@@ -1,4 +1,4 @@
-"""What rollouts measure of a policy."""
+"""Measurements of a policy by rollouts."""
 
 from typing import NamedTuple
 
@@ -12,9 +12,18 @@ with a probability of 0.27%."""
 
 
 class RolloutShares(NamedTuple):
-    """``shares`` (k,): the mean over episodes of the discounted share of time at each level; ``errors`` (k,): its
-    standard errors, none below ``error_of_unseen``; ``undecided``: the share of time after episodes were cut off, at
-    levels that nobody saw. ``shares`` and ``undecided`` total 1."""
+    """Shares of a policy that episodes measured, with their errors.
+
+    Attributes
+    ----------
+    shares : (k,)
+        Mean over episodes of the discounted share of time at each level.
+    errors : (k,)
+        Standard errors of the shares, none below ``error_of_unseen``.
+    undecided : float
+        Share of time after episodes were cut off, at levels that nobody saw. ``shares`` and
+        ``undecided`` total 1.
+    """
 
     shares: Floats
     errors: Floats
@@ -22,9 +31,19 @@ class RolloutShares(NamedTuple):
 
 
 def error_of_unseen(episodes: int) -> float:
-    """Least standard error of a share measured in so many episodes, however alike they are.
+    """Return the least standard error of a share measured in so many episodes, however alike they are.
 
-    An outcome of probability p shows in none of n episodes with probability (1 - p)^n. As far as that exceeds 0.27%, it
-    cannot be excluded, and a share may be off by p: so ``STANDARD_ERRORS`` errors are at least 1 - 0.0027^(1 / n)."""
+    An outcome of probability p shows in none of n episodes with probability (1 - p)^n. As long as
+    that exceeds 0.27%, it cannot be excluded, and a share may be off by p. So ``STANDARD_ERRORS``
+    errors are at least 1 - 0.0027^(1 / n).
+
+    Parameters
+    ----------
+    episodes : int
+
+    Returns
+    -------
+    float
+    """
     chance = 2.0 * float(norm.sf(STANDARD_ERRORS))
     return float(1.0 - chance ** (1.0 / episodes)) / STANDARD_ERRORS

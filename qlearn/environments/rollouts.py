@@ -28,21 +28,47 @@ def rollout_shares(
     max_steps: int | None = None,
     seed: int | None = 0,
 ) -> RolloutShares:
-    """Run ``policy`` for so many episodes, and measure its share vector.
+    """Run a policy for some episodes, and measure its share vector.
 
-    env: a Gymnasium environment. Within an ``OrdinalReward`` or a ``LevelVector`` it is known what a step's level is,
-    what comes after the end, and the discount; of another give ``discount``, ``k``, ``level`` and ``after``, in their
-    words. policy: a function from an observation to an action, or anything with ``predict``, such as a model of
-    Stable-Baselines3 (which then takes its best action, not one to explore). Of a ``LevelVector`` that does not say
-    what comes after the end, ``after`` does. Episodes are cut off where the
-    environment truncates them, and after ``max_steps`` (default: once less than 1e-4 of the time is left). ``seed``
-    goes to the first ``reset``. Raises ValueError, TypeError.
+    Parameters
+    ----------
+    env : gymnasium.Env
+        In an ``OrdinalReward`` or a ``LevelVector`` the level of a step, the level after the end,
+        and the discount are known. For another environment give ``discount``, ``k``, ``level`` and
+        ``after``, in their words.
+    policy : callable or model
+        A function from an observation to an action, or anything with ``predict``, such as a model
+        of Stable-Baselines3 (which then takes its best action, not one to explore).
+    discount : float, optional
+    episodes : int
+    k : int, optional
+        Number of levels.
+    level : str, mapping or callable
+    after : int or "last", optional
+        For a ``LevelVector`` without a lasting level it supplies one.
+    max_steps : int, optional
+        Episodes are cut off after so many steps, and where the environment truncates them. Default:
+        once less than 1e-4 of the time is left.
+    seed : int, optional
+        Goes to the first ``reset``.
 
-    An outcome that is rare may show in no episode: one of probability 2% in 20 episodes two times of three. So no
-    error is below a third of 1 - 0.0027^(1 / episodes), the probability that an outcome which no episode showed can
-    still have: 26% after 20 episodes, 5.7% after 100, 0.6% after 1,000 (at 99.7%, as three standard errors are). Run
-    enough that what is rare is seen. Of a policy and an environment without chance one episode tells all: give
-    ``InteractiveTraining.add`` the ``shares`` alone, which it then takes to be exact.
+    Returns
+    -------
+    RolloutShares
+
+    Raises
+    ------
+    ValueError, TypeError
+        If an argument is out of range or missing.
+
+    Notes
+    -----
+    A rare outcome may show in no episode: an outcome of probability 2% misses from 20 episodes two
+    times of three. So no error is below a third of 1 - 0.0027^(1 / episodes), the probability that
+    an outcome which no episode showed can still have: 26% after 20 episodes, 5.7% after 100, 0.6%
+    after 1,000 (at 99.7%, as three standard errors are). Run enough that rare outcomes are seen. If
+    policy and environment have no chance, one episode tells all: give ``InteractiveTraining.add``
+    the ``shares`` alone, which it then takes to be exact.
     """
     if isinstance(env, VectorEnv):
         raise TypeError(f"episodes are run one after the other: give one environment, not the {env.num_envs} of {env}")
@@ -71,7 +97,7 @@ def rollout_shares(
 
 
 def _one(env: Any, levels: Levels, act: Callable[[Any], Any], most: int, seed: int | None) -> Floats:
-    """The shares (k,) of one episode; what is missing to 1 was cut off."""
+    """Return the shares (k,) of one episode; the share missing to 1 was cut off."""
     during, ending, left = levels.during, levels.ending, 1.0
     shares: Floats = np.zeros(levels.k)
     observation, _ = env.reset(seed=seed)
@@ -91,7 +117,10 @@ def _one(env: Any, levels: Levels, act: Callable[[Any], Any], most: int, seed: i
 
 
 def _acting(policy: Any) -> Callable[[Any], Any]:
-    """A policy at the start of an episode as a function from observations to actions. Raises TypeError."""
+    """Return a policy, at the start of an episode, as a function from observations to actions.
+
+    Raises TypeError.
+    """
     predict = getattr(policy, "predict", None)
     if predict is None:
         if not callable(policy):
@@ -114,5 +143,5 @@ def _acting(policy: Any) -> Callable[[Any], Any]:
 
 
 def _action(predicted: Any) -> Any:
-    """The action, where it is given beside a state."""
+    """Return the action, if it is given beside a state."""
     return predicted[0] if isinstance(predicted, tuple) else predicted

@@ -1,4 +1,7 @@
-"""Policies from any trainer, the best of them by few questions, and what it can still lose against those never seen."""
+"""Interactive training: policies from any trainer, and the best of them by few questions.
+
+It also bounds the loss of the best policy against policies that nobody has seen.
+"""
 
 from __future__ import annotations
 
@@ -48,51 +51,82 @@ from qlearn.training.training_bound import (
 )
 from qlearn.training.training_result import TrainedPolicy, TrainingResult
 
-_CORNERS = 2  # questions about what no policy has reached, after each training
-_MATTERS = 0.5  # of the tolerance: what a difference must exceed to count for a strategy, and a training gain
-_LEAST = 0.1  # of the tolerance: what a training must promise where there is no question left
-_ABOUT = 12  # differences whose signs a simple question should tell
-_LOOKED_AT = 512  # differences, those with the greatest bounds, among which a strategy picks
+_CORNERS = 2  # questions about vertices that no policy has reached, after each training
+_MATTERS = 0.5  # share of the tolerance that a difference must exceed to count for a strategy, and a training's gain
+_LEAST = 0.1  # share of the tolerance that a training must promise if no question is left
+_ABOUT = 12  # number of differences whose signs a simple question should tell
+_LOOKED_AT = 512  # number of differences, those with the greatest bounds, among which a strategy chooses
 
 
 class _Question(NamedTuple):
-    """A pair to ask about next, and whether one of its vectors is a corner that no policy has reached."""
+    """A pair to ask about next, and whether one of its vectors is a vertex that no policy has reached."""
 
     pair: Pair
     at_corner: bool = False
 
 
 class InteractiveTraining:
-    """Finds a good policy with a trainer that it knows nothing of, which optimises one numeric reward at a time.
+    """Finds a good policy with any trainer that optimises one numeric reward at a time.
 
         while not training.finished:
             if (values := training.to_train()) is not None:
-                policy = ...                            # train on qlearn.OrdinalReward(env, values, ...)
+                policy = ...  # train on qlearn.OrdinalReward(env, values, ...)
                 training.add(policy, qlearn.rollout_shares(env, policy))
             while queries := training.ask():
                 training.tell([tutor(query) for query in queries])
 
-    Optimistic linear support over share vectors (Roijers 2015; Mossalam et al. 2016). The best policy so far is best at
-    the comparator's central scale. Against the others its regret is bounded under all plausible scales, and asked
-    about. What no policy has reached is bounded by the trainings: nowhere is a policy better, at the scale that one was
-    trained on, than that one was, plus the gap (``ReachableSet``). Corners of that set are asked about too, against the
-    best policy, two after each training. The next scale is the central one while much can be gained there, else that of
-    the plausible ones under which most can.
+    Ask and tell as with a learner. It holds no trainer, tutor or file.
 
-    comparator: what is known of the scale; it must bound differences all at once and name plausible scales
-    (``simultaneous_bounds``, ``draws``), as the polytope and the posterior do. discount: that of the share vectors.
-    tolerance: it ends once answers and trainings can gain no more than this share of the value range, below 1.
-    optimality_gap: how far below its optimum a training may end, in the same unit (0: exactly there); ``loss_bound``
-    counts it, beside errors of measured shares. None: nobody knows, and there is no bound. objectives: (low (m,),
-    high (m,)), where vectors are those of ``elicit.objectives`` with k = m + 1: between what the objectives lie.
-    labels: k names of the levels, for people. strategy: picks the question, as in ``InteractivePolicyIteration``.
-    bags: the simple questions that are asked where plain pairs run out; None: none. max_trainings, max_queries:
-    limits. known: what was answered before. audit, max_audits, seed: a share of the pairs of policies that the
-    answers settled is asked about all the same, at the end. The corners of what policies can reach grow fast in
-    number: made for up to about a dozen levels.
+    Parameters
+    ----------
+    comparator : Comparator
+        It must bound differences all at once and name plausible scales (``simultaneous_bounds``,
+        ``draws``), as the polytope and the posterior do.
+    discount : float
+        Discount of the share vectors.
+    tolerance : float
+        A share of the value range, below 1. The training ends once answers and trainings can gain
+        no more than this.
+    optimality_gap : float, optional
+        Largest distance of a training's end below its optimum, in the same unit (0: exactly there).
+        ``loss_bound`` counts it, beside errors of measured shares. None: it is unknown, and there
+        is no bound.
+    objectives : (low (m,), high (m,)), optional
+        Bounds of the objectives, for vectors of ``elicit.objectives`` with k = m + 1.
+    labels : (k,) str, optional
+        Names of the levels, for people.
+    strategy : callable or str
+        Chooses the question, as in ``InteractivePolicyIteration``.
+    bags : Bags, optional
+        The simple questions that are asked when plain pairs run out. None: no such questions.
+    max_trainings, max_queries : int
+        Limits.
+    known : AnswerLog, Answers or entries
+        Answers given before.
+    audit, max_audits
+        A share of the pairs of policies that the answers decided, and a limit. These pairs are
+        asked about all the same, at the end.
+    seed : int, SeedSequence, Generator or None
 
-    Ask and tell as with a learner; it holds no trainer, tutor or file. Raises TypeError for a comparator that lacks
-    what it needs, and ValueError.
+    Raises
+    ------
+    TypeError
+        If the comparator lacks a method that is needed.
+    ValueError
+        If a setting is out of range.
+
+    Notes
+    -----
+    This is optimistic linear support over share vectors (Roijers 2015; Mossalam et al. 2016). The
+    best policy so far is the best at the comparator's central scale. Its regret against the others
+    is bounded under all plausible scales, and asked about. Policies that nobody has seen are
+    bounded by the trainings: nowhere is a policy better, at the scale of a training, than its
+    result plus the gap (``ReachableSet``). Vertices of that set are asked about too, against the
+    best policy, two after each training. The next scale is the central one while much can be gained
+    there, else the plausible scale under which most can.
+
+    The vertices of the reachable set grow fast in number. It is made for up to about a dozen
+    levels.
     """
 
     @takes_rng
@@ -144,10 +178,10 @@ class InteractiveTraining:
             labels=labels,
         )
         self._policies: list[TrainedPolicy] = []
-        self._cuts: list[tuple[float, ReachableSet]] = []  # of the trainings, in order: the limit, and the set then
-        self._corners_left = 0  # to be asked about before the next training
-        self._next: Floats | _Question | Status | None = None  # to train on, to ask, or where it stands
-        self._given: Floats | None = None  # the scale that to_train gave, until a policy comes
+        self._cuts: list[tuple[float, ReachableSet]] = []  # of the trainings, in order: the limit, and the set after it
+        self._corners_left = 0  # vertices to be asked about before the next training
+        self._next: Floats | _Question | Status | None = None  # a scale to train on, a question, or the final status
+        self._given: Floats | None = None  # the scale that to_train gave, until a policy is added
 
     def __repr__(self) -> str:
         now = self._elicitation
@@ -156,16 +190,26 @@ class InteractiveTraining:
 
     @one_thread
     def to_train(self) -> Floats | None:
-        """The values (k,), from 0 to 1, to train the next policy on, the same until one is added; None while the tutor
-        is waited for, and at the end."""
+        """Return the values to train the next policy on, or None.
+
+        They are the same until a policy is added. It is None while the tutor is waited for, and at
+        the end.
+
+        Returns
+        -------
+        (k,) from 0 to 1, or None
+        """
         self._advance()
         self._given = self._next if isinstance(self._next, np.ndarray) else None
         return None if self._given is None else self._given.copy()
 
     @property
     def start_from(self) -> Any:
-        """A hint for a warm start: of the policies so far the best at ``to_train()``, or None. A cold start explores
-        anew, which a warm one may not; whichever you take, ``optimality_gap`` says how near it comes."""
+        """A hint for a warm start: the best of the policies so far at ``to_train()``, or None.
+
+        A cold start explores anew, which a warm one may not. Whichever you take, ``optimality_gap``
+        says how near it comes.
+        """
         self._advance()
         if not isinstance(self._next, np.ndarray) or not self._policies:
             return None
@@ -179,14 +223,30 @@ class InteractiveTraining:
         *,
         trained: bool = True,
     ) -> None:
-        """Bring a policy: the one trained on what ``to_train`` gave last; or, where that was nothing or with
-        ``trained=False``, one of another origin, which says nothing of those not seen. ``policy`` may be anything.
+        """Add a policy.
 
-        shares: (k,) as ``rollout_shares`` finds them, or what it returns; a total below 1 is of runs cut off, and what
-        is missing counts in ``loss_bound``. errors: their standard errors (k,); of objectives those of each (k - 1,).
-        Without errors the shares are taken to be exact. Raises ValueError.
+        It is the one trained on the values that ``to_train`` gave last. If there were none, or with
+        ``trained=False``, it has another origin, and says nothing about policies that nobody has
+        seen.
+
+        Parameters
+        ----------
+        policy
+            Any object.
+        shares : (k,) or RolloutShares
+            As ``rollout_shares`` finds them, or its result. A total below 1 means that runs were
+            cut off. The missing share counts in ``loss_bound``.
+        errors : (k,), optional
+            Standard errors of the shares; for objectives those of each (k - 1,). Without errors the
+            shares are taken to be exact.
+        trained : bool
+
+        Raises
+        ------
+        ValueError
+            If a number is out of range.
         """
-        if isinstance(shares, RolloutShares):  # also a sequence of numbers, to a type checker
+        if isinstance(shares, RolloutShares):  # to a type checker it is also a sequence of numbers
             require(errors is None, "errors", "left out where shares have their own", errors)
             shares, errors, _ = shares
         k = self._elicitation.comparator.k
@@ -202,45 +262,69 @@ class InteractiveTraining:
 
     @one_thread
     def ask(self) -> tuple[Query, ...]:
-        """Return the pending query, the same until told; () when a policy is to be trained first, and at the end."""
+        """Return the pending query, or () when a policy is to be trained first, and at the end.
+
+        It is the same until it is told.
+        """
         self._advance()
         if isinstance(self._next, _Question):
             pair, at_corner = self._next
             if not self._elicitation.pending:
                 self._elicitation.open([pair])
-            vars(self).update(_next=None, _corners_left=self._corners_left - at_corner)  # both, or neither
+            vars(self).update(
+                _next=None, _corners_left=self._corners_left - at_corner
+            )  # one call, so that an interruption changes both or neither
         return self._elicitation.ask()
 
     @one_thread
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
-        then such an answer settles its own pair only, and is returned."""
+        """Take answers to pending queries.
+
+        Parameters
+        ----------
+        answers : sequence of Answer
+        on_conflict : {"raise", "drop"}
+            With ``"drop"`` an answer that contradicts the others decides its own pair only, and is
+            returned.
+
+        Returns
+        -------
+        tuple of Answer
+            The dropped answers.
+
+        Raises
+        ------
+        StaleAnswer
+            If no such query is pending.
+        InconsistentAnswers
+            Unless ``on_conflict="drop"``.
+        """
         _, dropped = self._elicitation.tell(answers, on_conflict)
         self._next = None
         return dropped
 
     @property
     def finished(self) -> bool:
-        """Whether nothing is left to train or to ask."""
+        """True if nothing is left to train or to ask."""
         self._advance()
         return not self._elicitation.pending and isinstance(self._next, Status)
 
     @property
     def comparator(self) -> Comparator:
-        """What is known of the scale."""
+        """The comparator, which holds what is known of the scale."""
         return self._elicitation.comparator
 
     @property
     def implied(self) -> dict[str, Verdict]:
-        """Of pending queries that are audits, by query id: the verdict that the answers so far imply."""
+        """Verdicts that the answers so far imply on pending audits, by query id."""
         return {p.query.id: p.expected for p in self._elicitation.pending if p.expected is not None}
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Has no effect: each question is asked and logged."""
+        """Do nothing: each question is asked and logged."""
 
     @one_thread
     def result(self) -> TrainingResult:
-        """Return the best policy so far, and what can be said of it, at any time. Changes no later question."""
+        """Return the best policy so far and its bound, at any time. It changes no later question."""
         self._advance()
         asked, comparator = self._elicitation, self._elicitation.comparator
         asks = bool(asked.pending) or isinstance(self._next, _Question)
@@ -263,7 +347,7 @@ class InteractiveTraining:
         )
 
     def _advance(self) -> None:
-        """Find out what comes next: a question, a training, or the end. Asks nothing yet."""
+        """Find the next step: a question, a training, or the end. Nothing is asked yet."""
         if self._next is None and not self._elicitation.pending:
             self._next = self._find_next()
 
@@ -286,7 +370,7 @@ class InteractiveTraining:
         gain = reach.greatest(gaps) - product(tail_sums(shares), gaps).max(axis=0)
         least = (_MATTERS if spent else _LEAST) * self.tolerance
         at_limit = self._at_the_limit()
-        missed = at_limit and gain.max() > least  # a training that would be made but for the limit
+        missed = at_limit and gain.max() > least  # a training that the limit prevents
         if at_limit:
             gain = np.zeros_like(gain)
         promising = gain.max() > _MATTERS * self.tolerance
@@ -307,15 +391,15 @@ class InteractiveTraining:
         return sum(policy.trained_on is not None for policy in self._policies) >= self._most
 
     def _shares(self) -> Floats:
-        """(n, k) of the policies."""
+        """Return the shares (n, k) of the policies."""
         return np.array([policy.shares for policy in self._policies])
 
     def _best(self) -> int:
-        """Which policy is best at the central scale; the first of equals."""
+        """Return the number of the policy that is best at the central scale; the first of equals."""
         return int(np.argmax(product(tail_sums(self._shares()), np.diff(best_guess(self._elicitation.comparator)))))
 
     def _reach(self) -> ReachableSet:
-        """What policies can reach, if each training came to its optimum or to the best that was brought in since."""
+        """Return what policies can reach, if each training came to its optimum or to the best added since."""
         reach, done = self._everything, 0
         for policy in self._policies:
             if policy.trained_on is None:
@@ -339,7 +423,7 @@ class InteractiveTraining:
         return pair(int(rows[best(self._strategy, self._candidates(d[rows]))[0]]))
 
     def _simple_pair(self, d: Floats) -> Pair | None:
-        """Return a question of simple bags that tells of the signs of some of these differences (n, k), if any does."""
+        """Return a question of simple bags on the signs of some of these differences (n, k), if there is one."""
         if self._bags is None or not len(d):
             return None
         candidates = self._candidates(d[:_LOOKED_AT])
@@ -351,20 +435,20 @@ class InteractiveTraining:
         return Candidates(d, nowhere, nowhere, _MATTERS * self.tolerance, self._elicitation.comparator)
 
     def _pair_of_policies(self, at: int, row: int, tier: int = int(Tier.TUTOR)) -> Pair:
-        """The best policy against another, the row-th of the others."""
+        """Return the best policy against another, the row-th of the others."""
         other = row + (row >= at)
         about = f"policy {other + 1} (left) or policy {at + 1}, the best so far (right)?"
         place = (("policies", min(at, other), max(at, other)),)
         return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
 
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
-        """The best policy against a row of vectors (n, k) that no policy is known to have."""
+        """Return the best policy against a row of vectors (n, k) that no policy is known to have."""
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
         place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)
 
     def _audit(self, shares: Floats, at: int) -> _Question | None:
-        """Return a pair of policies that the answers have settled, if audits are wanted."""
+        """Return a pair of policies that the answers have decided, if audits are wanted."""
         d = np.delete(shares, at, axis=0) - shares[at]
         judged = self._elicitation.judge(d, lambda row: self._pair_of_policies(at, row).place)
         rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))

@@ -1,7 +1,8 @@
-"""What the best of some trained policies can lose against those that nobody has seen, and what that rests on.
+"""Upper bound on the loss of the best trained policy against all others, and its conditions.
 
-A training that came within a gap of its optimum bounds all policies at its own scale (``ReachableSet``). Nothing can
-vouch for the gap; but where a later policy beats an earlier training at its scale by more, it is seen not to hold.
+A training that came within a gap of its optimum bounds all policies at its own scale
+(``ReachableSet``). Nothing can vouch for the gap. But if a later policy beats an earlier training
+at its scale by more, the gap is seen not to hold.
 """
 
 from __future__ import annotations
@@ -25,12 +26,24 @@ from qlearn.training.reachable_set import ReachableSet
 from qlearn.training.training_result import TrainedPolicy
 
 ROUNDING = 1e-9
-"""More than what corners and bounds are off by."""
+"""Upper bound on the rounding errors of vertices and bounds."""
 
 
 def greatest_error(errors: ArrayLike, k: int) -> float:
-    """The greatest standard error of a vector's worth under any scale, from those of its k shares (the errors of a tail
-    sum are at most those of its shares together, or of the others), or of its k - 1 objectives."""
+    """Return the greatest standard error of a vector's worth under any scale.
+
+    The errors of a tail sum are at most those of its shares together, or of the others.
+
+    Parameters
+    ----------
+    errors : (k,) or (k - 1,)
+        Standard errors of its k shares, or of its k - 1 objectives.
+    k : int
+
+    Returns
+    -------
+    float
+    """
     given = np.asarray(errors, dtype=np.float64)
     fits = given.shape in ((k,), (k - 1,)) and bool((np.isfinite(given) & (given >= 0)).all())
     require(fits, "errors", f"{k} standard errors, one a share (of objectives {k - 1}), finite and at least 0", errors)
@@ -41,8 +54,24 @@ def greatest_error(errors: ArrayLike, k: int) -> float:
 
 
 def greatest_loss(d: Floats, comparator: Comparator) -> tuple[float, Floats, float]:
-    """The greatest d.e over differences d (n, k) and plausible scales, each one's (n,), and with what confidence: of
-    scales drawn, the quantile at the comparator's level of the greatest under each, and the greatest of all."""
+    """Return the greatest d.e over differences and plausible scales, and the confidence in it.
+
+    If the scales are drawn, ``loss`` is the quantile, at the comparator's level, of the greatest
+    under each scale.
+
+    Parameters
+    ----------
+    d : (n, k)
+    comparator : Comparator
+
+    Returns
+    -------
+    loss : float
+        In units of e_k - e_1.
+    each : (n,)
+        The greatest of each difference over all plausible scales.
+    confidence : float
+    """
     drawn = drawn_set(comparator)
     if drawn is None:
         high, confidence = simultaneous_bounds(comparator, d)
@@ -61,7 +90,24 @@ def guarantee_of(
     comparator: Comparator,
     gap: float | None,
 ) -> Guarantee:
-    """What the policy of this number can lose, if no training ended farther than the gap below its optimum."""
+    """Return the guarantee of the policy of this number, if no training ended beyond the gap.
+
+    Parameters
+    ----------
+    everything : ReachableSet
+        All vectors, before any training.
+    policies : tuple of TrainedPolicy
+    at : int or None
+        Number of the policy.
+    comparator : Comparator
+    gap : float or None
+        Largest distance of a training's end below its optimum.
+
+    Returns
+    -------
+    Guarantee
+        nan if there is no policy or no gap, or if the gap is seen not to hold.
+    """
     if at is None or gap is None or is_broken(policies, gap):
         return Guarantee(np.nan, np.nan)
     reach = everything
@@ -70,14 +116,17 @@ def guarantee_of(
             gaps = np.diff(policy.trained_on)
             reach = reach.cut(gaps, float(product(tail_sums(policy.shares), gaps)) + gap + policy.error)
     loss, _, confidence = greatest_loss(reach.vectors - policies[at].shares, comparator)
-    # each measured policy may be off by more, at its own scale, and the best one at the true scale
+    # each measured policy may be further off at its own scale, and the best one at the true scale
     measured = sum(policy.error > 0 for policy in policies)
     doubt = (measured + 1) * 2.0 * float(norm.sf(STANDARD_ERRORS)) if measured else 0.0
     return Guarantee(loss + policies[at].error, max(0.0, confidence - doubt))
 
 
 def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
-    """By how much each policy beats each trained one (n, j) at the scale of the latter, and the errors of both."""
+    """Return by how much each policy beats each trained one (n, j), and the errors of both.
+
+    The comparison is at the scale of the latter.
+    """
     shares, errors = np.array([policy.shares for policy in policies]), np.array([policy.error for policy in policies])
     trained = [i for i, policy in enumerate(policies) if policy.trained_on is not None]
     scales = np.array([policies[i].trained_on for i in trained])
@@ -86,13 +135,17 @@ def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
 
 
 def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
+    """Return the most by which a policy beats a trained one at the latter's scale, at least 0."""
     if all(policy.trained_on is None for policy in policies):
         return 0.0
     return max(0.0, float(_excesses(policies)[0].max()))
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Whether a policy beats a trained one, at the latter's scale, by more than the gap and the errors of both."""
+    """Return whether a policy beats a trained one, at the latter's scale, by more than gap and errors.
+
+    The errors are those of both policies.
+    """
     if all(policy.trained_on is None for policy in policies):
         return False
     excess, errors = _excesses(policies)

@@ -1,4 +1,4 @@
-"""What ``InteractiveTraining`` has found, and where it stands, in sentences."""
+"""The findings of ``InteractiveTraining`` and its status, in sentences."""
 
 from __future__ import annotations
 
@@ -16,8 +16,11 @@ from qlearn.certificates.loss_bound import Guarantee
 
 
 class TrainedPolicy(NamedTuple):
-    """A policy that was brought in: its ``shares`` (k,), of total 1, which no scale sees farther than ``error`` from
-    the true ones, and the scale (k,) that it was trained on, or None."""
+    """A policy that was added.
+
+    Its ``shares`` (k,) total 1. Their value under any scale is within ``error`` of the true one.
+    ``trained_on`` is the scale (k,) that it was trained on, or None.
+    """
 
     policy: Any
     shares: Floats
@@ -27,10 +30,24 @@ class TrainedPolicy(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrainingResult:
-    """What is known so far. ``policy``: the best at the comparator's central scale, None before the first, and its
-    ``shares`` (k,); ``asked``: questions told, audits not counted; ``trained``: policies trained on a scale it gave;
-    ``policies``: all that were brought in, in order; ``observed_gap``: by how much a policy beat another one, at most,
-    at the scale that the latter was trained on: so much at least that training fell short of its optimum."""
+    """The findings so far.
+
+    Attributes
+    ----------
+    policy
+        The best policy at the comparator's central scale, None before the first.
+    shares : (k,)
+        Its shares.
+    asked : int
+        Number of questions told, without audits.
+    trained : int
+        Number of policies trained on a scale that ``InteractiveTraining`` gave.
+    policies
+        All policies that were added, in order.
+    observed_gap : float
+        The most by which a policy beat another one at the scale that the latter was trained on. At
+        least that training fell short of its optimum by so much.
+    """
 
     policy: Any
     shares: Floats | None
@@ -57,18 +74,24 @@ class TrainingResult:
 
     @property
     def loss_bound(self) -> float:
-        """The policy loses at most this share of the value range against the best there is, if each training came
-        within ``optimality_gap`` of its optimum. nan where no gap was given, or where it is seen not to hold."""
+        """Largest loss of the policy against the best there is, a share of the value range.
+
+        It holds if each training came within ``optimality_gap`` of its optimum. It is nan if no gap
+        was given, or if the gap is seen not to hold.
+        """
         return float(self._guaranteed.loss_bound)
 
     @property
     def confidence(self) -> float:
-        """How certain ``loss_bound`` is, if the gap holds: that of the comparator (1: proven of every scale that fits
-        the answers), less the chance that measured shares are off by more than ``STANDARD_ERRORS``; nan where no bound
-        or no confidence can be stated."""
+        """Confidence in ``loss_bound``, if the gap holds.
+
+        It is the comparator's (1: proven for every scale that fits the answers), less the chance
+        that measured shares are off by more than ``STANDARD_ERRORS``. It is nan if no bound or no
+        confidence can be stated.
+        """
         return float(self._guaranteed.confidence)
 
     @property
     def audited(self) -> int:
-        """How many settled comparisons were put to the tutor."""
+        """Number of decided comparisons that were put to the tutor."""
         return len(self.audits)

@@ -106,9 +106,9 @@ def test_what_only_compiles_is_of_no_number(monkeypatch):
     met = []
     read = stamps._module
     monkeypatch.setattr(stamps, "_module", lambda name, changed: met.append(name) or read(name, changed))
-    stamps.sources("qlearn")  # figures, whose compiling ahead knows all learners
-    assert "qlearn.learners.q_learning" in met
-    assert not {"qlearn.experiments.compile_ahead", "qlearn.learners.policy_iteration"} & {*met}
+    stamps.sources("qlearn")  # figures, whose catalogue knows all learners
+    assert {"qlearn.experiments.catalogue", "qlearn.learners.q_learning", "qlearn.learners.policy_iteration"} <= {*met}
+    assert "qlearn.experiments.compile_ahead" not in met
     met.clear()
     stamps.sources("benchmarks.asking.certificates")
     assert "qlearn.learners.policy_iteration" in met

@@ -1,4 +1,4 @@
-"""The tutor who errs as Bradley and Terry say: a bootstrap of fits, and a posterior by particles.
+"""Comparators for a tutor who errs by the Bradley-Terry model: a bootstrap, and particles.
 
 Imports from ``decision``, ``lp``, ``model`` and ``_support``.
 """

@@ -1,12 +1,13 @@
-"""The noisy-tutor comparator of section 3.2: a Bradley-Terry fit and the bootstrap around it.
+"""The noisy-tutor comparator of section 3.2: a Bradley-Terry fit and its bootstrap.
 
 Eq. (6) and (7), with a stated prior, are fitted to the answers as told and to m resamples of them.
-A comparison is decided only where all plausible fits agree on its sign, "plausible" being either
-the paper's box (an interval for each level) or the ensemble of the fits themselves.
+A comparison is decided only if all plausible fits agree on its sign. Plausible is either the
+paper's box, which is an interval for each level, or the ensemble of the fits themselves.
 
-What is not the paper's: the prior (without one, early fits lie at infinity), gaps >= 0
-(``monotone``), ties (``tie``), dominance first, ``region="ensemble"``, ``min_answers``, and refits on a schedule. Each
-can be left out; ``benchmarks.paper.literal`` measures what that does.
+These parts are not the paper's: the prior (without one, early fits lie at infinity), gaps >= 0
+(``monotone``), ties (``tie``), dominance first, ``region="ensemble"``, ``min_answers``, and refits
+on a schedule. Each can be left out. ``benchmarks.paper.literal`` measures the effect of leaving
+them out.
 """
 
 from __future__ import annotations
@@ -37,54 +38,80 @@ from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_s
 
 Region = Literal["box", "ensemble"]
 NoMaximum = Literal["ask", "take"]
-_LARGE = 2.0**900  # differences beyond this or below its inverse are scaled, lest sums overflow or vanish
+_LARGE = 2.0**900  # differences beyond it or below its inverse are scaled, so that no sum overflows or vanishes
 
 
 class NotConverged(RuntimeWarning):
-    """Some fit found no maximum, and decides nothing. With ``prior_strength=0`` this is what comes of
-    answers that some scale explains without error, and of levels that no answer touches."""
+    """Warning that some fit found no maximum, and decides nothing.
+
+    With ``prior_strength=0`` there are two causes: some scale explains the answers without error,
+    or no answer touches some levels.
+    """
 
 
 @dataclass(frozen=True)
 class BradleyTerryComparator:
-    """Decides a difference where the fits to ``n_boot`` resamples of the answers agree on its sign.
+    """Decides a difference if the fits to ``n_boot`` resamples of the answers agree on its sign.
 
-    k               number of levels
-    precision       c of eq. (6), logits per unit of d.e. It enters only the prior, whose theta_k it is:
-                    the fit leaves theta = c (e - e_1) free. 0: answers teach nothing
-    n_boot, level   number of resamples m, and confidence level of the percentile intervals: order
-                    statistics, rounded outwards, widened to hold the point estimate
-    region          "ensemble": percentiles of d.theta over the m fits. "box": the paper's extremes
-                    of d.theta over a percentile interval for each theta_i, which ignores how the
-                    levels vary together and for k >= 10 decides next to nothing
-    seed            int, numpy SeedSequence or Generator (kept as an int), or None for a new one
-    prior_strength  s of the prior -(s/2) sum_j ((k-1) (gamma_j / precision - centre_j))^2 on the gaps
-                    gamma of theta: gaps stray from their centre by about s^-1/2 equal gaps. 0: no prior
-    prior_shape     the centre is equal gaps for the point estimate, and for each resample a draw of
-                    its own, for few answers show no spread of their own: gaps from Dirichlet(a), log a
-                    uniform between these two. (1, 1): uniform on the simplex of gaps, too sure of
-                    itself on scales with a few large gaps
-    monotone        keep gamma >= 0. False: the paper's literal fit
-    rescale         footnote 3: divide the theta of each resample by its theta_k first
-    refit_growth    fits are made only at r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + refit_growth)))
-                    answers; in between, the last one stays in use. 0: a fit at every answer
-    min_answers     a fit on fewer decides nothing: a bootstrap of one answer has no width, and one of
-                    very few shows the prior more than the tutor
-    dominance       whether eq. (4) decides before the fits do. False: they decide alone, as in Algorithm 2, and
-                    bounds go beyond what the order of the levels allows
-    no_maximum      what becomes of a fit that found no maximum (see ``NotConverged``). "ask": it could lie
-                    anywhere, and takes the place of one left out at either end; where there are too many of
-                    them nothing is decided. "take": it counts where Newton's method stopped, as with an
-                    optimiser that nobody asks whether it has converged
-    tie             the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call
-                    EQUAL, in 0 <= tie < 1, where d is a difference of share vectors and enters as it is
-                    given: the width of Rao and Kupper's (1967) model of ties (see ``likelihood.fit``).
-                    Where nothing was called equal the fits do not depend on it. 0: EQUAL means equal,
-                    and counts as half an answer each way
+    The comparator is a frozen value, and a function of (answers in told order, seed, settings)
+    alone. Fits are made when they are first needed. If the model is inconclusive (too few answers,
+    precision 0, theta_k <= 0, no maximum), every verdict beyond dominance is UNKNOWN.
 
-    A frozen value, and a function of (answers in told order, seed, settings) alone. Fits are made
-    when first needed. Where the model says nothing (too few answers, precision 0, theta_k <= 0, no
-    maximum) every verdict beyond dominance is UNKNOWN. Raises ValueError on bad settings.
+    Parameters
+    ----------
+    k : int
+        Number of levels.
+    precision : float
+        The c of eq. (6), in logits per unit of d.e. It enters only the prior, where it is theta_k:
+        the fit leaves theta = c (e - e_1) free. If it is 0, the answers teach nothing.
+    n_boot : int
+        Number of resamples, m.
+    level : float
+        Confidence level of the percentile intervals. Their ends are order statistics, rounded
+        outwards and widened to hold the point estimate.
+    region : {"ensemble", "box"}
+        ``"ensemble"`` takes percentiles of d.theta over the m fits. ``"box"`` takes the paper's
+        extremes of d.theta over a percentile interval for each theta_i. It ignores how the levels
+        vary together, and for k >= 10 it decides next to nothing.
+    seed : int, SeedSequence, Generator or None
+        Kept as an int. None draws a new one.
+    prior_strength : float
+        The s of the prior -(s/2) sum_j ((k-1) (gamma_j / precision - centre_j))^2 on the gaps gamma
+        of theta. Gaps stray from their centre by about s^-1/2 equal gaps. 0: no prior.
+    prior_shape : (low, high)
+        The prior's centre is equal gaps for the point estimate. Each resample draws a centre of its
+        own, because few answers show no spread of their own: gaps from Dirichlet(a), with log a
+        uniform between the logs of these two. (1, 1) is uniform on the simplex of gaps, and
+        overconfident on scales with a few large gaps.
+    monotone : bool
+        Keep gamma >= 0. False: the paper's literal fit.
+    rescale : bool
+        Divide the theta of each resample by its theta_k first (footnote 3).
+    refit_growth : float
+        Fits are made only at r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + refit_growth))) answers.
+        In between, the last fit stays in use. 0: a fit at every answer.
+    min_answers : int
+        A fit to fewer answers decides nothing. A bootstrap of one answer has no width, and one of
+        very few shows the prior more than the tutor.
+    dominance : bool
+        Let eq. (4) decide before the fits do. If False, the fits decide alone, as in Algorithm 2,
+        and bounds may exceed what the order of the levels allows.
+    no_maximum : {"ask", "take"}
+        Treatment of a fit that found no maximum (see ``NotConverged``). ``"ask"``: such a fit could
+        lie anywhere, so it takes the place of one left out at either end. If there are too many of
+        them, nothing is decided. ``"take"``: the fit counts where Newton's method stopped, as with
+        an optimiser whose convergence nobody checks.
+    tie : float
+        Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0 <=
+        tie < 1. Here d is a difference of share vectors, used as it is given. It is the width in
+        Rao and Kupper's (1967) model of ties (see ``likelihood.fit``). As long as no answer is
+        EQUAL the fits do not depend on it. 0: EQUAL means equal, and counts as half an answer each
+        way.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of range.
     """
 
     k: int
@@ -131,7 +158,18 @@ class BradleyTerryComparator:
         object.__setattr__(self, "answers", Answers.none(self.k))
 
     def update(self, answers: Answers) -> BradleyTerryComparator:
-        """A comparator that also knows these answers: all at once or one by one makes no difference."""
+        """Return a comparator that also knows these answers.
+
+        It makes no difference whether answers come all at once or one by one.
+
+        Parameters
+        ----------
+        answers : Answers
+
+        Returns
+        -------
+        BradleyTerryComparator
+        """
         check_answers(answers, self.k)
         after = copy.copy(self)
         object.__setattr__(after, "answers", self.answers + answers)
@@ -141,26 +179,39 @@ class BradleyTerryComparator:
 
     @property
     def fitted_answers(self) -> int:
-        """How many of the answers, the first ones, the fit in use rests on."""
+        """Number of answers, counted from the first, that the fit in use was made from."""
         return refit_point(len(self.answers), self.refit_growth)
 
     @property
     def answers_to_next_step(self) -> int:
-        """How many more answers there will be at the next fit."""
+        """Number of further answers until the next fit."""
         return next_refit(len(self.answers), self.refit_growth) - len(self.answers)
 
     @property
     def values(self) -> Floats:
-        """(k,) the point estimate theta / theta_k; equal spacing where the model says nothing."""
+        """The point estimate (k,) theta / theta_k; equal spacing if the model is inconclusive."""
         return self._model.values.copy()
 
     @property
     def converged(self) -> bool:
-        """Whether every fit in use found its maximum; ``NotConverged`` is warned when one does not."""
+        """True if every fit in use found its maximum; otherwise ``NotConverged`` is warned."""
         return self._model.converged
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) on d (n, k): dominance first, if at all, then BETTER or WORSE where the whole region agrees."""
+        """Return verdicts on differences.
+
+        Dominance decides first, unless it is switched off. Beyond it a verdict is BETTER or WORSE
+        if the whole region agrees.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     @property
@@ -173,13 +224,25 @@ class BradleyTerryComparator:
         return rule if self.dominance else rule._replace(dominance=False)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """lo, hi (n,) of d.e over the region, in units of the point estimate's theta_k (eq. 6 without the
-        logistic function), and with ``dominance`` never beyond what the order of the levels allows."""
+        """Return bounds on d.e over the region.
+
+        They are eq. (6) without the logistic function. With ``dominance`` they never exceed what
+        the order of the levels allows.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of the point estimate's theta_k
+        """
         rows, power = _in_range(as_differences(d, self.k))
         t = tail_sums(rows)
         least, greatest = order_bounds(t, 0.0)
         if not self.dominance:
-            greatest = np.where(t.any(axis=1), np.inf, 0.0)  # vectors that are the same are the same for all scales
+            greatest = np.where(t.any(axis=1), np.inf, 0.0)  # equal vectors are equal on every scale
             least = -greatest
         lo, hi = least, greatest
         if self._model.region is not None:
@@ -188,16 +251,33 @@ class BradleyTerryComparator:
 
     @property
     def confidence(self) -> float:
-        """Of guarantees that rest on the fits: ``level``; nan once the tutor has called nearly equal what she may, for
-        every resample has the same answers "equal", and says nothing of what they leave open."""
+        """Confidence of guarantees that depend on the fits: ``level``, or nan.
+
+        It is nan once the tutor has called something equal, if ``tie`` is above 0. Every resample
+        holds the same answers "equal", and shows nothing of what these leave open.
+        """
         return math.nan if self.tie > 0 and (self.answers.y == 0).any() else self.level
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e / e_k that hold for all rows of d (n, k) at once, and their nominal confidence: the
-        greatest d.e over the fits, without the share 1 - ``level`` of them with the greatest d.e of any row. It is the
-        bootstrap's, not a posterior probability. Where the model says nothing, and for the box, whose levels are not
-        bounded together: what holds for every ordered scale, at confidence 1."""
+        """Return upper bounds on d.e / e_k that hold for all rows at once, and their confidence.
+
+        They are the greatest d.e over the fits, after the share 1 - ``level`` of the fits with the
+        greatest d.e of any row is left out. If the model is inconclusive, and for the box, whose
+        levels are not bounded together, the bounds are those over every ordered scale, at
+        confidence 1.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        confidence : float
+            The bootstrap's nominal confidence. It is not a posterior probability.
+        """
         rows = as_differences(d, self.k)
         draws, t = self.draws, tail_sums(rows)
         if draws is None or not len(rows):
@@ -208,8 +288,11 @@ class BradleyTerryComparator:
 
     @property
     def draws(self) -> Draws | None:
-        """The fits as equally likely scales, each with its own precision; None where the model says nothing, for the
-        box, and where a fit has no scale (theta_k <= 0)."""
+        """The fits as equally likely scales, each with its own precision, or None.
+
+        It is None if the model is inconclusive, for the box, and if a fit has no scale (theta_k <=
+        0).
+        """
         region = self._model.region
         if not isinstance(region, _Ensemble) or not (region.gaps.sum(axis=0) > 0).all():
             return None
@@ -217,9 +300,20 @@ class BradleyTerryComparator:
         return Draws(region.gaps / total, np.full(m, 1.0 / m), total * self._model.top)
 
     def probability(self, d: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """s_min, s_max and the point estimate of P(left is better), eq. (6), each (n,), at the fitted
-        theta: s_min > 1/2 goes with BETTER. Where the model says nothing the range is 0 to 1 (1/2 at
-        an end that dominance rules out) and the point is the prior's, equal gaps."""
+        """Return bounds on P(left is better) and its point estimate, eq. (6), at the fitted theta.
+
+        s_min > 1/2 goes with BETTER. If the model is inconclusive, the range is 0 to 1, or 1/2 at
+        an end that dominance rules out, and the point is that of the prior's equal gaps.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        s_min, s_max, point : (n,) each, probabilities
+        """
         model = self._model
         lo, hi = self.bounds(d)
         point = np.clip(dot(tail_sums(as_differences(d, self.k)), np.diff(model.values)), lo, hi)
@@ -268,7 +362,7 @@ class BradleyTerryComparator:
         return _Model(np.concatenate([[0.0], theta / top]), top, region, converged)
 
     def _warn(self, n: int, lost: int, point: bool) -> None:
-        """That so many resamples of n answers have no maximum, and perhaps the answers themselves."""
+        """Warn of resamples of n answers without a maximum, and perhaps of the answers themselves."""
         text = f"no maximum found for {lost} of {self.n_boot} resamples of {n} answers"
         text += "" if point else ", nor for the answers themselves"
         text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
@@ -277,7 +371,7 @@ class BradleyTerryComparator:
 
 @dataclass(frozen=True)
 class _Model:
-    """A fit and what is plausible around it; without a region it says nothing."""
+    """A fit and the region that is plausible around it; without a region it is inconclusive."""
 
     values: Floats  # (k,)
     top: float = 0.0  # theta_k of the point estimate
@@ -290,10 +384,10 @@ class _Ensemble:
     """Percentiles of d.e over the fits."""
 
     gaps: Floats  # (p, m + 1), the last one the point estimate
-    cut: int  # how many fits are left out at either end
+    cut: int  # number of fits left out at either end
 
     def extremes(self, d: Floats) -> tuple[Floats, Floats]:
-        """Least and greatest plausible d.e (n,) of d (n, k)."""
+        """Return the least and the greatest plausible d.e (n,) of d (n, k)."""
         scores, last = dot(tail_sums(d)[:, None], self.gaps.T), self.gaps.shape[1] - 2
         point = scores[:, -1]
         ordered = np.sort(scores[:, :-1], axis=1)
@@ -309,19 +403,22 @@ class _Box:
 
     @staticmethod
     def around(scales: Floats, point: Floats, cut: int) -> _Box:
-        """Percentile intervals of each column of scales (m, p), widened to hold the point (p,)."""
+        """Return percentile intervals of each column of scales (m, p), widened to hold the point (p,)."""
         ordered = np.sort(scales, axis=0)
         return _Box(np.minimum(ordered[cut], point), np.maximum(ordered[len(scales) - 1 - cut], point))
 
     def extremes(self, d: Floats) -> tuple[Floats, Floats]:
-        """Least and greatest plausible d.e (n,) of d (n, k)."""
+        """Return the least and the greatest plausible d.e (n,) of d (n, k)."""
         ends = np.stack([d[:, 1:] * self.lo, d[:, 1:] * self.hi])
         least, greatest = ends.min(axis=0), ends.max(axis=0)
         return np.add.accumulate(least, axis=1)[:, -1], np.add.accumulate(greatest, axis=1)[:, -1]
 
 
 def _in_range(d: Floats) -> tuple[Floats, NDArray[np.int64] | int]:
-    """d (n, k) with rows beyond 2^900, or below its inverse, divided by 2^power; and the powers (n,)."""
+    """Return d (n, k) with extreme rows divided by 2^power, and the powers (n,).
+
+    Extreme rows are those whose largest entry is beyond 2^900 or below its inverse.
+    """
     size = np.abs(d[:, 1:]).max(axis=1)
     if not size.size or (size.max() <= _LARGE and size.min() >= 1.0 / _LARGE):
         return d, 0
@@ -332,7 +429,10 @@ def _in_range(d: Floats) -> tuple[Floats, NDArray[np.int64] | int]:
 
 
 def refit_point(n: int, growth: float) -> int:
-    """The largest r_i <= n of the schedule r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + growth)))."""
+    """Return the largest number of answers r_i <= n at which a fit is made.
+
+    The schedule is r_0 = 1, r_{i+1} = max(r_i + 1, ceil(r_i (1 + growth))).
+    """
     if n * growth <= 1:
         return n
     points = _refits(growth, 1 << n.bit_length())
@@ -340,7 +440,7 @@ def refit_point(n: int, growth: float) -> int:
 
 
 def next_refit(n: int, growth: float) -> int:
-    """The smallest r_i > n of the same schedule."""
+    """Return the smallest number r_i > n at which a fit is made, by the schedule of ``refit_point``."""
     if (n + 1) * growth <= 1:
         return n + 1
     points = _refits(growth, 1 << n.bit_length())
@@ -349,7 +449,7 @@ def next_refit(n: int, growth: float) -> int:
 
 @lru_cache(maxsize=64)
 def _refits(growth: float, beyond: int) -> tuple[int, ...]:
-    """The schedule from where its steps exceed one, up to ``beyond``."""
+    """Return the schedule from where its steps exceed one, up to ``beyond``."""
     points = [max(1, int(1 / growth))]
     while points[-1] <= beyond:
         points.append(points[-1] + max(1, math.ceil(points[-1] * growth)))

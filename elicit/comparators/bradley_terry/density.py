@@ -1,13 +1,16 @@
 """The density of a particle: prior times likelihood, in compiled code.
 
-A particle's first p coordinates x are theta = exp(x) = c g; then come, where they are learned, the logit of the lapse
-(see ``slips``) and that of the width within which the tutor calls two things equal, as a share of its greatest.
+The first p coordinates of a particle x give theta = exp(x) = c g. If the lapse is learned, its
+logit follows (see ``slips``). If the width is learned within which the tutor calls two things
+equal, the last coordinate is its logit, as a share of its greatest.
 
-With a width w an answer is one of three (Rao and Kupper 1967): P(better) = sigma(c d.e - c w), P(worse) likewise of -d,
-P(equal) the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c d.e); and a lapse gives each of the three equally
-often. Without, it is one of two, and a tie counts as half an answer each way.
+With a width w an answer is one of three (Rao and Kupper 1967). P(better) = sigma(c d.e - c w), and
+P(worse) is the same of -d. P(equal) is the rest, (1 - exp(-2 c w)) sigma(c w - c d.e) sigma(c w + c
+d.e). A lapse gives each of the three equally often. Without a width an answer is one of two, and a
+tie counts as half an answer each way.
 
-Each term of the log-likelihood is at most 0, so that a proposal can be given up as soon as its partial sum is too low.
+Each term of the log-likelihood is at most 0. So a proposal can be rejected as soon as its partial
+sum is too low.
 """
 
 from __future__ import annotations
@@ -20,15 +23,19 @@ from elicit.model.scale import Floats
 
 BLOCK = 64  # rows whose likelihoods are multiplied before a logarithm is taken; log_terms halves it three times
 FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
-LEAST_LAPSE = 1e-4  # that is learned; below, single precision does not do (see ``density_float32``)
-LEAST_WIDTH = 1e-6  # in logits: below, the chance of EQUAL is no number that products of eight could hold
+LEAST_LAPSE = 1e-4  # least lapse that is learned: single precision is too coarse below (see ``density_float32``)
+LEAST_WIDTH = 1e-6  # in logits: below, products of eight probabilities of EQUAL would underflow
 
 
 class ParticlePrior(NamedTuple):
-    """log h(S) = log of the mixture over shapes a of Dirichlet(a), in S = sum log g; and log c ~ N(mean, sd^2).
-    ``fixed`` > 0 is a known precision; then the level of x means nothing. The lapse is ``lapse``, or where that is
-    negative a coordinate, LEAST_LAPSE or more and a priori Beta(a, b) otherwise. ``tie`` > 0: the width is a
-    coordinate, a priori uniform up to that."""
+    """Prior of a particle.
+
+    The log density of the gaps g is that of a mixture over shapes a of Dirichlet(a), in S = sum log
+    g. The precision has log c ~ N(mean, sd^2); ``fixed`` > 0 is a known precision, and then the
+    level of x means nothing. The lapse is ``lapse``. If that is negative, the lapse is a
+    coordinate: LEAST_LAPSE or more, and Beta(a, b) a priori otherwise. If ``tie`` > 0, the width is
+    a coordinate, uniform up to ``tie`` a priori.
+    """
 
     shapes: Floats  # (nodes,), at most BLOCK
     constants: Floats  # (nodes,) log weight + log of Dirichlet(a)'s constant
@@ -45,7 +52,7 @@ class ParticlePrior(NamedTuple):
 
 @compiled
 def scaled(x: Any, fixed: float, theta: Any) -> float:
-    """log c of x (>= p,), and theta = c g into theta (p,)."""
+    """Return log c of x (>= p,), and write theta = c g into theta (p,)."""
     p = len(theta)
     most, total = x[0], 0.0
     for j in range(p):
@@ -63,8 +70,10 @@ def scaled(x: Any, fixed: float, theta: Any) -> float:
 
 @compiled
 def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
-    """Log density of x up to a constant, and theta = c g into theta (p,); -inf where a prior inequality fails.
-    ``work`` is (2, BLOCK)."""
+    """Return the log density of x up to a constant, and write theta = c g into theta (p,).
+
+    It is -inf if a prior inequality fails. ``work`` is (2, BLOCK).
+    """
     p, s, c = len(theta), 0.0, 0.0
     log_c = scaled(x, prior.fixed, theta)
     for j in range(p):
@@ -97,20 +106,23 @@ def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
 
 @compiled
 def log_logistic(u: float, a: float, b: float) -> float:
-    """The log density of the logit u of a Beta(a, b) variate, up to a constant."""
+    """Return the log density of the logit u of a Beta(a, b) variate, up to a constant."""
     return a * min(u, 0.0) - b * max(u, 0.0) - (a + b) * math.log(1.0 + small_exp(min(abs(u), FARTHEST)))
 
 
 @compiled
 def logistic(u: float) -> float:
-    """1 / (1 + exp(-u))."""
+    """Return 1 / (1 + exp(-u))."""
     less: float = small_exp(min(abs(u), FARTHEST))
     return (1.0 if u >= 0.0 else less) / (1.0 + less)
 
 
 @compiled
 def slips(x: Any, theta: Any, prior: ParticlePrior) -> tuple[float, float]:
-    """The lapse, and the width in logits, c w, of x whose theta (p,) is given; 0 where EQUAL means equal."""
+    """Return the lapse and the width c w, in logits, of x whose theta (p,) is given.
+
+    The width is 0 if EQUAL means equal.
+    """
     lapse, width = prior.lapse, 0.0
     if lapse < 0.0:
         lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * logistic(x[len(theta)])
@@ -125,12 +137,14 @@ def slips(x: Any, theta: Any, prior: ParticlePrior) -> tuple[float, float]:
 def log_likelihood(
     theta: Any, rows: Any, tied: Any, first: int, end: int, lapse: float, width: float, least: float, work: Any
 ) -> float:
-    """Sum over rows (p, n) from ``first`` up to ``end`` of ``log_term``; -inf as soon as it is below ``least``.
-    ``work`` is (2, BLOCK)."""
+    """Return the sum of ``log_term`` over rows (p, n) from ``first`` up to ``end``.
+
+    It is -inf as soon as the sum is below ``least``. ``work`` is (2, BLOCK).
+    """
     total = 0.0
     for start in range(first, end, BLOCK):
         size = min(BLOCK, end - start)
-        if size == BLOCK:  # the same, with a length that the compiler knows
+        if size == BLOCK:  # the other branch's call, with a length that the compiler knows
             logits(theta, rows, start, BLOCK, work[0])
         else:
             logits(theta, rows, start, size, work[0])
@@ -145,7 +159,7 @@ def log_likelihood(
 
 @for_each_number
 def logits(theta: Any, rows: Any, start: int, size: int, out: Any) -> None:
-    """row.theta into out (>= size,) for as many rows (p, n) from ``start``."""
+    """Write row.theta into out (>= size,) for ``size`` rows of rows (p, n), from ``start`` on."""
     p, stop = len(theta), start + size
     for i in range(size):
         out[i] = 0.0
@@ -163,9 +177,12 @@ def logits(theta: Any, rows: Any, start: int, size: int, out: Any) -> None:
 
 @compiled
 def log_terms(work: Any, tied: Any, lapse: float) -> float:
-    """The sum of one block's terms, one for each of ``tied``, of eta in the first row of ``work`` (2, BLOCK), which is
-    lost. sigma(eta) = (1 or exp(-|eta|)) over 1 + exp(-|eta|): products of both take few logarithms, and multiplied by
-    halves they take few steps."""
+    """Return the sum of one block's terms, one for each entry of ``tied``.
+
+    The first row of ``work`` (2, BLOCK) holds eta, and is overwritten. sigma(eta) is 1 or
+    exp(-|eta|), over 1 + exp(-|eta|). Products of both need few logarithms, and multiplying by
+    halves needs few steps.
+    """
     above, below, size, ties, far = work[0], work[1], len(tied), 0, 0
     for i in range(size):
         ties += tied[i]
@@ -190,7 +207,7 @@ def log_terms(work: Any, tied: Any, lapse: float) -> float:
 
 @compiled
 def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
-    """The same with a width."""
+    """Return the sum of one block's terms with a width, as ``log_terms`` does without one."""
     above, below, size, far = work[0], work[1], len(tied), 0
     third, sure, equal = lapse / 3.0, 1.0 - lapse, -math.expm1(-2.0 * width)
     for i in range(size):
@@ -214,8 +231,11 @@ def log_terms_apart(work: Any, tied: Any, lapse: float, width: float) -> float:
 
 @compiled
 def log_quotient(above: Any, below: Any, size: int, low: float) -> float:
-    """The logarithm of the product of above / (1 + below) over the first ``size`` of either (BLOCK,), which are lost;
-    that of partial products of ``above`` is taken below ``low``."""
+    """Return the logarithm of the product of above / (1 + below) over the first ``size`` entries.
+
+    Both arrays are (BLOCK,) and are overwritten. If a partial product of ``above`` is below
+    ``low``, its logarithm is taken at once.
+    """
     for i in range(size):
         below[i] += 1.0
     for i in range(size, BLOCK):
@@ -236,8 +256,12 @@ def log_quotient(above: Any, below: Any, size: int, low: float) -> float:
 
 @compiled
 def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
-    """log(lapse/2 + (1 - lapse) sigma(eta)); where ``tied`` the mean of that and of its opposite's. With a width > 0,
-    log(lapse/3 + (1 - lapse) sigma(eta - width)); where ``tied`` of what that and its opposite's leave of 1."""
+    """Return the log-probability of an answer of logit eta, at most 0.
+
+    Without a width it is log(lapse/2 + (1 - lapse) sigma(eta)), and if ``tied`` the mean of that
+    and of its opposite's. With a width > 0 it is log(lapse/3 + (1 - lapse) sigma(eta - width)), and
+    if ``tied`` the logarithm of the probability that this and its opposite's leave of 1.
+    """
     if width > 0.0:
         eta, top = width - abs(eta) if tied else eta - width, 0.0
         if tied:
@@ -257,8 +281,12 @@ def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
 
 
 def exp_of_minus(u: Any) -> Any:
-    """exp(-u) for u in 0..60, to a few parts in 10^14 where it is above 1e-8, and in 10^11 below: exp(-u/256) by
-    Taylor's series, squared eight times. Without branches, for code that treats several u at once."""
+    """Return exp(-u) for u in 0..60.
+
+    The relative error is a few parts in 10^14 if the result is above 1e-8, and in 10^11 below. It
+    is exp(-u/256) by Taylor's series, squared eight times, without branches, for code that treats
+    several u at once.
+    """
     v = u * (-1.0 / 256.0)
     e = 1.0 / 40320.0 + v * (1.0 / 362880.0)
     e = 1.0 / 5040.0 + v * e
@@ -285,7 +313,10 @@ small_exp = compiled(exp_of_minus)
 
 @compiled
 def likelihoods(theta: Any, slip: Any, rows: Any, tied: Any, n: int, out: Any) -> None:
-    """Log-likelihood (m,) of row n - 1, for particles of theta (p, m) and of lapse and width ``slip`` (2, m)."""
+    """Write the log-likelihood (m,) of row n - 1 into ``out``, for particles of theta (p, m).
+
+    ``slip`` (2, m) holds their lapses and widths.
+    """
     p, m = theta.shape
     for i in range(m):
         out[i] = 0.0
@@ -301,7 +332,7 @@ def likelihoods(theta: Any, slip: Any, rows: Any, tied: Any, n: int, out: Any) -
 def powered(
     theta: Any, rows: Any, tied: Any, n: int, last: float, lapse: float, width: float, least: float, work: Any
 ) -> float:
-    """``log_likelihood`` of the first n rows, the last one's to the power ``last``."""
+    """Return ``log_likelihood`` of the first n rows, with the last one's to the power ``last``."""
     if last == 1.0:
         return log_likelihood(theta, rows, tied, 0, n, lapse, width, least, work)
     found = last * log_likelihood(theta, rows, tied, n - 1, n, lapse, width, -math.inf, work)

@@ -1,9 +1,9 @@
-"""Likelihoods in single precision, twice as fast, which decide on nearly all proposals as the exact ones would.
+"""Likelihoods in single precision, which are twice as fast and decide nearly all proposals.
 
-Nothing hangs on their rounding: each comes with a bound on its error, and what is closer than that is left to double
-precision. So the rows may come in any order: those that particles find hard to explain come first, and a bad proposal
-is given up after few of them. Rows are filled up to whole blocks, so that every loop has a length that the compiler
-knows.
+No decision depends on their rounding. Each comes with a bound on its error, and a proposal that is
+closer than that is left to double precision. So the rows may come in any order. Those that
+particles find hard to explain come first, and a bad proposal is rejected after few of them. Rows
+are filled up to whole blocks, so that every loop has a length that the compiler knows.
 """
 
 from __future__ import annotations
@@ -16,32 +16,35 @@ import numpy as np
 from elicit._support.jit import compiled, loosely
 from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, logits, scaled
 
-ROUNDING = 2.0**-24  # of a number in single precision
-TERM = 1e-5  # what the logarithm of a term may err by, beyond what its logit errs
-GREATEST = 1e30  # theta: single precision ends not far above
+ROUNDING = 2.0**-24  # relative rounding error of a number in single precision
+TERM = 1e-5  # maximum error of a log-term, excluding the error inherited from its logit
+GREATEST = 1e30  # largest theta: single precision overflows not far above
 HALF = BLOCK // 2
-SMALL = 1e-150  # products below are put away as logarithms; from that lapse on half a block's is not below
-CLASSES, WIDTH, LOWEST = 64, 0.5, -8.0  # of logits that rows are put in order by: how many, how wide, from where on
+SMALL = 1e-150  # smaller products are stored as logarithms; from that lapse on half a block's is not smaller
+CLASSES, WIDTH, LOWEST = 64, 0.5, -8.0  # classes of logits that order the rows: number, width, lowest logit
 _NONE, _ONE, _PART = np.float32(0.0), np.float32(1.0), np.float32(-1.0 / 32.0)
-_NEAR, _FAR = np.float32(15.0), np.float32(25.0)  # logits beyond are taken for these: the first without lapses
+_NEAR, _FAR = np.float32(15.0), np.float32(25.0)  # logits are clipped to these, the first without lapses
 _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in range(2, 8))
 
 
 class Rough(NamedTuple):
-    """Rows in single precision, in an order of their own, with zeros up to whole blocks."""
+    """Rows in single precision, in an order of their own, filled with zeros up to whole blocks."""
 
     rows: Any  # (p, n), single precision
     tied: Any  # (n,)
     sums: Any  # (p,) of the sizes in each column
-    ties: Any  # (n / BLOCK,) how many there are in each
+    ties: Any  # (n / BLOCK,) number of ties in each block
     theta: Any  # (p,), single precision, to write in
     n: int  # without the zeros
 
 
 @compiled
 def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) -> Any:
-    """The first n of rows (p, >= n) in the order (n,) of their logits at the mean theta of particles x (m, >= p), to
-    within ``WIDTH``, the least first; before them those ``tied``."""
+    """Return the order (n,) of the first n of rows (p, >= n) by difficulty for particles x (m, >= p).
+
+    Rows that are ``tied`` come first. The others follow by their logits at the particles' mean
+    theta, to within ``WIDTH``, the least first.
+    """
     p, m = len(rows), len(x)
     theta, mean, eta = np.empty(p), np.zeros(p), np.zeros(n)
     for i in range(m):
@@ -65,7 +68,7 @@ def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) ->
 
 @compiled
 def roughened(rows: Any, tied: Any, order: Any) -> Rough:
-    """Of rows (p, n) and of ``tied`` those in ``order``."""
+    """Return the entries of rows (p, n) and of ``tied`` that are in ``order``."""
     p, n, whole = len(rows), len(order), (len(order) + BLOCK - 1) // BLOCK * BLOCK
     out, ties, sums = np.zeros((p, whole), np.float32), np.zeros(whole, np.bool_), np.zeros(p)
     counts = np.zeros(whole // BLOCK, np.int64)
@@ -81,25 +84,30 @@ def roughened(rows: Any, tied: Any, order: Any) -> Rough:
 
 @compiled
 def error(theta: Any, rough: Rough, width: float) -> float:
-    """How far ``rough_likelihood`` of n rows may be from the exact one."""
+    """Return an upper bound on the error of ``rough_likelihood`` of n rows."""
     sizes, p = 0.0, len(theta)
     for j in range(p):
         sizes += rough.sums[j] * theta[j]
         if not theta[j] <= GREATEST:
             return math.inf
-    roundings = p // 4 + p % 4 + 8  # of a product in ``logits``, which adds four at a time; and three of what it is of
+    roundings = (
+        p // 4 + p % 4 + 8
+    )  # roundings of a product in ``logits``, which adds four at a time, and three of its factors
     return TERM * len(rough.tied) + ROUNDING * (roundings * sizes + 8 * len(rough.tied) * width)
 
 
 @compiled
 def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least: float, small: Any) -> float:
-    """``log_likelihood`` of theta (p,) to within ``error``, or too great by more where the lapse is below
-    ``LEAST_LAPSE``, for a term is never less than exp(-``_NEAR``); -inf as soon as it must be below ``least``. Writes
-    in small (2, BLOCK), in single precision."""
+    """Return ``log_likelihood`` of theta (p,) to within ``error``.
+
+    It may be too great by more if the lapse is below ``LEAST_LAPSE``, for a term is never less than
+    exp(-``_NEAR``). It is -inf as soon as it must be below ``least``. ``small`` (2, BLOCK), in
+    single precision, is overwritten.
+    """
     whole, gone, share = len(rough.tied), 0.0, 1.0
     for j in range(len(theta)):
         rough.theta[j] = theta[j]
-    most = math.log(1.0 - lapse * (2.0 / 3.0 if width > 0.0 else 0.5)) + 4.0 * ROUNDING  # of a term
+    most = math.log(1.0 - lapse * (2.0 / 3.0 if width > 0.0 else 0.5)) + 4.0 * ROUNDING  # greatest value of a term
     for start in range(0, whole, BLOCK):
         logits(rough.theta, rough.rows, start, BLOCK, small[0])
         if width > 0.0:
@@ -122,7 +130,7 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least
 
 @loosely
 def rough_terms(small: Any, lapse: float) -> None:
-    """One block's terms (see ``density.log_terms``) into the first row of small (2, BLOCK), where eta is."""
+    """Write one block's terms (see ``density.log_terms``) over eta in small[0] of small (2, BLOCK)."""
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
     far = _NEAR if lapse < LEAST_LAPSE else _FAR
@@ -134,7 +142,7 @@ def rough_terms(small: Any, lapse: float) -> None:
 
 @loosely
 def rough_ties(small: Any, tied: Any, lapse: float) -> None:
-    """The same, where ``tied`` (BLOCK,)."""
+    """Write one block's terms for rows that are ``tied`` (BLOCK,), as ``rough_terms`` for others."""
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
     for i in range(BLOCK):
@@ -145,7 +153,7 @@ def rough_ties(small: Any, tied: Any, lapse: float) -> None:
 
 @loosely
 def rough_terms_apart(small: Any, tied: Any, lapse: float, width: float) -> None:
-    """The same with a width (see ``density.log_terms_apart``)."""
+    """Write one block's terms with a width (see ``density.log_terms_apart``)."""
     above, below = small[0], small[1]
     third, sure, equal = np.float32(lapse / 3.0), np.float32(1.0 - lapse), np.float32(-math.expm1(-2.0 * width))
     far, wide = _NEAR if lapse < LEAST_LAPSE else _FAR, np.float32(width)
@@ -162,7 +170,7 @@ def rough_terms_apart(small: Any, tied: Any, lapse: float, width: float) -> None
 
 @loosely
 def product(terms: Any) -> float:
-    """The product of terms (n,) in double precision."""
+    """Return the product of terms (n,) in double precision."""
     total = 1.0
     for i in range(len(terms)):
         total *= np.float64(terms[i])
@@ -171,7 +179,7 @@ def product(terms: Any) -> float:
 
 @loosely
 def rough_exp(u: Any) -> Any:
-    """exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to 15."""
+    """Return exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to 15."""
     v = u * _PART
     e = _C6 + v * _C7
     e = _C5 + v * e

@@ -2,7 +2,7 @@
 
 In gap coordinates eq. (6) is P(left is better) = 1 / (1 + exp(-t.gamma)), with t the tail sums of
 left - right and gamma_j = c (e_{j+1} - e_j) >= 0 the scaled gaps. The log-likelihood is concave in
-gamma, so a fit is a convex problem; ``fit`` solves many of them fast.
+gamma, so a fit is a convex problem. ``fit`` solves many of them fast.
 
 Shapes: n answers, p = k - 1 gaps, m resamples. An answer y = 0 (a tie) counts as half an answer
 each way, or has a probability of its own (Rao and Kupper 1967; see ``fit``). Gammas are in logits
@@ -21,27 +21,27 @@ from elicit._support.hashing import fold, name_code
 from elicit._support.threads import one_thread
 from elicit.model.scale import Floats
 
-_TOLERANCE = 1e-12  # promised gain in log-likelihood below which a step is the last one
-_FLAT = 1e-8  # curvature, as a share of the most the answers could have, that means "no maximum here"
+_TOLERANCE = 1e-12  # a step that promises a smaller gain in log-likelihood is the last one
+_FLAT = 1e-8  # least curvature of a maximum, as a share of the most that the answers could have
 _MOST_STEPS = 100
 _BACKTRACKS = 50
-_BLOCK = 2**16  # numbers in a working array: more answers at once would only fall out of the cache
+_BLOCK = 2**16  # numbers in a working array that stays in the cache
 _ROWS = 2**11  # answers at once, at most
-_SURE = 600.0  # logits: exp of more overflows, and of less is as good as infinite
+_SURE = 600.0  # logits that count as infinite: exp overflows not far above
 _NEAR = 1e-3  # gaps this close to 0 (in gaps that total 1) may be held there for a step
 
 Signs = NDArray[np.integer]
 
 
 class Fit(NamedTuple):
-    """gamma (m, p), and for each of the m problems whether it converged."""
+    """The fitted gamma (m, p), and for each of the m problems whether it converged."""
 
     gamma: Floats
     converged: NDArray[np.bool_]
 
 
 def sigmoid(z: ArrayLike) -> Floats:
-    """1 / (1 + exp(-z)), elementwise, without overflow."""
+    """Return 1 / (1 + exp(-z)), elementwise, without overflow."""
     logits = np.asarray(z, dtype=np.float64)
     small = np.exp(-np.abs(logits))
     out: Floats = np.where(logits >= 0, 1.0, small) / (1.0 + small)
@@ -49,7 +49,21 @@ def sigmoid(z: ArrayLike) -> Floats:
 
 
 def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> Floats:
-    """Eq. (7): (m,) for gamma (m, p), tail sums t (n, p), answers y (n,) and weights (m, n)."""
+    """Return the log-likelihood of eq. (7).
+
+    Parameters
+    ----------
+    gamma : (m, p) logits
+    t : (n, p)
+        Tail sums.
+    y : (n,)
+        Answers in {-1, 0, +1}.
+    weights : (m, n) or float
+
+    Returns
+    -------
+    (m,)
+    """
     m, n = len(gamma), len(t)
     counts, total = np.broadcast_to(weights, (m, n)), np.zeros(m)
     for some in _blocks(m, n):
@@ -60,7 +74,7 @@ def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float =
 
 
 def derivatives(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> tuple[Floats, Floats]:
-    """Gradient (m, p) and Hessian (m, p, p) of ``log_likelihood``."""
+    """Return the gradient (m, p) and the Hessian (m, p, p) of ``log_likelihood``."""
     (m, p), n = gamma.shape, len(t)
     counts, gradient, upper = np.broadcast_to(weights, (m, n)), np.zeros((m, p)), np.zeros((m, p * (p + 1) // 2))
     for some in _blocks(m, n):
@@ -73,14 +87,16 @@ def derivatives(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.
 
 
 def _blocks(m: int, n: int) -> list[slice]:
-    """The n answers in blocks for which a working array of m problems stays in the cache."""
+    """Return the n answers in blocks for which a working array of m problems stays in the cache."""
     size = min(max(64, _BLOCK // max(1, m)), _ROWS)
     return [slice(i, i + size) for i in range(0, n, size)]
 
 
 def outer_rows(t: Floats) -> Floats:
-    """Upper triangles (n, p(p+1)/2) of the outer products of each row of t with itself: with them the
-    Hessians of all resamples are one matrix product."""
+    """Return upper triangles (n, p(p+1)/2) of the outer product of each row of t with itself.
+
+    With them the Hessians of all resamples are one matrix product.
+    """
     n, p = t.shape
     products, first = np.empty((n, p * (p + 1) // 2)), 0
     for j in range(p):
@@ -98,7 +114,10 @@ def _symmetric(upper: Floats, p: int) -> Floats:
 
 @dataclass(frozen=True)
 class _Problems:
-    """m penalised fits that share their rows, in units of gaps: u = gamma / precision, x = precision * t."""
+    """Penalised fits, m of them, that share their rows in units of gaps.
+
+    Here u = gamma / precision and x = precision * t.
+    """
 
     x: Floats  # (n, p)
     y: Signs  # (n,)
@@ -106,11 +125,11 @@ class _Problems:
     centre: Floats  # (m, p)
     strength: float
     monotone: bool
-    equal: Floats  # (m,) how many ties with a probability of their own
+    equal: Floats  # (m,) number of ties with a probability of their own
     width: float  # of these, in logits for gaps that total 1
 
     def loss(self, u: Floats) -> Floats:
-        """What is minimised (m,): minus eq. (7), plus the ridge."""
+        """Return the loss (m,) to minimise: minus eq. (7), plus the ridge."""
         ridge = self.strength / 2.0 * ((u - self.centre) ** 2).sum(axis=1)
         total: Floats = ridge - log_likelihood(u, self.x, self.y, self.weights)
         if self.width > 0:
@@ -118,7 +137,7 @@ class _Problems:
         return total
 
     def slopes(self, u: Floats) -> tuple[Floats, Floats]:
-        """Gradient (m, p) and Hessian (m, p, p) of the loss."""
+        """Return the gradient (m, p) and the Hessian (m, p, p) of the loss."""
         gradient, hessian = derivatives(u, self.x, self.y, self.weights)
         gradient, hessian = self.strength * (u - self.centre) - gradient, self.strength * np.eye(u.shape[1]) - hessian
         if self.width > 0:
@@ -128,16 +147,19 @@ class _Problems:
         return gradient, hessian
 
     def only(self, rows: NDArray[np.bool_] | slice) -> _Problems:
-        """Some of the problems."""
+        """Return some of the problems."""
         return replace(self, weights=self.weights[rows], centre=self.centre[rows], equal=self.equal[rows])
 
     def project(self, u: Floats) -> Floats:
-        """The nearest admissible point: gaps may not be negative unless the fit is the literal one."""
+        """Return the nearest admissible point.
+
+        Gaps may not be negative unless the fit is the literal one.
+        """
         return np.maximum(u, 0.0) if self.monotone else u
 
 
 @one_thread
-@np.errstate(over="ignore", invalid="ignore")  # where logits exceed all bounds no step is acceptable
+@np.errstate(over="ignore", invalid="ignore")  # if logits overflow, no step is acceptable
 def fit(
     t: Floats,
     y: Signs,
@@ -152,19 +174,46 @@ def fit(
 ) -> Fit:
     """Maximise eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2, m times at once.
 
-    t (n, p) tail sums, y (n,) in {-1, 0, +1}, ``centre`` (m, p) in gaps that total 1, ``weights``
-    (m, n) how often each resample holds each answer (default: once), ``start`` (p,) or (m, p) in
-    the unit of gamma (default: the centre; its total > 0). ``monotone`` keeps gamma >= 0. ``precision`` > 0.
+    Parameters
+    ----------
+    t : (n, p)
+        Tail sums.
+    y : (n,)
+        Answers in {-1, 0, +1}.
+    precision : float
+        Above 0.
+    centre : (m, p)
+        The prior's centre, in gaps that total 1.
+    strength : float
+        Of the prior. With 0 the maximum may lie at infinity, if some scale explains the answers
+        without error, or not be unique, if no answer touches some levels. Both leave a direction
+        without curvature, and are reported as not converged.
+    weights : (m, n), optional
+        Number of times that each resample holds each answer. Default: once.
+    start : (p,) or (m, p), optional
+        In the unit of gamma, with a total above 0. Default: the centre.
+    monotone : bool
+        Keep gamma >= 0.
+    tie : float
+        If it is above 0 and any y is 0, ties have a probability of their own. With s = tie * sum_j
+        gamma_j the three answers have the probabilities sigma(t.gamma - s), sigma(-t.gamma - s)
+        and, for equal, the rest: (1 - exp(-2 s)) sigma(s - t.gamma) sigma(s + t.gamma).
 
-    ``tie`` > 0, where any y is 0: with s = tie * sum_j gamma_j, answers have the probabilities sigma(t.gamma - s),
-    sigma(-t.gamma - s) and, equal, the rest, (1 - exp(-2 s)) sigma(s - t.gamma) sigma(s + t.gamma). So s is a shift of
-    all tail sums by ``tie``, a tie counts as two answers to shifted rows, and log(1 - exp(-2 s)) is concave: the whole
-    stays so.
+    Returns
+    -------
+    Fit
 
-    Projected Newton steps (Bertsekas, SIAM J. Control Optim. 1982) with Armijo damping: undamped,
-    warm starts diverge where answers are few. With strength 0 the maximum may lie at infinity
-    (answers that some scale explains without error) or not be unique (levels no answer touches):
-    both leave a direction without curvature, and are reported as not converged.
+    Notes
+    -----
+    The shift s is a shift of all tail sums by ``tie``. A tie counts as two answers to shifted rows,
+    and log(1 - exp(-2 s)) is concave, so the whole stays concave.
+
+    The method is projected Newton steps with Armijo damping. Undamped, warm starts diverge if there
+    are few answers.
+
+    References
+    ----------
+    Bertsekas, SIAM J. Control Optim. 1982. Rao and Kupper 1967.
     """
     m, p = centre.shape
     counts, equal, width = np.ones((m, len(t))) if weights is None else weights, np.zeros(m), 0.0
@@ -182,7 +231,7 @@ def fit(
 
 
 def _log_apart(a: Floats) -> Floats:
-    """log(1 - exp(-a)), elementwise; -inf where a is not above 0."""
+    """Return log(1 - exp(-a)), elementwise; -inf unless a is above 0."""
     least = np.finfo(np.float64).tiny
     return np.where(a > 0, np.log(-np.expm1(-np.maximum(a, least))), -np.inf)
 
@@ -206,8 +255,11 @@ def _fit(problems: _Problems, u: Floats) -> Fit:
 
 
 def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """One damped step of each problem: the new points, their losses, whether each step was acceptable,
-    and whether it promised too little to go on."""
+    """Return one damped step of each problem.
+
+    Returned are the new points, their losses, whether each step was acceptable, and whether it
+    promised too little to go on.
+    """
     gradient, hessian = problems.slopes(u)
     diagonal = np.einsum("mjj->mj", hessian)  # a view: writing to it writes to the Hessian
     diagonal += 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-300  # solvable where strength is 0
@@ -236,7 +288,7 @@ def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats,
 
 
 def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
-    """Whether (m,) some admissible direction has no curvature to speak of, so that u is no maximum."""
+    """Return for each problem (m,) whether u is no maximum, because an admissible direction is flat."""
     most = problems.weights @ outer_rows(problems.x) / 4.0  # no logistic curvature exceeds 1/4
     scale = np.sqrt(np.einsum("mjj->mj", _symmetric(most, u.shape[1])))
     gradient, hessian = problems.slopes(u)
@@ -251,8 +303,18 @@ def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
 
 
 def bootstrap_weights(key: int, m: int, n: int) -> Floats:
-    """How often each of m resamples, n draws with replacement, holds each of n answers (m, n). A
-    function of the key and n alone."""
+    """Return how often each of m resamples holds each of n answers.
+
+    A resample is n draws with replacement. The result is a function of the key and n alone.
+
+    Parameters
+    ----------
+    key, m, n : int
+
+    Returns
+    -------
+    (m, n) counts
+    """
     rng = np.random.Generator(np.random.PCG64(int(fold(key, name_code("bootstrap"), n))))
     drawn = rng.integers(0, n, size=(m, n)) + n * np.arange(m)[:, None]
     counts: Floats = np.bincount(drawn.ravel(), minlength=m * n).reshape(m, n).astype(np.float64)
@@ -260,9 +322,21 @@ def bootstrap_weights(key: int, m: int, n: int) -> Floats:
 
 
 def prior_centres(key: int, m: int, p: int, shape: tuple[float, float] = (1.0, 1.0)) -> Floats:
-    """m draws (m, p) of gaps that total 1: Dirichlet(a), with log a uniform between the logs of
-    ``shape``; a = 1 is uniform on the simplex, a small a makes a few large gaps. A function of the
-    key alone: each resample keeps its own centre, whatever n."""
+    """Return m draws of gaps that total 1, from Dirichlet(a).
+
+    Log a is uniform between the logs of the two numbers of ``shape``. With a = 1 the draw is
+    uniform on the simplex, and a small a makes a few large gaps. The result is a function of the
+    key alone: each resample keeps its own centre, whatever n.
+
+    Parameters
+    ----------
+    key, m, p : int
+    shape : (low, high)
+
+    Returns
+    -------
+    (m, p)
+    """
     rng = np.random.Generator(np.random.PCG64(int(fold(key, name_code("prior centres")))))
     a = np.exp(rng.uniform(np.log(shape[0]), np.log(shape[1]), size=(m, 1)))
     draws = rng.standard_gamma(np.broadcast_to(a, (m, p))) + np.finfo(np.float64).tiny  # never all zero

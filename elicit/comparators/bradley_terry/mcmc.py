@@ -1,8 +1,8 @@
-"""Moves that keep the particles' target: differential evolution, in all coordinates or in a few, and exchanges of gaps.
+"""Moves that leave the particles' target invariant: differential evolution, and exchanges of gaps.
 
-Differential-evolution Metropolis (ter Braak 2006): the steps are differences of other particles and so fit themselves
-to the posterior, in all coordinates or in a few (Vrugt et al. 2009). Exchanges of two gaps leap between modes: few
-answers tell that some gap is large but not which.
+In differential-evolution Metropolis (ter Braak 2006) the steps are differences of other particles,
+and so adapt to the posterior. They change all coordinates or a few (Vrugt et al. 2009). Exchanges
+of two gaps leap between modes: a few answers may show that some gap is large, but not which.
 """
 
 from __future__ import annotations
@@ -24,18 +24,24 @@ _S11 = np.uint64(11)
 
 @compiled
 def unit(h: Any) -> float:
-    """A hash as a number strictly between 0 and 1: ``hashing.unit`` may be 0, which has no logarithm."""
+    """Return a hash as a number strictly between 0 and 1.
+
+    ``hashing.unit`` may be 0, which has no logarithm.
+    """
     return (float(h >> _S11) + 0.5) * 2.0**-53
 
 
 @compiled_beside(mcmc_arrays.move)
 def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
-    """Propose a move for each particle x (m, >= p) in turn, so many times over, that keeps the density of ``log_prior``
-    and ``powered``: single precision decides unless its errors could. Returns how many were accepted, those not
-    counted that led nowhere."""
+    """Propose moves for each particle x (m, >= p) in turn, ``turns`` times over, in place.
+
+    The moves leave the density of ``log_prior`` and ``powered`` invariant. Single precision decides
+    unless its errors could change the decision. Returns the number of accepted moves, without those
+    that led nowhere.
+    """
     p, (m, size) = len(rows), x.shape
     proposal, theta, work, small = np.empty(size), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
-    # where the last answer is tempered, nothing is decided roughly
+    # if the last answer is tempered, double precision decides all
     order = hardest_first(x, rows, tied, n if last == 1.0 else 0, prior)
     rough, logs, errors = roughened(rows, tied, order), np.empty(m), np.zeros(m)
     precise, accepted = last < 1.0 or 0.0 <= prior.lapse < LEAST_LAPSE, 0
@@ -85,9 +91,13 @@ def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior
 
 @compiled
 def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
-    """Particle i moved by a multiple of the difference of two others, in all coordinates or in a few neighbouring ones,
-    or in what is known of the tutor alone: in precision by one of the greatest of their first p coordinates', and in
-    the coordinates beyond. False where those two do not differ there."""
+    """Write a proposal for particle i, a step along the difference of two others.
+
+    The step changes all coordinates, a few neighbouring ones, or the tutor's parameters alone. The
+    latter changes the precision by a multiple of the difference of the greatest of the others'
+    first p coordinates, and the coordinates beyond. Returns False if the two others do not differ
+    there.
+    """
     m, size = x.shape
     a = int(unit(mix(h, 2)) * (m - 1))
     a += a >= i
@@ -97,7 +107,7 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     kind = unit(mix(h, 4))
     count = size if kind < WHOLE else min(size, 1 + int(unit(mix(h, 5)) * FEW))
     first = int(unit(mix(h, 6)) * size)
-    # now and then a whole difference, which leaps between modes
+    # one step in ten is a whole difference, which leaps between modes
     length = 1.0 if unit(mix(h, 7)) < 0.1 else 2.38 / math.sqrt(2.0 * count) * (0.5 + unit(mix(h, 8)))
     apart = 0.0
     for j in range(size):
@@ -120,8 +130,11 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
 
 @compiled
 def swap(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
-    """Particle i with the greatest of some neighbouring gaps, of p, exchanged for another of them: the prior is the
-    same in every order, so that only answers can tell them apart. False where both are equal."""
+    """Write a proposal for particle i, with the greatest of some neighbouring gaps (of p) exchanged.
+
+    It is exchanged for another of them. The prior is invariant to their order, so that only answers
+    can tell them apart. Returns False if both are equal.
+    """
     first, count = int(unit(mix(h, 2)) * p), 2 + int(unit(mix(h, 3)) * (p - 1))
     best = first
     for j in range(x.shape[1]):

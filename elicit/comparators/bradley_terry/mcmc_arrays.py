@@ -1,8 +1,9 @@
-"""``mcmc.move`` in NumPy, particles beside each other, until it is compiled: the same particles to the last bit.
+"""``mcmc.move`` in NumPy, with the same particles to the last bit, until that is compiled.
 
-A particle's proposal needs others as they are when its turn comes: those before it moved, those behind it not yet. So
-particles go in groups, each as soon as all that it needs of those before it is there; that makes some ten groups of
-five hundred particles. Every sum has the order of the compiled code, and logarithms are those of ``math``.
+A particle's proposal needs others as they are in its turn: those before it moved, those after it
+not yet. So particles are moved in groups. Each is in the first group by which all that it needs of
+those before it has moved. Five hundred particles make some ten groups. Every sum has the order of
+the compiled code, and logarithms are those of ``math``.
 """
 
 from __future__ import annotations
@@ -25,17 +26,20 @@ from elicit.comparators.bradley_terry.density import (
 )
 from elicit.model.scale import Floats
 
-SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares: of proposals that exchange two gaps; of the others, those that
-# change what is known of the tutor alone, and with them those in all coordinates; the rest step in at most so many
-NUDGE = 1e-9  # of the step: lets particles leave a subspace that all of them lie in
+SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares of proposals: SWAPS exchange two gaps; of the others SHIFTS
+# change the tutor's parameters alone, and up to WHOLE step in all coordinates; the rest step in at most FEW
+NUDGE = 1e-9  # share of the step: lets particles leave a subspace that all of them lie in
 
 
 def move(x: Floats, rows: Floats, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
-    """As ``mcmc.move``."""
+    """Propose moves for each particle, as ``mcmc.move`` does."""
     p, m, accepted = len(rows), len(x), 0
 
     def judged(proposed: Floats, room: Floats) -> tuple[Floats, Any]:
-        """The log density of particles (q, size), and whether it exceeds what is left of room (q,) by their prior."""
+        """Return the log densities of particles (q, size), and whether they exceed ``room`` (q,).
+
+        The prior's log density is first subtracted from ``room``.
+        """
         density, theta = _log_prior(proposed.T, p, prior)
         lapse, width = _slips(proposed.T, theta, prior)
         least = room - density
@@ -68,8 +72,11 @@ def move(x: Floats, rows: Floats, tied: Any, n: int, last: float, prior: Particl
 
 
 def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
-    """Numbers of particles (m,), each in a group behind those of a and b (m,) that come before it; ``alone`` marks
-    whoever needs neither."""
+    """Return the numbers of particles (m,) in groups that can move together.
+
+    Each is in a group after those of a and b (m,) that come before it. ``alone`` marks the
+    particles that need neither.
+    """
     level: list[int] = []
     for i, (one, other, needs_none) in enumerate(zip(a.tolist(), b.tolist(), alone.tolist(), strict=True)):
         behind = 0 if needs_none or one > i else level[one] + 1
@@ -78,7 +85,7 @@ def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
 
 
 def _steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
-    """``mcmc.step`` of particles x (q, size) by those of a and b: proposals, and whether they lead anywhere."""
+    """Return the proposals of ``mcmc.step`` for particles x (q, size), and whether they lead anywhere."""
     size, apart = x.shape[1], np.zeros(len(x))
     count = np.where(u[4] < WHOLE, size, np.minimum(size, 1 + (u[5] * FEW).astype(np.int64)))
     first = (u[6] * size).astype(np.int64)
@@ -99,7 +106,7 @@ def _steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Fl
 
 
 def _swaps(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
-    """``mcmc.swap`` of particles x (q, size)."""
+    """Return the proposals of ``mcmc.swap`` for particles x (q, size), and whether they lead anywhere."""
     each, first = np.arange(len(x)), (u[2] * p).astype(np.int64)
     count = 2 + (u[3] * (p - 1)).astype(np.int64)
     places = (first[:, None] + np.arange(p)) % p
@@ -113,7 +120,7 @@ def _swaps(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
 
 
 def _log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]:
-    """``density.log_prior`` (q,) of particles x (size, q), and theta (p, q)."""
+    """Return ``density.log_prior`` (q,) of particles x (size, q), and theta (p, q)."""
     most = x[:p].max(axis=0)
     theta = exp_of_minus(np.minimum(most - x[:p], FARTHEST))
     total = _in_order(theta)
@@ -134,7 +141,7 @@ def _log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]
 
 
 def _slips(x: Floats, theta: Floats, prior: ParticlePrior) -> tuple[Floats, Floats]:
-    """``density.slips``, lapses (q,) and widths (q,)."""
+    """Return the lapses (q,) and the widths (q,) of ``density.slips``."""
     lapse, width = np.full(x.shape[1], prior.lapse), np.zeros(x.shape[1])
     if prior.lapse < 0.0:
         lapse = LEAST_LAPSE + (1.0 - LEAST_LAPSE) * _logistic(x[len(theta)])
@@ -157,7 +164,7 @@ def _logistic(u: Floats) -> Floats:
 def _powered(
     theta: Floats, rows: Floats, tied: Any, n: int, last: float, lapse: Floats, width: Floats, least: Floats
 ) -> Floats:
-    """``density.powered`` (q,) of theta (p, q)."""
+    """Return ``density.powered`` (q,) of theta (p, q)."""
     if last == 1.0:
         return _log_likelihood(theta, rows, tied, 0, n, lapse, width, least)
     found = last * _log_likelihood(theta, rows, tied, n - 1, n, lapse, width, np.full(len(least), -np.inf))
@@ -167,7 +174,7 @@ def _powered(
 def _log_likelihood(
     theta: Floats, rows: Floats, tied: Any, first: int, end: int, lapse: Floats, width: Floats, least: Floats
 ) -> Floats:
-    """``density.log_likelihood`` (q,) of theta (p, q)."""
+    """Return ``density.log_likelihood`` (q,) of theta (p, q)."""
     p, total, low = len(theta), np.zeros(theta.shape[1]), np.zeros(theta.shape[1], dtype=np.bool_)
     for start in range(first, end, BLOCK):
         some = slice(start, min(end, start + BLOCK))
@@ -184,7 +191,7 @@ def _log_likelihood(
 
 
 def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
-    """``density.log_terms`` of a block's eta (n, q), or ``density.log_terms_apart`` where there are widths."""
+    """Return ``density.log_terms`` of a block's eta (n, q), or ``log_terms_apart`` with widths."""
     apart, sure, ties = bool(width[:1] > 0.0), 1.0 - lapse, tied[:, None]
     u = np.where(ties, width - np.abs(eta), eta - width) if apart else eta
     below = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
@@ -203,7 +210,7 @@ def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
 
 
 def _log_quotient(top: Floats, below: Floats, low: float) -> Floats:
-    """``density.log_quotient`` of (n, q), n at most BLOCK."""
+    """Return ``density.log_quotient`` of (n, q), n at most BLOCK."""
     above, under = np.ones((2, BLOCK, top.shape[1]))
     above[: len(top)], under[: len(top)] = top, below + 1.0
     for half in (BLOCK // 2, BLOCK // 4, BLOCK // 8):
@@ -223,12 +230,12 @@ def _log_quotient(top: Floats, below: Floats, low: float) -> Floats:
 
 
 def _unit(h: Any) -> Floats:
-    """``mcmc.unit`` of hashes (m,)."""
+    """Return ``mcmc.unit`` of hashes (m,)."""
     return np.asarray(((h >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53)
 
 
 def _in_order(terms: Floats) -> Floats:
-    """The sums (q,) of terms (p, q), from the first on."""
+    """Return the sums (q,) of terms (p, q), added from the first on."""
     total = np.zeros(terms.shape[1])
     for term in terms:
         total = total + term
@@ -236,5 +243,8 @@ def _in_order(terms: Floats) -> Floats:
 
 
 def _each(function: Callable[[float], float], numbers: Floats) -> Floats:
-    """A function of ``math`` of numbers (q,): NumPy's own differ from it in their last bits."""
+    """Return a function of ``math`` of each of the numbers (q,).
+
+    NumPy's own functions differ from those of ``math`` in their last bits.
+    """
     return np.array([function(number) for number in numbers.tolist()])

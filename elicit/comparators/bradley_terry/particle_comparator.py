@@ -1,11 +1,13 @@
-"""The noisy-tutor comparator in Bayes' way: the posterior over scales and over the tutor's precision, as particles.
+"""The Bayesian comparator for a noisy tutor: particles over scales and the tutor's precision.
 
-The likelihood is eq. (6) with a lapse: P(left is said to be better) = lapse/2 + (1 - lapse) sigma(c d.e). The prior
-knows the order of the levels, is wide enough for scales with a few large gaps, and learns the precision c and the lapse
-unless they are given. From the first EQUAL on the tutor is taken to call equal what is close, as Rao and Kupper (1967)
-have it (see ``density``), and how close is learned too. A comparison is decided where one sign has posterior
-probability ``level``: of what is decided so, at most 1 - level is wrong, on average over the prior, whichever questions
-were asked.
+The likelihood is eq. (6) with a lapse: P(left is said to be better) = lapse/2 + (1 - lapse) sigma(c
+d.e). The prior knows the order of the levels, and is wide enough for scales with a few large gaps.
+The precision c and the lapse are learned unless they are given. From the first EQUAL on the tutor
+is modelled as calling equal what is close (Rao and Kupper 1967; see ``density``), and the width is
+learned too.
+
+A comparison is decided if one sign has posterior probability ``level``. Of the comparisons decided
+in this way at most 1 - level are wrong, on average over the prior, whichever questions were asked.
 """
 
 from __future__ import annotations
@@ -39,11 +41,11 @@ from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, che
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_sums, values_of
 
-WORN = 0.02  # below this share of an effective sample the particles are reported
-_FAR = 1e12  # tail sums are no larger for the likelihood
+WORN = 0.02  # below this effective size, a share of the particles, a warning is raised
+_FAR = 1e12  # tail sums are clipped to it for the likelihood
 _THIN = 1e-12  # sets of scales narrower than this have no room for particles, only for rounding
-_SHAPES = (1e-9, 1e9)  # of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are the same
-_NODES = 16  # of the quadrature over the prior's shape
+_SHAPES = (1e-9, 1e9)  # range of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are equal
+_NODES = 16  # nodes of the quadrature over the prior's shape
 PRECISION = (math.log(30.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
 
@@ -60,32 +62,51 @@ answers in ten) still within what is foreseen. ``tutor_report`` has the same pri
 
 
 class Degenerate(RuntimeWarning):
-    """Too few particles carry the weight for probabilities to be trusted."""
+    """Warning that too few particles carry the weight for probabilities to be trusted."""
 
 
 class PosteriorComparator:
-    """Decides a difference where one sign of d.e has posterior probability ``level``.
+    """Decides a difference if one sign of d.e has posterior probability ``level``.
 
-    k          number of levels
-    precision  c of eq. (6), logits per unit of d.e; None: learned, log c ~ N(log 30, 2.5^2) a priori
-    lapse      share of answers given at random; a tutor who flips a tenth of all answers lapses in a fifth. None:
-               learned, Beta(1, 4) a priori
-    tie        the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call EQUAL, in 0 <= tie <
-               1, where d is a difference of share vectors and enters as it is given. The width within which she does
-               is learned, uniform up to twice the ``tie`` a priori, for nobody knows their own. One who has called
-               nothing equal is taken as sharp: until the first EQUAL nothing depends on ``tie``, and then all answers
-               are taken in afresh. 0: EQUAL means equal, and counts as half an answer each way
-    level      posterior probability that a verdict needs, in (1/2, 1)
-    particles  how many stand for the posterior
-    shape      a priori the gaps are Dirichlet(a), log a uniform between these two; None: between ``CONCENTRATION``
-               over k - 1. (1, 1) is uniform, and too sure of itself on scales with a few large gaps
-    prior      inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or linear cvxpy
-               constraints over ``elicit.scale_variable(k)``. Texts that use the levels' own names go through
-               ``elicit.inequalities(texts, labels=...)``
-    seed       int, numpy SeedSequence or Generator (kept as an int), or None for a new one
+    The comparator is a frozen value, and a function of (answers in told order, seed, settings)
+    alone. n updates of one answer equal one update of n.
 
-    A frozen value, and a function of (answers in told order, seed, settings) alone: n updates of one answer are one of
-    n. Raises ValueError on bad settings.
+    Parameters
+    ----------
+    k : int
+        Number of levels.
+    precision : float, optional
+        The c of eq. (6), in logits per unit of d.e. None: learned, with log c ~ N(log 30, 2.5^2) a
+        priori.
+    lapse : float, optional
+        Share of answers given at random. A tutor who flips a tenth of all answers lapses in a
+        fifth. None: learned, with Beta(1, 4) a priori.
+    tie : float
+        Largest |d.e| that the tutor may call EQUAL, a share of the value range e_k - e_1, in 0 <=
+        tie < 1. Here d is a difference of share vectors, used as it is given. The tutor's own width
+        is learned, and is uniform up to twice the ``tie`` a priori, for nobody knows their own. A
+        tutor who has called nothing equal is taken as sharp: until the first EQUAL nothing depends
+        on ``tie``, and then all answers are learned afresh. 0: EQUAL means equal, and counts as
+        half an answer each way.
+    level : float
+        Posterior probability that a verdict needs, in (1/2, 1).
+    particles : int
+        Number of particles.
+    shape : (low, high), optional
+        A priori the gaps are Dirichlet(a), with log a uniform between the logs of these two. None:
+        the two of ``CONCENTRATION``, each over k - 1. (1, 1) is uniform, and overconfident on
+        scales with a few large gaps.
+    prior : optional
+        Inequalities that hold for certain: (A, b) with A e >= b, texts such as "e4 >= 2*e2", or
+        linear cvxpy constraints over ``elicit.scale_variable(k)``. For texts that use the levels'
+        own names see ``elicit.inequalities(texts, labels=...)``.
+    seed : int, SeedSequence, Generator or None
+        Kept as an int. None draws a new one.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of range.
     """
 
     def __init__(
@@ -126,13 +147,13 @@ class PosteriorComparator:
         return f"PosteriorComparator(k={self.k}, level={self.level:g}, {len(self.answers)} answers)"
 
     def _forget(self) -> None:
-        """Back to the prior."""
+        """Return to the prior."""
         self.answers = Answers.none(self.k)
         self._rows, self._tied = np.zeros((self.k - 1, 0)), np.zeros(0, dtype=np.bool_)
         self._start(0.0)
 
     def _start(self, tie: float) -> None:
-        """Particles from the prior, of a tutor who may call equal what lies within ``tie``."""
+        """Draw particles from the prior, for a tutor who may call equal what lies within ``tie``."""
         self.proposed = self.accepted = 0
         self._prior = self._prior._replace(tie=tie)
         self._x, self._logs = self._first_particles(), np.zeros(self.particles)
@@ -141,7 +162,16 @@ class PosteriorComparator:
         thetas(self._x, self._prior, self._theta, self._slips)
 
     def update(self, answers: Answers) -> PosteriorComparator:
-        """A comparator that also knows these answers, taken in one by one in the order told."""
+        """Return a comparator that also knows these answers, learned one by one in the order told.
+
+        Parameters
+        ----------
+        answers : Answers
+
+        Returns
+        -------
+        PosteriorComparator
+        """
         check_answers(answers, self.k)
         new = copy.copy(self)
         for name in ("_gaps_and_weights", "values"):
@@ -173,7 +203,7 @@ class PosteriorComparator:
         return new
 
     def _learn(self, rows: Iterable[int]) -> None:
-        """Take in these rows, one by one."""
+        """Learn from these rows, one by one."""
         state = self._x, self._theta, self._slips, self._logs, self._noise, self._rows, self._tied
         for i in rows:
             with np.errstate(all="ignore"):  # the hash wraps around
@@ -181,19 +211,45 @@ class PosteriorComparator:
             self.proposed, self.accepted = self.proposed + proposed, self.accepted + accepted
 
     def retract(self, *ids: str) -> PosteriorComparator:
-        """What is known without the answers of these ids, taken in afresh: as if they had never been given. Raises
-        ValueError for an id that is not among them."""
+        """Return a comparator without the answers of these ids, as if they had never been given.
+
+        Parameters
+        ----------
+        *ids : str
+
+        Returns
+        -------
+        PosteriorComparator
+            It has learned the remaining answers afresh.
+
+        Raises
+        ------
+        ValueError
+            For an id that is not among the answers.
+        """
         others, fresh = self.answers.without(ids), copy.copy(self)
         fresh._forget()
         return fresh.update(others)
 
     @property
     def answers_to_next_step(self) -> int:
-        """1: each answer moves the weights."""
+        """Number of further answers until verdicts may change: 1, for each answer moves the weights."""
         return 1
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) on d (n, k): dominance first, then the sign that has probability ``level``."""
+        """Return verdicts on differences.
+
+        Dominance comes first, then the sign that has probability ``level``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     @property
@@ -202,13 +258,33 @@ class PosteriorComparator:
         return weighted(*self._gaps_and_weights, self.level)
 
     def probability(self, d: ArrayLike) -> Floats:
-        """P(d.e > 0 | answers) (n,) for d (n, k)."""
+        """Return P(d.e > 0 | answers).
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) probabilities
+        """
         gaps, weights = self._gaps_and_weights
         shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_differences(d, self.k))]
-        return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may be a rounding more
+        return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may exceed 1 by rounding
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """The (1 - level) and the level quantile (n,) of d.e for d (n, k), so that lo > 0 goes with BETTER."""
+        """Return the (1 - level) and the level quantile of d.e, so that lo > 0 goes with BETTER.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
+        """
         gaps, weights = self._gaps_and_weights
         t = tail_sums(as_differences(d, self.k))
         low, high = np.empty(len(t)), np.empty(len(t))
@@ -223,8 +299,21 @@ class PosteriorComparator:
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the posterior probability of that:
-        of the particles, those with the greatest d.e of any row are left out, up to the weight 1 - ``level``."""
+        """Return upper bounds on d.e that hold for all rows at once, and the probability of that.
+
+        The particles with the greatest d.e of any row are left out, up to the weight 1 - ``level``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        probability : float
+            Posterior probability that all of them hold.
+        """
         gaps, weights = self._gaps_and_weights
         at = product(tail_sums(as_differences(d, self.k)), gaps)
         if not len(at):
@@ -236,7 +325,7 @@ class PosteriorComparator:
     @cached_property
     @one_thread
     def values(self) -> Floats:
-        """(k,) the posterior mean of the scale, from 0 to 1; read-only."""
+        """The posterior mean (k,) of the scale, from 0 to 1; read-only."""
         gaps, weights = self._gaps_and_weights
         values = values_of(product(gaps, weights))
         values /= values[-1]
@@ -270,11 +359,12 @@ class PosteriorComparator:
 
     @property
     def effective_size(self) -> float:
-        """How many independent draws of the posterior the particles are worth, about.
+        """Approximate number of independent draws of the posterior that the particles are worth.
 
-        Weights count as Kong's (1992) formula has it; copies made by resampling count by how much the moves after it
-        left of them: the squared correlation, before and after, of the level's value or of log c that kept most. An
-        estimate: by how much probabilities vary with the seed, between a third and three times as much.
+        Weights count by Kong's (1992) formula. Copies made by resampling count by how much they
+        remember after the moves: the squared correlation, before and after, of the level's value or
+        of log c that changed least. It is an estimate. Judged by how much probabilities vary with
+        the seed, the truth is between a third and three times as much.
         """
         return 1.0 / float(self._noise[0] + 1.0 / effective_size(self._logs) - 1.0 / self.particles)
 
@@ -290,7 +380,7 @@ class PosteriorComparator:
         return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
     def _log_prior(self) -> ParticlePrior:
-        """The prior's density, its mixture over shapes by Gauss and Legendre's rule in log a."""
+        """Return the prior's density, its mixture over shapes by Gauss and Legendre's rule in log a."""
         p, (low, high) = self.k - 1, self.shape
         nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
         shapes = np.exp(np.log(low) + (nodes + 1) / 2 * np.log(high / low))
@@ -302,7 +392,7 @@ class PosteriorComparator:
         return ParticlePrior(shapes, constants, *PRECISION, fixed, lapse, *LAPSE, 0.0, above, limits)
 
     def _first_particles(self) -> Floats:
-        """x (m, p) from the prior, and columns for the lapse and the width where they are learned."""
+        """Return x (m, p) from the prior, with columns for a learned lapse and a learned width."""
         rng, m, p = np.random.Generator(np.random.Philox(int(self._key))), self.particles, self.k - 1
         spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
         a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
@@ -318,8 +408,11 @@ class PosteriorComparator:
         return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
     def _within(self, x: Floats) -> Floats:
-        """Particles of the prior moved to where its inequalities hold, by nested sets that each hold half of the
-        particles of the one before (subset simulation, Au and Beck 2001). Raises ValueError."""
+        """Return particles of the prior moved to where its inequalities hold.
+
+        They move by nested sets that each hold half of the particles of the one before (subset
+        simulation, Au and Beck 2001). Raises ValueError.
+        """
         if self.prior is None:
             return x
         if is_empty(Region(0.0, *prior_rows(self.prior, self.k))) is not None:

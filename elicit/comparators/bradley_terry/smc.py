@@ -1,10 +1,10 @@
-"""Particles over scales and tutors, reweighted by each answer and moved when few of them carry the weight.
+"""Particles over scales and tutors, reweighted by each answer and moved if few carry the weight.
 
-A particle is x with theta = exp(x) = c g: the logs of the p gaps times the precision; beyond them, where they are
-learned, the tutor's lapse and her width of EQUAL, as logits. In these coordinates the plausible set has no border to
-reject moves at. Iterated batch importance sampling (Chopin 2002), tempered where one
-answer is a surprise (Del Moral, Doucet and Jasra 2006).
-Random numbers are a hash of (key, counters).
+A particle is x with theta = exp(x) = c g: the logs of the p gaps times the precision. If they are
+learned, the tutor's lapse and width of EQUAL follow, as logits. In these coordinates the plausible
+set has no border at which moves are rejected. The method is iterated batch importance sampling
+(Chopin 2002), tempered if an answer is a surprise (Del Moral, Doucet and Jasra 2006). Random
+numbers are a hash of (key, counters).
 """
 
 from __future__ import annotations
@@ -19,15 +19,18 @@ from elicit._support.jit import compiled
 from elicit.comparators.bradley_terry.density import ParticlePrior, likelihoods, scaled, slips
 from elicit.comparators.bradley_terry.mcmc import move, unit
 
-ENOUGH, FAIR = 0.5, 0.2  # shares of an effective sample: below the first particles are moved, below the second an
-# answer is taken in by parts
-SWEEPS = 16  # at a move
+ENOUGH, FAIR = 0.5, 0.2  # effective sizes, as shares: below the first, particles are moved; below the second, an
+# answer is learned in parts
+SWEEPS = 16  # number of sweeps at a move
 ROUNDING = 1e-14  # levels' values that vary by less do not vary
 
 
 @compiled
 def thetas(x: Any, prior: ParticlePrior, out: Any, slip: Any) -> None:
-    """theta = c g (p, m) of particles x (m, >= p) into ``out``, and their lapses and widths into slip (2, m)."""
+    """Write theta = c g of particles x (m, >= p) into ``out`` (p, m), and their slips into ``slip``.
+
+    The latter are lapses and widths (2, m).
+    """
     p, m = out.shape
     theta = np.empty(p)
     for i in range(m):
@@ -39,7 +42,7 @@ def thetas(x: Any, prior: ParticlePrior, out: Any, slip: Any) -> None:
 
 @compiled
 def effective_size(logs: Any) -> float:
-    """(sum w)^2 / sum w^2 of log weights (m,)."""
+    """Return (sum w)^2 / sum w^2 of log weights (m,)."""
     most = logs.max()
     total, squares = 0.0, 0.0
     for i in range(len(logs)):
@@ -51,7 +54,7 @@ def effective_size(logs: Any) -> float:
 
 @compiled
 def resample(weights: Any, u: float, out: Any) -> None:
-    """Systematic resampling: which particle (m,) each new one copies."""
+    """Write into ``out`` which particle (m,) each new one copies, by systematic resampling."""
     m = len(weights)
     total, at, i = 0.0, 0.0, 0
     for w in weights:
@@ -68,10 +71,13 @@ def resample(weights: Any, u: float, out: Any) -> None:
 def learn(
     x: Any, theta: Any, slip: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior, key: Any
 ) -> tuple[int, int]:
-    """Reweight particles x (m, >= p), whose ``thetas`` are theta (p, m) and slip (2, m), with log weights ``logs`` (m,)
-    by row n - 1 of rows (p, >= n), and move them where that leaves few with weight. ``noise`` (1,) is the variance of a
-    mean over equally weighted particles, in units of the posterior's: resampling adds to it, and moves take away as
-    much as they make a particle forget. Returns how many moves were proposed and accepted."""
+    """Reweight particles x (m, >= p) by row n - 1 of rows (p, >= n), and move them if few have weight.
+
+    Their ``thetas`` are theta (p, m) and slip (2, m), and their log weights are ``logs`` (m,).
+    ``noise`` (1,) is the variance of a mean over equally weighted particles, in units of the
+    posterior's. Resampling adds to it, and moves take away as much as they make a particle forget.
+    Returns the numbers of moves proposed and accepted.
+    """
     m = len(x)
     found, target, copied = np.empty(m), np.empty(m), np.empty(m, dtype=np.int64)
     proposed, accepted, done, stage = 0, 0, 0.0, 0
@@ -104,7 +110,10 @@ def learn(
 
 @compiled
 def features(x: Any, p: int, fixed: float) -> Any:
-    """What verdicts hang on (p, m): the values of levels 2 to k - 1, and log c unless the precision is ``fixed``."""
+    """Return the quantities (p, m) that verdicts depend on.
+
+    They are the values of levels 2 to k - 1, and log c unless the precision is ``fixed``.
+    """
     m = len(x)
     out = np.empty((p, m))
     for i in range(m):
@@ -121,7 +130,7 @@ def features(x: Any, p: int, fixed: float) -> Any:
 
 @compiled
 def remembered(before: Any, after: Any) -> float:
-    """The greatest squared correlation, over features (p, m), of what they were before some moves and after."""
+    """Return the greatest squared correlation of features (p, m) before and after some moves."""
     p, m = before.shape
     most = 0.0
     for j in range(p):
@@ -140,7 +149,10 @@ def remembered(before: Any, after: Any) -> float:
 
 @compiled
 def tempered(logs: Any, found: Any, most: float) -> float:
-    """The greatest power up to ``most`` of likelihoods exp(found) that leaves a fair effective size."""
+    """Return the greatest power, at most ``most``, of likelihoods exp(found) that keeps enough weight.
+
+    Enough is a fair effective size.
+    """
     m = len(logs)
     trial = np.empty(m)
     low, high = 0.0, most

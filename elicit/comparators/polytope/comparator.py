@@ -1,7 +1,8 @@
-"""The reliable-tutor comparator (section 3.1): what every scale consistent with the answers agrees on.
+"""The reliable-tutor comparator (section 3.1): it decides where all consistent scales agree.
 
-A verdict is the sign of the exact optimum of the two programs over K_t, reached by the cheapest proof that will
-do (``decision.judge_kernel``, ``plausible_set``). ``bounds`` are Clarabel's, made rigorous.
+A verdict is the sign of the exact optimum of the two programs over K_t. It is reached by the
+cheapest sufficient proof (``decision.judge_kernel``, ``plausible_set``). ``bounds`` are Clarabel's,
+made rigorous.
 """
 
 from __future__ import annotations
@@ -34,20 +35,34 @@ if TYPE_CHECKING:
 
 
 class PolytopeComparator:
-    """All scales in K_t: at least ``margin`` (eta) between neighbouring levels, the prior inequalities
-    A e >= b, and what each answer says: d.e >= 0, d.e <= 0, or, of "equal", |d.e| <= ``tie``. A frozen value.
+    """The polytope K_t of all scales that are consistent with the answers.
 
-    ``prior`` is (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", what ``elicit.inequality``
-    makes of them, and linear cvxpy constraints over ``elicit.scale_variable(k)``. Texts that use the levels' own names
-    go through ``elicit.inequalities(texts, labels=...)``.
+    A scale in K_t has at least ``margin`` (eta) between neighbouring levels and satisfies the prior
+    inequalities A e >= b. It also satisfies each answer: d.e >= 0, d.e <= 0 or, for "equal", |d.e|
+    <= ``tie``. The comparator is a frozen value.
 
-    ``tie`` is the largest |d.e|, as a share of the value range e_k - e_1, that the tutor may call equal, of differences
-    of share vectors; 0: equal means equal. It matters only once the tutor says "equal": then a larger one is safer,
-    and teaches less (docs/about-equal.md). Verdicts and ``bounds`` go by it; ``simultaneous_bounds``, and so the
-    guarantees that rest on them, allow for twice as much.
+    Parameters
+    ----------
+    k : int
+        Number of levels, at least 2.
+    margin : float
+        Least gap between neighbouring levels, a share of the value range, in [0, 1/(k-1)].
+    prior : optional
+        (A (p, k), b (p,)), or named inequalities: texts such as "e4 >= 2*e2", the results of
+        ``elicit.inequality``, and linear cvxpy constraints over ``elicit.scale_variable(k)``. For
+        texts that use the levels' own names see ``elicit.inequalities(texts, labels=...)``.
+    tie : float
+        Largest |d.e| that the tutor may call equal, a share of the value range e_k - e_1, in [0,
+        1). Here d is a difference of share vectors. 0: equal means equal. It matters only once the
+        tutor says "equal": then a larger one is safer, and teaches less (docs/about-equal.md).
+        Verdicts and ``bounds`` use it as it is. ``simultaneous_bounds``, and so the guarantees that
+        depend on them, allow for twice as much.
 
-    Raises ValueError for k < 2, a margin outside [0, 1/(k-1)], a prior that no scale satisfies, and a tie outside
-    [0, 1).
+    Raises
+    ------
+    ValueError
+        If k < 2, the margin is outside [0, 1/(k-1)], no scale satisfies the prior, or the tie is
+        outside [0, 1).
     """
 
     def __init__(self, k: int, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE) -> None:
@@ -69,21 +84,35 @@ class PolytopeComparator:
 
     @cached_property
     def region(self) -> Region:
-        """K_t in gap space, with every constraint: the prior's, and those of all answers, also the redundant."""
+        """K_t in gap space, with the constraints of the prior and of all answers, also the redundant ones."""
         prior = prior_rows(self.prior, self.k)
         return Region(self.margin, *prior).plus(*answer_rows(self.answers, 0, self.tie))
 
     @cached_property
     def values(self) -> Floats:
-        """(k,) the analytic centre of K_t, from 0 to 1; read-only."""
+        """The analytic centre (k,) of K_t, from 0 to 1; read-only."""
         values = values_of(analytic_centre(self.region))
         values.flags.writeable = False
         return values
 
     @one_thread
     def update(self, answers: Answers) -> PolytopeComparator:
-        """K_t cut by these answers. Raises InconsistentAnswers, with a minimal contradictory set of rows
-        of ``self.answers + answers``, where that leaves no scale."""
+        """Return the comparator whose K_t is also cut by these answers.
+
+        Parameters
+        ----------
+        answers : Answers
+
+        Returns
+        -------
+        PolytopeComparator
+
+        Raises
+        ------
+        InconsistentAnswers
+            If no scale is left. It names a minimal contradictory set of rows of ``self.answers +
+            answers``.
+        """
         new = object.__new__(PolytopeComparator)
         new.k, new.margin, new.prior, new.tie = self.k, self.margin, self.prior, self.tie
         new.answers = self.answers + check_answers(answers, self.k)
@@ -98,65 +127,165 @@ class PolytopeComparator:
         return new
 
     def retract(self, *ids: str) -> PolytopeComparator:
-        """What is known without the answers of these ids. Raises ValueError for an id that is not among them."""
+        """Return a comparator without the answers of these ids.
+
+        Parameters
+        ----------
+        *ids : str
+
+        Returns
+        -------
+        PolytopeComparator
+
+        Raises
+        ------
+        ValueError
+            For an id that is not among the answers.
+        """
         fresh = PolytopeComparator(self.k, self.margin, self.prior, self.tie)
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) on differences d (n, k): the sign of the exact optimum over K_t."""
+        """Return verdicts on differences: the sign of the exact optimum over K_t.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
-        """What is known of K_t as plain arrays."""
+        """The proofs about K_t as plain arrays."""
         return self._set.rule
 
     @one_thread
     def settle(self, d: Floats) -> Decisions:
-        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
+        """Decide by linear programs the differences that the rule leaves open.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        Decisions
+            Verdicts (n,) and tiers (n,).
+        """
         return self._set.settle(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Outer bounds lo (n,), hi (n,) on d.e over K_t, tight to 1e-9 |d|_1."""
+        """Return outer bounds on d.e over K_t, tight to 1e-9 |d|_1.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
+        """
         return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and with what confidence: 1, for they
-        are proven of every scale in K_t (its support function), its ties taken twice as wide. Far cheaper than
-        ``bounds``."""
+        """Return upper bounds on d.e that hold for all rows at once, and their confidence.
+
+        They are proven for every scale in K_t, by its support function, with its ties taken twice
+        as wide. They are far cheaper than ``bounds``.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        confidence : float
+            Always 1.
+        """
         return self._wide.greatest(as_differences(d, self.k)), 1.0
 
     @one_thread
     def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
-        """The same bounds (n,), up to ``slack``, one or (n,), above them, without linear programs where that shows."""
+        """Return upper bounds on d.e as ``simultaneous_bounds`` does, but up to ``slack`` above them.
+
+        No linear program is solved for rows whose slack can be shown without one.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+        slack : float or (n,)
+            In units of e_k - e_1.
+
+        Returns
+        -------
+        (n,) in units of e_k - e_1
+        """
         return self._wide.greatest(as_differences(d, self.k), slack)
 
     @cached_property
     def draws(self) -> Draws:
-        """Scales drawn from K_t, about uniformly, for questions that go by probability; no proof rests on them."""
+        """Scales drawn about uniformly from K_t.
+
+        They serve to choose questions by probability. No proof depends on them.
+        """
         return draws_within(self.region, np.diff(self.values))
 
     def explain(self, d: ArrayLike, labels: Sequence[str] | None = None) -> Explanation:
-        """Why the tutor need not be asked about d (k,): a smallest set of answers and prior inequalities, and the
-        order of the levels, with multipliers that prove the verdict; or, where it is UNKNOWN, two scales that
-        disagree. ``str()`` of it is a sentence; ``labels`` (k,) names the levels."""
+        """Explain why the tutor need not be asked about a difference.
+
+        Parameters
+        ----------
+        d : (k,)
+            A difference left - right.
+        labels : (k,) str, optional
+            Names of the levels.
+
+        Returns
+        -------
+        Explanation
+            A smallest set of answers and prior inequalities, and the order of the levels, with
+            multipliers that prove the verdict. If the verdict is UNKNOWN: two scales that disagree.
+            ``str()`` of it is a sentence.
+        """
         from elicit.comparators.polytope.minimal_proof import explain
 
         return explain(d, self, labels)
 
     def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
-        """The programs that minimise and maximise d.e over K_t, for one difference d (k,), as cvxpy problems over a
-        scale variable that they share; each constraint's label says where it comes from ("answer 3"; in the unit in
-        which its largest tail sum is between 1/2 and 1). To inspect, extend, and give to another solver."""
+        """Return the programs that minimise and maximise d.e over K_t, as cvxpy problems.
+
+        They share a scale variable. Inspect them, extend them, or give them to another solver.
+
+        Parameters
+        ----------
+        d : (k,)
+            One difference left - right.
+
+        Returns
+        -------
+        least, greatest : cvxpy.Problem
+            The label of each constraint says where it comes from, such as "answer 3". An answer is
+            in the unit in which its largest tail sum is between 1/2 and 1.
+        """
         from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
 
         return least_and_greatest(d, self.region, self.prior)
 
     @property
     def solves(self) -> int:
-        """How many linear programs Clarabel has solved for this comparator."""
+        """Number of linear programs that Clarabel has solved for this comparator."""
         return self._set.programs.solves
 
 

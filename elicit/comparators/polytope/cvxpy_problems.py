@@ -1,4 +1,4 @@
-"""The two programs over a set of scales as cvxpy problems: to inspect, to extend, to give to any solver cvxpy has."""
+"""The two programs over a set of scales as cvxpy problems, to inspect, extend or solve elsewhere."""
 
 from __future__ import annotations
 
@@ -20,19 +20,35 @@ if TYPE_CHECKING:
 def least_and_greatest(
     d: ArrayLike, region: Region, prior: Prior | None, violation: tuple[int, float] | None = None
 ) -> tuple[cvxpy.Problem, cvxpy.Problem]:
-    """The problems that minimise and maximise d.e, for one difference d (k,), over a variable e that they share.
+    """Return the problems that minimise and maximise d.e, over a variable e that they share.
 
-    region     the answers' rows (owner >= 0) in gap space, and the margin
-    prior      the prior's inequalities, as they were given
-    violation  (n, budget): answers may be violated, by a variable "violation" (n,) of which entry i is that of answer
-               i, and which totals at most the budget; all in the unit of the region's rows. None: they may not
+    Parameters
+    ----------
+    d : (k,)
+        One difference left - right.
+    region : Region
+        The answers' rows (owner >= 0) in gap space, and the margin.
+    prior : Prior or None
+        The prior's inequalities, as they were given.
+    violation : (n, budget), optional
+        If it is given, answers may be violated, by a variable "violation" (n,) whose entry i
+        belongs to answer i. Its total is at most the budget. All are in the unit of the region's
+        rows. None: answers may not be violated.
 
-    Labels are "worst level", "best level", "order", the prior's names, "answer 1", ... and "total violation".
-    Constraints are each problem's own, and so are their dual values. Raises ValueError for other shapes of d.
+    Returns
+    -------
+    least, greatest : cvxpy.Problem
+        Labels are "worst level", "best level", "order", the prior's names, "answer 1", ... and
+        "total violation". Each problem has its own constraints, and so its own dual values.
+
+    Raises
+    ------
+    ValueError
+        For other shapes of d.
     """
     import cvxpy as typed
 
-    cp: Any = typed  # its types lack half of what it offers
+    cp: Any = typed  # cvxpy's type hints are incomplete
     rows = as_differences(d, region.p + 1)
     if len(rows) != 1:
         raise ValueError(f"problems takes one difference of shape ({region.p + 1},), not {len(rows)} of them")
@@ -65,12 +81,12 @@ def least_and_greatest(
 
 
 def _along_levels(t: Floats) -> Floats:
-    """The difference (k,) of total 0 whose tail sums are t (k-1,)."""
+    """Return the difference (k,) of total 0 whose tail sums are t (k-1,)."""
     return 0.0 - np.diff(t, prepend=0.0, append=0.0)
 
 
 def _constant(row: Floats) -> Any:
-    """These numbers (k,) in cvxpy, shown on one line with four digits."""
+    """Return these numbers (k,) as a cvxpy constant, shown on one line with four digits."""
     import cvxpy
 
     return cvxpy.Constant(row, name=f"[{', '.join(f'{x + 0.0:.4g}' for x in row)}]")

@@ -1,4 +1,4 @@
-"""An explanation as data, and as a sentence: why a comparison has its verdict without asking."""
+"""Explanations, as data and as sentences, of verdicts that were reached without asking."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from elicit.lp.dual_simplex import Numbers
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 
-_MOST_STEPS = 4  # steps of the order to name; more are "the order of the levels"
+_MOST_STEPS = 4  # largest number of steps of the order to name; more are "the order of the levels"
 
 
 class UsedAnswer(NamedTuple):
-    """An answer: its row in the comparator's answers (from 0), its id, sign s (s d_row . e >= 0 is what was
-    answered), multiplier, and whether it was "equal": then s d_row . e >= -tie is what is used of it."""
+    """An answer that a proof uses: its row in the comparator's answers (from 0), id, sign and multiplier.
+
+    With the sign s the answer says s d_row . e >= 0. If it was "equal", the proof uses s d_row . e
+    >= -tie.
+    """
 
     row: int
     id: str
@@ -36,7 +39,7 @@ class UsedStep(NamedTuple):
 
 
 class UsedPrior(NamedTuple):
-    """A prior inequality: its row in (A, b) (from 0), its name and multiplier."""
+    """A prior inequality: its row in (A, b) (from 0), its name and its multiplier."""
 
     row: int
     name: str
@@ -45,11 +48,17 @@ class UsedPrior(NamedTuple):
 
 @dataclass(frozen=True)
 class Proof:
-    """That ``sign`` d.e >= ``bound`` >= 0 on all of K_t: the identity of ``minimal_proof`` for sign * d. All
-    numbers are exact.
+    """A proof that ``sign`` d.e >= ``bound`` >= 0 on all of K_t.
 
-    remainder: of the whole range e_k - e_1; may be negative, where the margin or a prior's bound makes up for it.
-    bound_without_margin: what remains of the bound where neighbouring levels may be as near as can be.
+    It is the identity of ``minimal_proof`` for sign * d. All numbers are exact.
+
+    Attributes
+    ----------
+    remainder
+        Multiplier of the whole range e_k - e_1. It may be negative if the margin or a prior's bound
+        makes up for it.
+    bound_without_margin
+        The part of the bound that remains if neighbouring levels may be arbitrarily near.
     """
 
     sign: int
@@ -62,7 +71,7 @@ class Proof:
 
     @property
     def needs_margin(self) -> bool:
-        """Whether the proof fails where neighbouring levels may be less than the margin apart."""
+        """True if the proof fails when neighbouring levels may be less than the margin apart."""
         return self.bound_without_margin < 0
 
     def __str__(self) -> str:
@@ -79,13 +88,24 @@ class Proof:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Explanation:
-    """Why a difference d (k,) has its verdict; ``str()`` says it in a sentence that counts answers from 1.
+    """The reason why a difference d (k,) has its verdict.
 
-    proofs: of d for BETTER, of -d for WORSE, of both for EQUAL; none where left and right are the same, or UNKNOWN.
-    scales: exact (k,) scales of K_t. UNKNOWN: one under which left is better, one under which right is. BETTER and
-    WORSE: one under which it is strictly so, where the proof's bound is 0; otherwise none.
-    tie: the largest |d.e| that an answer "equal" allows. told_equal: the row of such an answer to this very pair, which
-    learners do not ask again though the sign is open, or None.
+    ``str()`` says it in a sentence that counts answers from 1.
+
+    Attributes
+    ----------
+    proofs
+        Of d for BETTER, of -d for WORSE, of both for EQUAL. There are none if left and right are
+        the same, or if the verdict is UNKNOWN.
+    scales
+        Exact (k,) scales of K_t. UNKNOWN: one under which left is better, and one under which right
+        is. BETTER and WORSE: one under which it is strictly so, if the proof's bound is 0;
+        otherwise none.
+    tie
+        Largest |d.e| that an answer "equal" allows.
+    told_equal
+        Row of an answer "equal" to this very pair, or None. Learners do not ask such a pair again,
+        though its sign is open.
     """
 
     d: Floats
@@ -109,7 +129,10 @@ class Explanation:
 
     @property
     def prior(self) -> tuple[UsedPrior, ...]:
-        """The prior inequalities that force the verdict, all needed; for EQUAL as with answers."""
+        """The prior inequalities that force the verdict, all needed.
+
+        For EQUAL they are those of one proof, then of the other.
+        """
         return tuple(used for proof in self.proofs for used in proof.prior)
 
     @property
@@ -142,7 +165,7 @@ class Explanation:
         return " and from ".join([", from ".join(reasons[:-1]), reasons[-1]] if len(reasons) > 1 else reasons)
 
     def _steps(self) -> list[str]:
-        """The order as far as it is used: "well > stable", "critical < stable < well", or in general."""
+        """Return the order as far as it is used: "well > stable", "critical < stable < well", or in general."""
         gaps = sorted({used.gap for used in self.order})
         whole = any(proof.remainder > 0 and proof.bound_without_margin > 0 for proof in self.proofs)
         if len(gaps) > _MOST_STEPS or (gaps and whole):
@@ -177,7 +200,7 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def _short(number: Fraction) -> str:
-    """Four digits, of numbers beyond the range of floats too."""
+    """Return four digits, also of numbers beyond the range of floats."""
     if not number or 2**-1000 < abs(number) < 2**1000:
         return f"{float(number):.4g}"
     return f"{Decimal(number.numerator) / Decimal(number.denominator):.3e}"

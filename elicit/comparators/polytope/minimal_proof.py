@@ -1,14 +1,15 @@
-"""Why the tutor was not asked: a smallest set of answers that decides a comparison, and a proof to check by hand.
+"""Smallest sets of answers that decide a comparison, with a proof to check by hand.
 
-A decided verdict says that d.e >= 0 for every scale in K_t (BETTER), that -d.e is (WORSE), or both (EQUAL). Its
-proof is an identity in e, with e_1 = 0 and e_k = 1 and every multiplier positive,
+A decided verdict says that d.e >= 0 for every scale in K_t (BETTER), that -d.e is (WORSE), or both
+(EQUAL). Its proof is an identity in e, with e_1 = 0 and e_k = 1 and every multiplier positive,
 
-    d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k - e_1),
+    d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k - e_1).
 
-of answered differences d_i (s_i turns each to the answered side: s_i d_i . e >= 0, or >= -tie of "equal"), steps of the
-order and prior inequalities: duality for the program that minimises d.e (Farkas 1902). The answers and prior
-inequalities in it are irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that the others can
-do without, so that from those listed less any one of them the verdict would not follow.
+It adds up answered differences d_i, steps of the order and prior inequalities. The sign s_i turns
+each difference to the answered side: s_i d_i . e >= 0, or >= -tie if it was "equal". This is
+duality for the program that minimises d.e (Farkas 1902). The answers and prior inequalities in it
+are irreducible: a deletion filter (Chinneck and Dravnieks 1991) has dropped each that the others
+can do without. So without any one of those listed, the verdict would not follow from the others.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ from elicit.model.comparator import Comparator
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, as_differences, exact_dot, order_bounds, tail_sums
 
-_MOST_SINGLES = 3  # single answers to try in rationals before a set of them
+_MOST_SINGLES = 3  # number of single answers to try in rationals before a set of them
 
 
 class Polytope(Comparator, Protocol):
-    """What an explanation rests on: ``PolytopeComparator``, which imports this module."""
+    """The parts of ``PolytopeComparator`` that an explanation uses; that class imports this module."""
 
     margin: float
     tie: float
@@ -44,16 +45,33 @@ class Polytope(Comparator, Protocol):
 
     @property
     def region(self) -> Region:
-        """K_t with every constraint, also the redundant."""
+        """K_t with every constraint, also the redundant ones."""
 
 
 def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = None) -> Explanation:
-    """Which answers, steps of the order and prior inequalities force the verdict on a difference d (k,).
+    """Return the answers, steps of the order and prior inequalities that force a verdict.
 
-    labels: k names of levels, worst first, for the sentence ("level 1", ... by default). Raises ValueError for
-    other shapes. The proof's multipliers are those of an optimal vertex, found in rationals: it has at most k - 2
-    of them, where an interior point leaves a trace of every step of the order in its dual solution. Clarabel,
-    made rigorous, does the many tests of what can be left out. Of proofs, one that needs no margin is preferred.
+    The proof's multipliers are those of an optimal vertex, found in rationals. It has at most k - 2
+    of them. An interior point would leave a small multiplier on every step of the order. Clarabel,
+    made rigorous, does the many tests of which rows can be left out. A proof that needs no margin is
+    preferred.
+
+    Parameters
+    ----------
+    d : (k,)
+        A difference left - right.
+    comparator : PolytopeComparator
+    labels : (k,) str, optional
+        Names of levels, worst first, for the sentence. Default: "level 1", ...
+
+    Returns
+    -------
+    Explanation
+
+    Raises
+    ------
+    ValueError
+        For other shapes.
     """
     rows = as_differences(d, comparator.k)
     if len(rows) != 1:
@@ -79,10 +97,11 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
 
 
 def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
-    """Owners of an irreducible set of rows that keeps t.g >= 0 for each goal t, beside the order.
+    """Return owners of an irreducible set of rows that, with the order, keeps t.g >= 0 for each goal t.
 
-    It is sought among few rows first: none, the prior's, one answer's, then those of an optimal vertex. Later
-    answers are dropped first, so that an explanation changes little as more is learned.
+    It is sought among few rows first: none, the prior's, one answer's, then those of an optimal
+    vertex. Later answers are dropped first, so that an explanation changes little as more is
+    learned.
     """
     nothing = np.zeros(len(region.rows), dtype=bool)
     if all(_never_negative(t, region.take(nothing), None) for t in goals):
@@ -105,8 +124,11 @@ def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[i
 
 
 def _single(goals: list[Floats], region: Region) -> list[int]:
-    """Answers that may do alone, those that lean on fewest steps of the order first: t >= lambda w for their row w,
-    and the least lambda that lifts the negative entries of t. Floats propose, and the caller tests."""
+    """Return answers that may suffice alone, those that need fewest steps of the order first.
+
+    A row w suffices if t >= lambda w for the least lambda that lifts the negative entries of t.
+    Floats propose, and the caller tests.
+    """
     if len(goals) > 1:
         return []
     t, down = goals[0], goals[0] < 0
@@ -119,7 +141,10 @@ def _single(goals: list[Floats], region: Region) -> list[int]:
 
 
 def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
-    """Whether t.g >= 0 on the whole region, beyond doubt: by ``Programs.sign_of_least``, or by the exact optimum."""
+    """Return whether t.g >= 0 is proven on the whole region.
+
+    It is proven by ``Programs.sign_of_least``, or by the exact optimum.
+    """
     if not len(region.rows):
         return bool(_least_by_order(_exact(t), region) >= 0)
     sign, _ = Programs(region).sign_of_least(t, inside) if np.abs(t).max() < 1 else (0, None)
@@ -127,8 +152,11 @@ def _never_negative(t: Floats, region: Region, inside: Floats | None) -> bool:
 
 
 def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) -> Proof:
-    """Multipliers in the units of the given differences, from an optimal vertex over ``part``; ``t`` is d's tail
-    sums over a power of two."""
+    """Return the proof, with multipliers in the units of the given differences.
+
+    The multipliers are those of an optimal vertex over ``part``. ``t`` is d's tail sums over a
+    power of two.
+    """
     known, told = comparator.prior, comparator.answers
     goal = sign * t + 0.0
     found = minimise_exactly(goal, part.take(np.ones(len(part.rows), dtype=bool), margin=0.0))
@@ -140,7 +168,7 @@ def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) 
     for i in np.flatnonzero(found.y):
         owner, j = int(part.owner[i]), _largest(part.rows[i])
         tails = _tails(told.d[owner] if known is None or owner >= 0 else known.a[-1 - owner])
-        unit = tails[j] / Fraction(float(part.rows[i, j]))  # what the row was divided by
+        unit = tails[j] / Fraction(float(part.rows[i, j]))  # the divisor of the row
         side, weight = (1 if unit > 0 else -1), found.y[i] * size / abs(unit)
         rest = rest - weight * side * tails
         limit += weight * abs(unit) * Fraction(float(part.rhs[i]))
@@ -157,21 +185,27 @@ def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) 
 
 
 def _tails(d: Floats) -> Numbers:
-    """The float tail sums of d (k,), in units of d, as exact numbers: what all comparisons are about."""
+    """Return the float tail sums of d (k,), in units of d, as exact numbers.
+
+    All comparisons are about these numbers.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         fits = bool(np.isfinite(np.cumsum(d[:0:-1])).all())  # else ``tail_sums`` divides by 2^64
     return _exact(tail_sums(d)) * (1 if fits else 2**64)
 
 
 def _least_by_order(t: Numbers, region: Region) -> Fraction:
-    """Least t.g over K_0, in rationals."""
+    """Return the least t.g over K_0, in rationals."""
     margin: Any = region.exact_margin
     least: Any = order_bounds(t, margin)[0]
     return Fraction(least)
 
 
 def _order_one(t: Floats) -> Floats:
-    """t (p,) over a power of two that brings its largest entry below 1; as it is where that would lose bits."""
+    """Return t (p,) over a power of two that brings its largest entry below 1.
+
+    It is returned unchanged if that would lose bits.
+    """
     _, exponent = np.frexp(np.abs(t).max())
     small: Floats = np.ldexp(t, -exponent)
     return small if (np.ldexp(small, exponent) == t).all() else t
@@ -184,7 +218,10 @@ def _told_equal(d: Floats, answers: Answers) -> int | None:
 
 
 def _moderate(g: Numbers, other: Numbers, t: Floats) -> Numbers:
-    """A scale on the way from vertex g to another one, still on g's side of zero: less extreme, easier to picture."""
+    """Return a scale between vertex g and another one, still on g's side of zero.
+
+    It is less extreme, and so easier to picture.
+    """
     for share in (Fraction(1, 4), Fraction(1, 16)):
         mixed: Numbers = (1 - share) * g + share * other
         if exact_dot(t, mixed) * exact_dot(t, g) > 0:

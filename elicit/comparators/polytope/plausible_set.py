@@ -1,8 +1,8 @@
-"""K_t as a set of gap vectors: the sign of t.g over it, exactly, and rigorous bounds.
+"""K_t as a set of gap vectors: the exact sign of t.g over it, and rigorous bounds.
 
-Most signs are settled in compiled code (``decision.judge_kernel``). What that leaves goes to Clarabel, then to the
-simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds`` are Clarabel's, made
-rigorous.
+Compiled code decides most signs (``decision.judge_kernel``). The others go to Clarabel, then to the
+simplex method in rationals, whose optimum, multipliers and basis are kept as proofs. ``bounds`` are
+Clarabel's, made rigorous.
 """
 
 from __future__ import annotations
@@ -29,11 +29,14 @@ from elicit.model.query import Verdict
 from elicit.model.scale import Floats, order_bounds, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 
-_AT_ONCE = 32  # rows whose walks' corners all find room beside each other
+_AT_ONCE = 32  # rows walked together, so that the vertices of all their walks can be stored
 
 
 class Empty(ValueError):
-    """No point satisfies the rows of ``region``; ``proof`` names some that alone contradict each other."""
+    """Error raised if no point satisfies the rows of ``region``.
+
+    ``proof`` names some rows that alone contradict each other.
+    """
 
     def __init__(self, region: Region, proof: Vertex) -> None:
         super().__init__("no scale satisfies all of these constraints")
@@ -42,8 +45,10 @@ class Empty(ValueError):
 
 
 class PlausibleSet:
-    """The set {g >= margin, sum g = 1, rows g >= rhs} with everything proven about it so far. The set never
-    changes; what is known of it grows, which changes time only. Raises Empty."""
+    """The set {g >= margin, sum g = 1, rows g >= rhs}, with everything proven about it so far.
+
+    The set never changes. The proofs about it grow, which changes time only. Raises Empty.
+    """
 
     _rule: Rule | None = None
 
@@ -55,7 +60,10 @@ class PlausibleSet:
         self._pruned_to = len(region.rows)
 
     def cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
-        """The part of it that satisfies further rows, without those that follow from others. Raises Empty."""
+        """Return the part of the set that satisfies further rows, without rows that follow from others.
+
+        Raises Empty.
+        """
         part = self
         for i in range(len(rows)):
             if not part._holds(rows[i], float(rhs[i])):
@@ -64,22 +72,25 @@ class PlausibleSet:
 
     @property
     def inside(self) -> Floats | None:
-        """A point (p,) strictly inside; None where the set is too flat for floats to have one."""
+        """A point (p,) strictly inside; None if the set is too flat for floats to have one."""
         return None if np.isnan(self._known.inside[0]) else self._known.inside
 
     @cached_property
     def programs(self) -> Programs:
-        """Clarabel over this set."""
+        """Clarabel's programs over this set."""
         return Programs(self.region)
 
     def decide(self, d: Floats) -> Decisions:
-        """Verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
+        """Return verdicts (n,) and tiers (n,) of valid differences d (n, k)."""
         return decide_by(self.rule, d, self.settle)
 
     @property
     def rule(self) -> Rule:
-        """The proofs as plain arrays. With a margin of 0 rows can close gaps, which then make no difference, not even
-        to dominance: of a set too flat to have a point inside there are no proofs then."""
+        """The proofs as plain arrays.
+
+        With a margin of 0, rows can close gaps, which then make no difference, not even to
+        dominance. So a set too flat to have a point inside has no proofs then.
+        """
         if self.region.margin == 0 and len(self.region.rows) > 0 and self.inside is None:
             return unaided()
         if self._rule is None or self._rule.known is not self._known:
@@ -87,16 +98,16 @@ class PlausibleSet:
         return self._rule
 
     def settle(self, d: Floats) -> Decisions:
-        """Verdicts (n,) and tiers (n,) of differences d (n, k) that compiled proofs leave open."""
+        """Return verdicts (n,) and tiers (n,) of differences d (n, k) that compiled proofs leave open."""
         solved = [self._solve(row) for row in d]
         return Decisions(np.array([v for v, _ in solved], np.int8), np.array([tier for _, tier in solved], np.int8))
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
+        """Return outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
         return self._least(d), 0.0 - self._least(-d)
 
     def _least(self, d: Floats, slack: float = 0.0) -> Floats:
-        """Lower bounds (n,) on d.e, tight to 1e-9 |d|_1, or to ``slack`` if that is more."""
+        """Return lower bounds (n,) on d.e, tight to 1e-9 |d|_1, or to ``slack`` if that is more."""
         t, exponent = tails_of_order_one(d)
         low = order_bounds(t, self.region.margin)[0]
         low -= rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
@@ -109,13 +120,16 @@ class PlausibleSet:
         return np.where(t.any(axis=1), np.nextafter(low, -np.inf), 0.0)
 
     def greatest(self, d: Floats, slack: float | Floats = 0.0) -> Floats:
-        """Upper bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1, or to ``slack``, one or (n,),
-        if that is more, where positive: from the corners that walks find, else from Clarabel."""
+        """Return upper bounds (n,) on d.e for valid differences d (n, k).
+
+        They are tight to 1e-9 |d|_1. A positive bound may be loose by ``slack``, a float or (n,),
+        if that is more. The vertices that walks find give the bounds, and Clarabel the rest.
+        """
         high, slack = greatest(d, self._known), np.broadcast_to(slack, len(d))
         if len(self.region.rows):
             loose = self._not_reached(d, high, np.arange(len(d)), slack)
             for start in range(0, len(loose), _AT_ONCE):
-                # most are tight, but the corner that showed it has made room for those of other rows: walk again
+                # most are tight, but the vertex that showed it was replaced by those of other rows: walk again
                 some = loose[start : start + _AT_ONCE]
                 high[some] = np.minimum(high[some], greatest(d[some], self._known))
                 for i in self._not_reached(d, high, some, slack):
@@ -123,8 +137,10 @@ class PlausibleSet:
         return high
 
     def _not_reached(self, d: Floats, high: Floats, rows: NDArray[np.int64], slack: Floats) -> NDArray[np.int64]:
-        """Which of these rows of d have a positive upper bound (n,) that no known point shows to be tight, or to be
-        within the slack (n,)."""
+        """Return the rows of d whose positive upper bound (n,) no known point shows to be tight.
+
+        A bound within the slack (n,) counts as tight.
+        """
         points = self._known.points[:, : self._known.counts[USED]]
         rows = rows[high[rows] > 0]
         reached = product(tail_sums(d[rows]), points).max(axis=1, initial=-np.inf)
@@ -132,7 +148,7 @@ class PlausibleSet:
         return rows[loose]
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
-        """The part of it that satisfies one more row (1, p)."""
+        """Return the part of the set that satisfies one more row (1, p)."""
         new = object.__new__(PlausibleSet)
         region, new._pruned_to = self.region.plus(row, rhs, owner), self._pruned_to
         with np.errstate(all="ignore"):
@@ -147,7 +163,7 @@ class PlausibleSet:
         return new
 
     def _holds(self, row: Floats, limit: float) -> bool:
-        """Whether row.g >= limit is known to follow already: then it changes nothing."""
+        """Return whether row.g >= limit is known to follow already, so that it changes nothing."""
         if limit == 0:
             with np.errstate(all="ignore"):
                 verdict = settle(row, self._known)
@@ -156,8 +172,11 @@ class PlausibleSet:
         return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
 
     def _solve(self, d: Floats) -> tuple[Verdict, Tier]:
-        """Section 3.1's two programs, the second only where needed: a known point on one side of zero already
-        settles the sign of one optimum."""
+        """Return the verdict and its tier by section 3.1's two programs.
+
+        The second is solved only if needed: a known point on one side of zero decides the sign of
+        one optimum.
+        """
         t = np.ascontiguousarray(tail_sums(d))
         size = to_unit(t)
         tier, least, greatest = Tier.LP, -1, 1
@@ -171,7 +190,7 @@ class PlausibleSet:
         return Verdict(int(verdicts_from(np.array([least]), np.array([greatest]))[0])), tier
 
     def _sign_of_least(self, t: Floats, tier: Tier) -> tuple[int, Tier]:
-        """The sign of min t.g over the set, by Clarabel where its solution proves it, else in rationals."""
+        """Return the sign of min t.g over the set, by Clarabel if its solution proves it, else in rationals."""
         sign, point = self.programs.sign_of_least(t, self.inside) if self.inside is not None else (0, None)
         if point is not None:
             add_point(self._known, point)
@@ -187,14 +206,17 @@ class PlausibleSet:
 
 
 def tails_of_order_one(d: Floats) -> tuple[Floats, NDArray[np.int32]]:
-    """Tail sums (n, p) of d (n, k) over powers of two that bring its entries below 1, and the exponents (n,)."""
+    """Return tail sums (n, p) of d (n, k) over powers of two, and the exponents (n,).
+
+    The powers bring the entries of d below 1.
+    """
     _, exponent = np.frexp(np.abs(d[:, 1:]).max(axis=1, initial=0.0))
     with np.errstate(over="ignore"):
         return tail_sums(np.ldexp(d, -exponent[:, None])), exponent
 
 
 def _check_some(region: Region) -> None:
-    """Raise Empty where no point satisfies the region's constraints."""
+    """Raise Empty if no point satisfies the region's constraints."""
     proof = is_empty(region)
     if proof is not None:
         raise Empty(region, proof)

@@ -1,16 +1,18 @@
-"""The polytope comparator for a tutor who errs now and then: what all scales agree on that violate the answers
-nearly as little as possible.
+"""The polytope comparator for a tutor who errs now and then.
 
-An answer (d, y) is violated by max(0, -y d.e), for y = 0 by max(0, |d.e| - tie), in units of e_k - e_1.
-The total f over all answers, each as often as it was given, is convex and piecewise linear, and its least value a
-linear program: the fit of a scale by least total violation (LINMAP: Srinivasan and Shocker 1973, Psychometrika 38;
-UTA: Jacquet-Lagreze and Siskos 1982, EJOR 10). Plausible is {f <= B}, where B is that least plus the slack.
+It decides where all scales agree that violate the answers nearly as little as possible. An answer
+(d, y) is violated by max(0, -y d.e), or for y = 0 by max(0, |d.e| - tie), in units of e_k - e_1.
+The total f over all answers, each as often as it was given, is convex and piecewise linear, and its
+least value is a linear program: the fit of a scale by least total violation (LINMAP: Srinivasan and
+Shocker 1973, Psychometrika 38; UTA: Jacquet-Lagreze and Siskos 1982, EJOR 10). The plausible set is
+{f <= B}, where B is that least value plus the slack.
 
-For every subset S of the answers, what is lacking to satisfy them, summed over S, is at most f and so at most B:
-a linear cut. The set that satisfies the cuts made so far contains {f <= B}, so what it decides is proven. Where it
-leaves both signs possible, its best point is joined to one inside {f <= B}: the answers that are violated where
-the segment leaves {f <= B} make the next cut (Veinott 1967, Operations Research 15; after Kelley 1960, SIAM J. 8).
-There are finitely many subsets, and few of them matter.
+For every subset S of the answers, the total violation over S is at most f and so at most B: a
+linear cut. The set that satisfies the cuts made so far contains {f <= B}, so its verdicts are
+proven. If it leaves both signs possible, its best point is joined to one inside {f <= B}. The
+answers that are violated where the segment leaves {f <= B} make the next cut (Veinott 1967,
+Operations Research 15; after Kelley 1960, SIAM J. 8). There are finitely many subsets, and few of
+them matter.
 """
 
 from __future__ import annotations
@@ -47,26 +49,42 @@ LEAST_SLACK = 1e-9
 with consistent answers), so that {f <= B} is not too thin for floats."""
 
 _GRID = 2.0**-36  # the least violation is rounded up to a multiple of it: a solver's last bits make no difference
-_NEAR = 1e-12  # violations beyond B and optima beside 0 that count as none
-_TIGHT = 3e-10  # how far least t.g over the cuts may lie below that over {f <= B}
-_PATIENCE = 4  # cuts for one optimum before it is asked for outright
-_MOST_CUTS = 1000  # for one optimum
-_MOST_POINTS = 1000  # of {f <= B} to remember
+_NEAR = 1e-12  # violations beyond B, and distances of optima from 0, that count as none
+_TIGHT = 3e-10  # largest distance of the least t.g over the cuts below that over {f <= B}
+_PATIENCE = 4  # cuts for one optimum before it is solved for outright
+_MOST_CUTS = 1000  # largest number of cuts for one optimum
+_MOST_POINTS = 1000  # largest number of points of {f <= B} to keep
 _SHARPENED = 20  # rounds in which the greatest of several upper bounds is made tight
-_FEWEST = 50  # draws that a question can go by
-_BLOCK = 32  # open differences that are looked at together, after all cuts made for those before them
+_FEWEST = 50  # least number of draws to choose a question by
+_BLOCK = 32  # open differences that are decided together, after all cuts made for those before them
 
 
 class RelaxedPolytopeComparator:
-    """All scales with at least ``margin`` between neighbouring levels that satisfy the prior, and whose total
-    violation of the answers is within ``slack`` of the least possible. A frozen value.
+    """The set of all scales whose total violation of the answers is nearly the least possible.
 
-    ``slack`` >= 0 is in units of e_k - e_1; ``margin``, ``prior`` and ``tie`` as in ``PolytopeComparator``. BETTER,
-    WORSE and EQUAL are proven; UNKNOWN may also be said where the exact optimum is within about 1e-9 |d|_1 of zero.
-    With slack 0 and consistent answers it is ``PolytopeComparator``. Once they are not, slack 0 leaves the best
-    fit, often one scale alone, which is hardly ever the truth; a slack that the tutor's errors do not exceed in
-    total keeps the truth. What contradicts earlier answers can make a decided difference UNKNOWN again.
-    Raises ValueError as ``PolytopeComparator`` does, and for a slack that is negative or not finite.
+    Its scales have at least ``margin`` between neighbouring levels, satisfy the prior, and violate
+    the answers in total by at most ``slack`` more than the least possible. The comparator is a
+    frozen value.
+
+    BETTER, WORSE and EQUAL are proven. UNKNOWN may also be said if the exact optimum is within
+    about 1e-9 |d|_1 of zero. With slack 0 and consistent answers it equals ``PolytopeComparator``.
+    Once they are inconsistent, slack 0 leaves the best fit, often one scale alone, which is hardly
+    ever the truth. A slack that the tutor's errors do not exceed in total keeps the truth. An
+    answer that contradicts earlier ones can make a decided difference UNKNOWN again.
+
+    Parameters
+    ----------
+    k : int
+        Number of levels.
+    slack : float
+        At least 0, in units of e_k - e_1.
+    margin, prior, tie
+        As in ``PolytopeComparator``.
+
+    Raises
+    ------
+    ValueError
+        As ``PolytopeComparator`` does, and if the slack is negative or not finite.
     """
 
     def __init__(
@@ -85,7 +103,16 @@ class RelaxedPolytopeComparator:
 
     @one_thread
     def update(self, answers: Answers) -> RelaxedPolytopeComparator:
-        """What is plausible given these answers too, consistent or not."""
+        """Return a comparator that also knows these answers, consistent or not.
+
+        Parameters
+        ----------
+        answers : Answers
+
+        Returns
+        -------
+        RelaxedPolytopeComparator
+        """
         new = object.__new__(RelaxedPolytopeComparator)
         new.slack, new.k, new.margin, new.prior, new.tie = self.slack, self.k, self.margin, self.prior, self.tie
         new._blank, new._order = self._blank, self._order
@@ -98,33 +125,90 @@ class RelaxedPolytopeComparator:
         return new
 
     def retract(self, *ids: str) -> RelaxedPolytopeComparator:
-        """What is known without the answers of these ids. Raises ValueError for an id that is not among them."""
+        """Return a comparator without the answers of these ids.
+
+        Parameters
+        ----------
+        *ids : str
+
+        Returns
+        -------
+        RelaxedPolytopeComparator
+
+        Raises
+        ------
+        ValueError
+            For an id that is not among the answers.
+        """
         fresh = RelaxedPolytopeComparator(self.k, self.slack, self.margin, self.prior, self.tie)
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) on differences d (n, k): what every plausible scale says of them."""
+        """Return verdicts on differences, on which every plausible scale agrees.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
+        """
         return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
     def rule(self) -> Rule:
-        """What is known of the plausible scales as plain arrays."""
+        """The proofs about the plausible scales as plain arrays."""
         return self._set.rule
 
     @one_thread
     def settle(self, d: Floats) -> Decisions:
-        """Verdicts and tiers (n,) of differences d (n, k) that the rule leaves open: by linear programs."""
+        """Decide by linear programs the differences that the rule leaves open.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        Decisions
+            Verdicts (n,) and tiers (n,).
+        """
         return self._set.settle(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Outer bounds lo (n,), hi (n,) on d.e over the plausible scales, tight to 1e-9 |d|_1."""
+        """Return outer bounds on d.e over the plausible scales, tight to 1e-9 |d|_1.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
+        """
         return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e over the plausible scales, for all rows of d (n, k) at once, and their confidence: 1
-        while the answers are consistent; nan after that, for nothing says how likely the slack is to be enough."""
+        """Return upper bounds on d.e over the plausible scales, for all rows at once, and their confidence.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        confidence : float
+            1 as long as the answers are consistent. After that it is nan, for nothing says how
+            likely the slack is to be enough.
+        """
         high = self._set.simultaneous_bounds(rows := as_differences(d, self.k))[0]
         if self._exact is None:
             return high, np.nan
@@ -133,41 +217,61 @@ class RelaxedPolytopeComparator:
     @cached_property
     @one_thread
     def draws(self) -> Draws:
-        """Plausible scales, for questions that go by probability; no proof rests on them."""
+        """Plausible scales, drawn to choose questions by probability; no proof depends on them."""
         return self._set.draws
 
     @property
     @one_thread
     def values(self) -> Floats:
-        """(k,) the analytic centre of the plausible set, from 0 to 1; read-only. Where B > 0 it is that of the set
-        of all scales together with a violation allowed for each answer, B in total."""
+        """The analytic centre (k,) of the plausible set, from 0 to 1; read-only.
+
+        If B > 0, it is the centre of the set of all scales together with a violation allowed for
+        each answer, B in total.
+        """
         return self._set.values
 
     @property
     def violation(self) -> float:
-        """The least total violation, in units of e_k - e_1: exactly 0 where the answers are consistent, else at
-        most 1e-9 of the largest |d|_1 too high."""
+        """The least total violation, in units of e_k - e_1.
+
+        It is exactly 0 if the answers are consistent. Otherwise it is at most 1e-9 of the largest
+        |d|_1 too high.
+        """
         with np.errstate(over="ignore"):
             return float(np.ldexp(self._least, self._hinges.exponent))
 
     @cached_property
     @one_thread
     def violated(self) -> tuple[tuple[int, str], ...]:
-        """The answers that do not fit the others, as (row, id): each that some least-violating scale violates, by
-        more than 1e-7 of the largest answered difference. Usually there is one such scale; where there are several,
-        the blame can be put on these answers or on those, and all of them are listed."""
+        """The answers that do not fit the others, as (row, id).
+
+        They are the answers that some least-violating scale violates by more than 1e-7 of the
+        largest answered difference. Usually there is one such scale. If there are several, the
+        blame can be put on different answers, and all of them are listed.
+        """
         if self._exact is not None:
             return ()
-        # on the set of its minimisers f is linear, hence each violation is: what is positive somewhere on the set
-        # is positive in its middle
+        # on the set of its minimisers f is linear, and hence each violation is: a violation that is positive
+        # somewhere on the set is positive in its middle
         best = self._within(self._least + LEAST_SLACK)
         wrong = self._hinges.owner[self._hinges.lacking(np.diff(best.values)) > 1e-7]
         return tuple((int(row), self.answers.ids[row]) for row in np.unique(wrong))
 
     def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
-        """The programs that minimise and maximise d.e over the plausible scales, for one difference d (k,), as
-        ``PolytopeComparator.problems``; a variable "violation" (n,) says by how much each answer is violated, in units
-        of e_k - e_1, wherever it may be."""
+        """Return the programs that minimise and maximise d.e over the plausible scales, as cvxpy problems.
+
+        They are like those of ``PolytopeComparator.problems``, with a variable "violation" (n,). It
+        says by how much each answer is violated, in units of e_k - e_1.
+
+        Parameters
+        ----------
+        d : (k,)
+            One difference left - right.
+
+        Returns
+        -------
+        least, greatest : cvxpy.Problem
+        """
         from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
 
         if isinstance(self._set, PolytopeComparator):
@@ -179,7 +283,7 @@ class RelaxedPolytopeComparator:
 
     @property
     def solves(self) -> int:
-        """How many linear programs were solved to compare and to make cuts."""
+        """Number of linear programs that were solved to compare and to make cuts."""
         return self._set.solves
 
     def _learn(
@@ -196,7 +300,7 @@ class RelaxedPolytopeComparator:
             self._least = least
         with np.errstate(over="ignore"):
             slack = max(float(np.ldexp(self.slack, -self._hinges.exponent)), LEAST_SLACK)
-        budget = least + min(slack, len(self._hinges.rows) + 1.0)  # no scale lacks more than 1 of any row
+        budget = least + min(slack, len(self._hinges.rows) + 1.0)  # no scale violates any row by more than 1
         self._set = self._within(budget)
         if isinstance(old, _Sublevel):
             self._set.inherit(old)
@@ -206,8 +310,11 @@ class RelaxedPolytopeComparator:
 
 
 class _Sublevel:
-    """{f <= budget} within the order and the prior, whose middle and best fit (f < budget) are given: a PlausibleSet
-    around it, which is cut where that matters, and points of it."""
+    """The set {f <= budget} within the order and the prior.
+
+    Its middle and its best fit (f < budget) are given. It holds points of the set, and a
+    PlausibleSet around it, which is cut as needed.
+    """
 
     def __init__(self, hinges: Hinges, budget: float, fit: Floats, middle: Floats, order: PlausibleSet) -> None:
         self.hinges, self.budget, self.middle, self.order, self.around = hinges, budget, middle, order, order
@@ -218,7 +325,7 @@ class _Sublevel:
         self.solves = 0
 
     def inherit(self, old: _Sublevel) -> None:
-        """Know what was known with fewer answers, unless the budget has grown."""
+        """Take over the cuts and points that were known with fewer answers, unless the budget has grown."""
         with np.errstate(over="ignore"):
             budget = np.ldexp(old.budget, old.hinges.exponent - self.hinges.exponent)
         if self.budget <= budget:
@@ -227,7 +334,7 @@ class _Sublevel:
             self.points = np.concatenate([self.points, old.points[still]])
 
     def settle(self, d: Floats) -> Decisions:
-        """Verdicts (n,) and tiers (n,) of differences d (n, k) that the rule leaves open."""
+        """Return verdicts (n,) and tiers (n,) of differences d (n, k) that the rule leaves open."""
         verdicts, tiers = self.around.decide(d)
         unknown = np.flatnonzero(verdicts == Verdict.UNKNOWN)
         for first in range(0, len(unknown), _BLOCK):
@@ -249,14 +356,14 @@ class _Sublevel:
         return outer(rule.known, self.points.T) if rule.kind == PROVEN else rule
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
-        """Outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
+        """Return outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
         for one in _unit_tails(d):
             for t in (one, -one) if one.any() else ():
                 self._sharpen(t, -np.inf)
         return self.around.bounds(d)
 
     def simultaneous_bounds(self, d: Floats) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e for valid differences, the greatest of them tight to 1e-9 |d|_1."""
+        """Return upper bounds (n,) on d.e for valid differences, the greatest of them tight to 1e-9 |d|_1."""
         high = self.around.greatest(d)
         for _ in range(_SHARPENED if len(d) else 0):
             row = int(np.argmax(high))
@@ -269,7 +376,7 @@ class _Sublevel:
 
     @cached_property
     def draws(self) -> Draws:
-        """Draws from the set around, those within {f <= budget}; the known points where hardly any are."""
+        """Draws from the set around that are within {f <= budget}, and the known points if these are few."""
         drawn = draws_within(self.around.region, np.diff(self.values))
         within = np.array([self.hinges.total(g) <= self.budget + _NEAR for g in drawn.gaps.T])
         gaps = (
@@ -282,7 +389,7 @@ class _Sublevel:
 
     @cached_property
     def values(self) -> Floats:
-        """(k,) the scale at the analytic centre; read-only."""
+        """The scale (k,) at the analytic centre; read-only."""
         values = values_of(_centre(self))
         values.flags.writeable = False
         return values
@@ -304,7 +411,7 @@ class _Sublevel:
                 return
 
     def _jump(self, t: Floats) -> None:
-        """Know the point of the set where t.g is least, and the one cut, by the multipliers there, that shows it."""
+        """Add the point of the set where t.g is least, and the one cut that its multipliers prove."""
         cost = np.append(t, np.zeros(len(self.hinges.rows)))
         found = solve(self.hinges, self.order.region, cost, self.budget)
         self.solves += 1
@@ -313,12 +420,15 @@ class _Sublevel:
             self._add(*self.hinges.cut(np.minimum(found.y / found.price, self.hinges.weights), self.budget))
 
     def _add(self, row: Floats, limit: float) -> None:
-        if limit > row.min():  # else it holds in any order
+        if limit > row.min():  # else the order alone implies it
             self.around = self.around.cut(row[None, :], np.array([limit]), np.array([-1]))
 
     def _cut_off(self, g: Floats) -> bool:
-        """Know where the way from inside to g leaves the set, and the cut there. False where it does not leave, or
-        rounding leaves too little of the cut."""
+        """Add the point where the way from inside to g leaves the set, and the cut there.
+
+        Returns False if the way does not leave the set, or if rounding leaves too little of the
+        cut.
+        """
         start = self.hinges.lacking(self.inside)
         way = self.hinges.lacking(g) - start
         share, best = 1.0, (g, -np.inf)
@@ -338,18 +448,23 @@ class _Sublevel:
 
 
 def _unit_tails(d: Floats) -> Floats:
-    """Tail sums (n, p) of d (n, k), scaled to a largest of 1."""
+    """Return tail sums (n, p) of d (n, k), scaled to a largest of 1."""
     t, _ = tails_of_order_one(d)
     size = np.abs(t).max(axis=1, initial=0.0, keepdims=True)
     return np.asarray(t / np.where(size > 0, size, 1.0))
 
 
 def _centre(level: _Sublevel) -> Floats:
-    """The g (p,) of the analytic centre of {(g, s): g within the order and the prior, s >= 0, s >= what g lacks of
-    each answer, sum s <= budget}."""
+    """Return the g (p,) of the analytic centre of the set of (g, s) with sum s <= budget.
+
+    Here g is within the order and the prior, and s >= 0 is at least the violation of each answer by
+    g.
+    """
     hinges, (rows, limits) = level.hinges, level.order.region.constraints
     m, p = hinges.rows.shape
-    flat = rows @ level.middle - limits <= 1e-12 * np.abs(rows).max(axis=1)  # the middle has all the room there is
+    flat = rows @ level.middle - limits <= 1e-12 * np.abs(rows).max(
+        axis=1
+    )  # rows without room at the middle, which has all the room there is
     along = null_basis(np.concatenate([np.ones((1, p)), rows[flat]]))
     s = np.maximum(hinges.lacking(level.inside), 0.0)
     s += (level.budget - s.sum()) / (m + 1)

@@ -1,4 +1,4 @@
-"""Answers as hinges: how much a scale lacks to satisfy each, and the scale that lacks least in total."""
+"""Answers as hinges: how far a scale violates each, and the scale that violates least in total."""
 
 from __future__ import annotations
 
@@ -16,19 +16,22 @@ from elicit.model.scale import Floats, tail_sums
 
 
 class Hinges(NamedTuple):
-    """The answers as f(g) = sum weights * max(0, rhs - rows g), in units of 2^exponent. Weights are powers of two,
-    at most 1."""
+    """The answers as f(g) = sum weights * max(0, rhs - rows g), in units of 2^exponent.
+
+    Weights are powers of two, at most 1.
+    """
 
     rows: Floats  # (m, p)
     rhs: Floats  # (m,)
-    owner: NDArray[np.int64]  # (m,) the number of the answer
+    owner: NDArray[np.int64]  # (m,) number of the answer
     weights: Floats  # (m,)
     exponent: int
 
     @staticmethod
     def of(answers: Answers, tie: float) -> Hinges:
+        """Return the hinges of these answers, where "equal" means |d.e| <= ``tie``."""
         rows, rhs, owner = answer_rows(answers, 0, tie)
-        size = np.zeros(len(rows), dtype=np.int64)  # by which power of two answer_rows divided
+        size = np.zeros(len(rows), dtype=np.int64)  # exponents of the powers of two by which answer_rows divided
         for _ in range(2):  # the first time, tail_sums may have divided too
             with np.errstate(over="ignore"):
                 t = tail_sums(np.ldexp(answers.d[owner], -size[:, None]))
@@ -37,22 +40,24 @@ class Hinges(NamedTuple):
         return Hinges(rows, rhs, owner, np.ldexp(1.0, size - exponent), exponent)
 
     def lacking(self, g: Floats) -> Floats:
-        """What g (p,) lacks to satisfy each row (m,), weighted: negative where it has more than enough."""
+        """Return how far g (p,) violates each row (m,), weighted; negative if it satisfies the row with room."""
         return np.asarray(self.weights * (self.rhs - self.rows @ g))
 
     def total(self, g: Floats) -> float:
-        """f at g (p,)."""
+        """Return f at g (p,)."""
         return float(np.maximum(self.lacking(g), 0.0).sum())
 
     def at_most(self, g: Floats) -> float:
-        """An upper bound on f at g, for every rounding there is, also that of g."""
+        """Return an upper bound on f at g that holds for every rounding, also for that of g."""
         doubt = 4.0 * rounding(len(g), np.abs(self.rows) @ np.abs(g) + np.abs(self.rhs))
         each = np.maximum(self.lacking(g) + self.weights * doubt, 0.0)
         return float(each.sum() * (1.0 + 2.0**-50 * len(each)))
 
     def cut(self, weights: Floats, budget: float) -> tuple[Floats, float]:
-        """What f <= budget means for the sum of the rows with weights (m,) from 0 to their own: row.g >= limit,
-        rounded so that it holds."""
+        """Return the cut row.g >= limit that f <= budget implies for a weighted sum of the rows.
+
+        The weights (m,) are from 0 to the hinges' own. The limit is rounded so that the cut holds.
+        """
         row, limit = weights @ self.rows, float(weights @ self.rhs) - budget
         size = float((weights @ np.abs(self.rows)).max() + weights @ np.abs(self.rhs)) + budget
         # g >= 0 totals 1: row.g is off by no more than an entry
@@ -70,8 +75,11 @@ class HingeSolution(NamedTuple):
 
 
 def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> HingeSolution | None:
-    """Least cost of (g, s) in the region, s >= 0 and s >= what g lacks of each row, of weighted sum <= budget. None
-    where HiGHS cannot tell."""
+    """Return the (g, s) of least cost in the region, or None if HiGHS finds none.
+
+    Here s >= 0 is at least the violation of each row by g, and its weighted sum is at most
+    ``budget``.
+    """
     (m, p), prior = hinges.rows.shape, len(region.rows)
     options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
     rows = np.block([[hinges.rows, np.eye(m)], [region.rows, np.zeros((prior, m))], [np.zeros(p), -hinges.weights]])
@@ -86,7 +94,10 @@ def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> HingeS
 
 
 def best_fit(hinges: Hinges, order: PlausibleSet) -> Floats:
-    """A point (p,) certainly within the order and the prior, where f is least but for rounding."""
+    """Return a point (p,) within the order and the prior that minimises f up to rounding.
+
+    The point is certain to be within them.
+    """
     region, p = order.region, order.region.p
     found = solve(hinges, region, np.append(np.zeros(p), hinges.weights), len(hinges.rows) + 1.0)
     if found is None:
@@ -94,7 +105,7 @@ def best_fit(hinges: Hinges, order: PlausibleSet) -> Floats:
     point = None if order.inside is None else pull_inside(found.g, order.inside, region)
     if point is not None:
         return point
-    # too flat for floats: in rationals, a point of the region that lacks hardly more of any answer
+    # too flat for floats: in rationals, a point of the region that violates no answer by much more
     for room in 100.0 ** np.arange(-6, 2):
         vertex = minimise_exactly(np.zeros(p), region.plus(hinges.rows, hinges.rows @ found.g - room, hinges.owner))
         if vertex.end is not End.EMPTY:

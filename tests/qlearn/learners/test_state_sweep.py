@@ -21,7 +21,7 @@ from elicit import (
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import weighted
 from elicit.decision.verdicts import decide
-from elicit.model.comparator import Comparator, Decisions, Tier
+from elicit.model.comparator import Comparator, Decisions, Tier, offers, simultaneous_bounds
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, dot, gaps, tail_sums
 from elicit.model.tutor import Tutor
@@ -40,6 +40,8 @@ class ByPython:
 
     def __init__(self, inner: Comparator) -> None:
         self.inner, self.k, self.values, self.bounds = inner, inner.k, inner.values, inner.bounds
+        if offers(inner, "simultaneous_bounds"):
+            self.simultaneous_bounds = lambda d: simultaneous_bounds(inner, d)
 
     def compare(self, d: Any) -> Any:
         return self.inner.compare(d)
