@@ -1,6 +1,7 @@
 """The site, made from the root of the repository by ``make docs``: so a link leads to the same page here and there.
 
-Docstrings are plain text with ``code`` and, for many parameters, two columns: ``as_rst`` says so to Sphinx.
+Docstrings are plain text with ``code``, and parameters in numpydoc's sections or in two columns: ``as_rst`` says so to
+Sphinx.
 """
 
 import re
@@ -52,14 +53,22 @@ _COLUMNS = re.compile(r"(\S(?:.*?\S)?) {2,}(?=\S)")
 
 
 def as_rst(lines: list[str]) -> list[str]:
-    """A docstring's lines as reStructuredText: what is no ``code`` means itself, and parameters in one column with what
-    they are in another become a list of definitions."""
+    """A docstring's lines as reStructuredText: what is no ``code`` means itself. Numpydoc's sections, and parameters in
+    one column with what they are in another, become lists of definitions."""
     out: list[str] = []
     for paragraph in "\n".join(lines).strip("\n").split("\n\n"):
         rows = paragraph.split("\n")
         if all(row.startswith("    ") for row in rows):  # an example, set in
             out += ["::", "", *rows, ""]
             continue
+        if len(rows) > 2 and set(rows[1]) == {"-"}:
+            out += [f".. rubric:: {rows[0]}", ""]
+            rows = rows[2:]
+            if rows[-1].startswith("    "):
+                out += [f"    {_plain(row.strip())}" if row.startswith("    ") else f"``{row}``" for row in rows]
+                out.append("")
+                continue
+            paragraph = "\n".join(rows)
         first = _COLUMNS.match(rows[0])
         width = first.end() if first else 0
         if width and all(row[:width].rstrip() != row[:width] and row[width:].strip() for row in rows):
