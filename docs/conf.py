@@ -53,22 +53,26 @@ _COLUMNS = re.compile(r"(\S(?:.*?\S)?) {2,}(?=\S)")
 
 
 def as_rst(lines: list[str]) -> list[str]:
-    """A docstring's lines as reStructuredText: what is no ``code`` means itself. Numpydoc's sections, and parameters in
-    one column with what they are in another, become lists of definitions."""
+    """Return a docstring's lines as reStructuredText: text that is no ``code`` means itself.
+
+    Numpydoc's sections, and parameters in one column with their meaning in another, become lists of definitions."""
     out: list[str] = []
+    in_section = False
     for paragraph in "\n".join(lines).strip("\n").split("\n\n"):
         rows = paragraph.split("\n")
-        if all(row.startswith("    ") for row in rows):  # an example, set in
-            out += ["::", "", *rows, ""]
-            continue
-        if len(rows) > 2 and set(rows[1]) == {"-"}:
+        if len(rows) > 1 and set(rows[1]) == {"-"}:
             out += [f".. rubric:: {rows[0]}", ""]
             rows = rows[2:]
-            if rows[-1].startswith("    "):
-                out += [f"    {_plain(row.strip())}" if row.startswith("    ") else f"``{row}``" for row in rows]
-                out.append("")
-                continue
-            paragraph = "\n".join(rows)
+            in_section = rows[:1] != [] and "Notes" not in out[-2]
+        if not rows:
+            continue
+        set_in = [row.startswith("    ") for row in rows]
+        if in_section and any(set_in):
+            out += _definitions(rows)
+            continue
+        if all(set_in):  # an example
+            out += ["::", "", *rows, ""]
+            continue
         first = _COLUMNS.match(rows[0])
         width = first.end() if first else 0
         if width and all(row[:width].rstrip() != row[:width] and row[width:].strip() for row in rows):
@@ -77,9 +81,22 @@ def as_rst(lines: list[str]) -> list[str]:
                     out.append(f"``{name}``")
                 out.append("    " + _plain(row[width:]))
         else:
-            out += _plain(paragraph).split("\n")
+            out += _plain("\n".join(rows)).split("\n")
         out.append("")
     return out
+
+
+def _definitions(rows: list[str]) -> list[str]:
+    """Return names, and the text set in below each, as a list of definitions; a name without text is a paragraph."""
+    out: list[str] = []
+    for i, row in enumerate(rows):
+        if row.startswith("    "):
+            out.append(f"    {_plain(row.strip())}")
+        else:
+            out += ["", f"``{row}``"]
+            if not rows[i + 1 : i + 2] or not rows[i + 1].startswith("    "):
+                out.append("")
+    return [*out, ""]
 
 
 def _plain(text: str) -> str:
