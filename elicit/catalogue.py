@@ -90,7 +90,7 @@ class ComparatorEntry:
         return self.factory(k, seed, **self.fixed, **given)
 
     def is_kind_of(self, comparator: Comparator) -> bool:
-        """Whether the comparator is of this entry's class and has its fixed keywords."""
+        """Return whether the comparator is of this entry's class and has its fixed keywords."""
         if type(comparator).__name__ != self.kind:
             return False
         return all(getattr(comparator, name) == value for name, value in self.fixed.items())

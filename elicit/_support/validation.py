@@ -7,7 +7,7 @@ from typing import Any
 
 
 def is_number(value: Any, least: float = -inf, most: float = inf) -> bool:
-    """Whether a setting is a finite number in ``least`` .. ``most``; a text, None, True or False is none."""
+    """Return whether a setting is a finite number in ``least`` .. ``most``; a text, None, True or False is none."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     try:
@@ -17,12 +17,12 @@ def is_number(value: Any, least: float = -inf, most: float = inf) -> bool:
 
 
 def is_whole(value: Any, least: int) -> bool:
-    """Whether a setting is a whole number of at least ``least``."""
+    """Return whether a setting is a whole number of at least ``least``."""
     return is_number(value, least) and bool(int(value) == value)
 
 
 def is_range(value: Any, least: float = -inf, most: float = inf) -> bool:
-    """Whether a setting is two finite numbers, ``least`` <= low <= high <= ``most``."""
+    """Return whether a setting is two finite numbers, ``least`` <= low <= high <= ``most``."""
     try:
         low, high = value
     except (TypeError, ValueError):
@@ -31,7 +31,7 @@ def is_range(value: Any, least: float = -inf, most: float = inf) -> bool:
 
 
 def is_list(value: Any, n: int) -> bool:
-    """Whether a setting is n items, one behind the other; a text is none, though it has letters."""
+    """Return whether a setting is a sequence of n items; a text is none."""
     return isinstance(value, Sized) and not isinstance(value, str | bytes) and len(value) == n
 
 

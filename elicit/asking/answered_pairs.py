@@ -12,7 +12,7 @@ from elicit.model.scale import Floats, tail_sums
 
 
 class AnsweredPairs:
-    """What the tutor said of each pair, for lookups by value. Two differences within ``pairs.nearness`` are one pair;
+    """The tutor's answers to pairs, for lookups by value. Two differences within ``pairs.nearness`` are one pair;
     the latest answer to a pair counts."""
 
     def __init__(self, k: int) -> None:
@@ -36,7 +36,7 @@ class AnsweredPairs:
 
     @property
     def any_binding(self) -> bool:
-        """Whether there is an answer that no model may overrule."""
+        """Return whether there is an answer that no model may overrule."""
         return bool(self.table.binding[: len(self)].any())
 
     def add(self, d: Floats, verdict: int, *, binding: bool) -> None:

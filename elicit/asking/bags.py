@@ -37,9 +37,10 @@ class BagQuestions(NamedTuple):
 
 @dataclass(frozen=True)
 class Bags:
-    """How bag questions are made: ``days`` in a bag (10 or fewer are easy to picture), and ``simplicity`` in 0..1, how
-    much of the information of the best question may be given up for an easier one: 0 nothing, 1 all but a trace.
-    Raises ValueError."""
+    """Settings of questions about bags.
+
+    ``days``: the number in a bag; 10 or fewer are easy to picture. ``simplicity`` in 0..1: the share of the best
+    question's information that may be given up for an easier question. Raises ValueError."""
 
     days: int = 10
     simplicity: float = 0.3
@@ -65,7 +66,7 @@ class Bags:
 
     @one_thread
     def best(self, draws: Draws, about: ArrayLike, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
-        """Which of ``questions`` to ask, and what each tells, in bits, of the signs of differences ``about`` (c, k):
+        """Return which of ``questions`` to ask, and what each tells, in bits, of the signs of ``about`` (c, k):
         the easiest of those that tell at least (1 - simplicity) of what the best does; -1 where none tells anything.
         ``draws`` say what is plausible, ``lapse`` how often a tutor answers at random; ``skip`` are rows not to ask.
         Raises ValueError for differences that are no finite numbers of the draws' k levels, for a lapse outside 0..1,
@@ -112,8 +113,10 @@ def _all_questions(k: int, days: int) -> BagQuestions:
 
 
 def ease(days: int, good: int, ends: bool) -> float:
-    """How easy a mixture of ``good`` better days and the rest worse is to judge, in (0, 1]: halves are easier than
-    fifths, these than tenths, and the worst and the best level (``ends``) are the easiest to have in mind."""
+    """Return how easy a mixture of ``good`` better days and the rest worse is to judge, in (0, 1].
+
+    Halves are easier than fifths, and these than tenths. The worst and the best level (``ends``) are the easiest to
+    have in mind."""
     return 2.0 * gcd(days, good) / days * (1.0 if ends else 0.7)
 
 
@@ -132,7 +135,7 @@ def says_left(scores: Floats, precision: Floats, lapse: float) -> Floats:
 
 
 def entropy(chance: Floats) -> Floats:
-    """Of a yes or no with this chance, in bits."""
+    """Return the entropy of a yes or no with this chance, in bits."""
     p, q = np.clip(chance, 1e-300, 1.0), np.clip(1.0 - chance, 1e-300, 1.0)
     return np.asarray(-(chance * np.log2(p) + (1.0 - chance) * np.log2(q)))
 

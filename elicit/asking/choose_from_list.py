@@ -35,7 +35,7 @@ _Plan = tuple[list[int], int, _Indices]  # ranking, how many comparisons are gue
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Choice:
-    """What was chosen.
+    """The result of a choice.
 
     best: index of the best vector, the first in the list of equals. order: all indices, best first, or
     None if only the best was wanted. name: that of the best. asked: questions told, among them
@@ -188,7 +188,7 @@ class Choosing:
 
     @property
     def comparator(self) -> Comparator:
-        """What is known of the scale."""
+        """The comparator, which holds what is known of the scale."""
         return self._elicitation.comparator
 
     def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
@@ -270,7 +270,7 @@ class Choosing:
         return standing.tolist(), len(standing) - 1, np.stack([standing[first], standing[second]], axis=1)
 
     def _plan_order(self, by_guess: _Indices) -> _Plan:
-        """As above, for the whole order: each vector is inserted from the end of those whose guess is
+        """Plan the comparisons for the whole order: each vector is inserted from the end of those whose guess is
         better, by a search that doubles its steps, so a good guess costs one comparison each."""
         self._judge(by_guess[:-1], by_guess[1:])
         groups: list[list[int]] = []

@@ -71,7 +71,7 @@ class Audit:
 
     @property
     def contradicts(self) -> bool:
-        """Whether the tutor said the opposite of what the answers imply."""
+        """True if the tutor said the opposite of what the answers imply."""
         return self.answer is not None and self.expected * self.answer == -1
 
 
@@ -199,7 +199,7 @@ class Elicitation:
         return Decisions(verdict, tier)
 
     def rule(self) -> AskingRule:
-        """What ``judge`` goes by, as arrays, for compiled loops."""
+        """Return what ``judge`` decides by, as arrays, for compiled loops."""
         asks = self.signs is None
         return AskingRule(
             indifference=self.indifference if asks else 0.0,
@@ -297,8 +297,9 @@ class Elicitation:
 
     @property
     def room(self) -> int:
-        """How many answers in a row may be given without a word with this elicitation, while everything stands as it
-        does now: 0 where each may change what is asked next."""
+        """Return how many answers in a row a compiled loop may take before this elicitation must see them.
+
+        It is 0 if each answer may change what is asked next."""
         comparator = self.comparator
         free = not (self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs)
         if not free or not hasattr(type(comparator), "answers_to_next_step"):
@@ -319,7 +320,7 @@ class Elicitation:
 
     @property
     def audits_left(self) -> int:
-        """How many settled pairs may still be put to the tutor."""
+        """The number of audits that may still be made."""
         return max(0, self._max_audits - len(self.audits))
 
     @property
@@ -330,33 +331,33 @@ class Elicitation:
 
     @property
     def gave_up(self) -> bool:
-        """Whether pairs that are certainly near are asked about no more, because the last ones were called equal."""
+        """True if pairs that are certainly near are no longer asked about, because the last ones were called equal."""
         return self._equal_in_a_row >= _IN_A_ROW
 
     @property
     def called_equal(self) -> bool:
-        """Whether pairs count as equal that the tutor called so, and that may be farther apart than the indifference
-        given."""
+        """True if pairs called equal count as equal, though they may differ by more than the indifference."""
         return self._tie > self._indifference and bool((self.answers.y == 0).any() or self.gave_up)
 
     @property
     def spent(self) -> bool:
-        """Whether the question budget is used up."""
+        """True if the question budget is used up."""
         return self._max_queries is not None and self.asked >= self._max_queries
 
     @property
     def unsure(self) -> bool:
-        """Whether pairs count as ties because the tutor could not tell them (an audit's stand as the answers say)."""
+        """True if pairs count as ties because the tutor could not tell (audits keep the verdict of the answers)."""
         return bool(self._unclear) or self._untold
 
     @property
     def guesses(self) -> bool:
-        """Whether pairs that would need the tutor go by the comparator's best scale."""
+        """True if pairs that would need the tutor are decided by the comparator's best guess at the scale."""
         return self.puts_off or self.spent
 
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
-        """Which of the differences d (n, k) were not answered before, nor compared at a place where the tutor could
-        not tell."""
+        """Return which of the differences d (n, k) may be asked about.
+
+        Those may not that were answered before, or compared at a place where the tutor could not tell."""
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:
             new &= ~np.array([self._is_unclear(places(i)) for i in range(len(d))], dtype=np.bool_)
@@ -366,8 +367,9 @@ class Elicitation:
         return not self._unclear.isdisjoint(place)
 
     def next_batch(self, d: Floats) -> list[int]:
-        """Which of the differences d (n, k), judged UNKNOWN, to ask about now: the first ones, as many as batch
-        and budget allow, and of several rows about one pair only the first."""
+        """Return which of the differences d (n, k), judged UNKNOWN, to ask about now.
+
+        They are the first ones, as many as batch and budget allow; of several rows about one pair only the first."""
         room = self.batch if self._max_queries is None else max(1, min(self.batch, self._max_queries - self.asked))
         return first_of_each_pair(d, room)
 
@@ -439,7 +441,7 @@ class Elicitation:
         return answer if entry.used and answer.verdict is not None else None
 
     def _count_equal(self, answers: Sequence[Answer]) -> int:
-        """How many answers in a row are "equal" now, among those to pairs that are certainly near."""
+        """Count how many answers in a row are "equal" now, among those to pairs that are certainly near."""
         count = self._equal_in_a_row
         for answer in answers if self._tie else ():
             equal = answer.verdict is Verdict.EQUAL
@@ -475,5 +477,5 @@ def _rows(answers: Answers) -> Iterator[tuple[bytes, int]]:
 
 
 def _implied(comparator: Comparator, d: Floats) -> Verdict:
-    """What a comparator says of one difference d (k,)."""
+    """Return the verdict of a comparator on one difference d (k,)."""
     return Verdict(int(decide(comparator, d).verdicts[0]))

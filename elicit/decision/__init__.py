@@ -1,4 +1,4 @@
-"""How a difference is judged, one decision for Python and for compiled loops.
+"""Decisions on differences, the same for Python and for compiled loops.
 
 Imports from ``lp``, ``model`` and ``_support``.
 """

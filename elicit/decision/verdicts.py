@@ -28,7 +28,7 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
 
 
 def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:
-    """What a comparator's ``compare`` has returned for n differences; raises TypeError unless it is codes (n,) int8."""
+    """Return what a comparator's ``compare`` gave for n differences; raises TypeError unless it is codes (n,) int8."""
     codes = np.asarray(verdicts)
     if codes.shape == (n,) and codes.dtype == np.int8 and (codes >= Verdict.WORSE).all() and (codes <= UNKNOWN).all():
         return codes

@@ -16,7 +16,7 @@ Tiers = NDArray[np.int8]
 
 
 class Tier(IntEnum):
-    """Who settled a comparison."""
+    """The step that decided a comparison."""
 
     EQUAL = 0  # the vectors are the same
     DOMINANCE = 1  # eq. (4): true for every scale
@@ -47,7 +47,7 @@ _MEMBERS = ("k", "values", "bounds", "compare", "update")
 
 @runtime_checkable
 class Comparator(Protocol):
-    """What is known of the scale so far. A frozen value: ``update`` returns a new one.
+    """A comparator: what is known of the scale so far. A frozen value: ``update`` returns a new one.
 
     A comparator needs no more than these five members. ``OPTIONAL_PARTS`` lists what is used beyond them.
     """
@@ -277,7 +277,7 @@ def rough_bounds(comparator: Comparator, d: Floats, slack: float | Floats) -> Fl
 
 
 def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
-    """What ``simultaneous_bounds`` of n differences has returned; raises TypeError unless it is (n,) and a number."""
+    """Return what ``simultaneous_bounds`` gave for n differences; raises TypeError unless it is (n,) and a number."""
     if isinstance(found, tuple) and len(found) == 2:
         high, confidence = np.asarray(found[0]), found[1]
         if high.shape == (n,) and high.dtype == np.float64 and not np.isnan(high).any() and np.ndim(confidence) == 0:
@@ -374,7 +374,7 @@ class LearnsInSteps(Protocol):
 
     @property
     def answers_to_next_step(self) -> int:
-        """How many more answers, at least 1, it takes until verdicts may change."""
+        """The number of further answers, at least 1, until verdicts may change."""
 
 
 @runtime_checkable

@@ -1,10 +1,10 @@
-"""Where a learner, a choice or a training stands, in sentences: one ``Status`` for all three."""
+"""The status of a learner, a choice or a training, in sentences."""
 
 from enum import Enum
 
 
 class Status(Enum):
-    """Where a learner, a choice or a training stands. Values are sentences for people.
+    """The status of a learner, a choice or a training. Values are sentences for people.
 
     Not finished: ``WAITING`` and ``TRAINING``. Proven within the tolerance: ``CONVERGED``. All others say what is
     missing. ``loss_bound`` of the result says how much that can matter.

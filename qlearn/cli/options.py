@@ -1,4 +1,4 @@
-"""What the commands share: options from settings, a progress bar, what is written, and how failure is said."""
+"""The parts that commands share: options from settings, a progress bar, what is written, and how failure is said."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def write_csv(frame: Any, path: Path) -> None:
 
 
 def _keywords(one: Field[Any]) -> dict[str, Any]:
-    """What argparse is told of a setting."""
+    """Return the keywords of a setting for argparse."""
     check = one.metadata["check"]
     many = {"nargs": "*" if one.metadata["may_be_empty"] else "+"} if isinstance(one.default, tuple) else {}
     if isinstance(check, Number):

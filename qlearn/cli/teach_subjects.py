@@ -1,4 +1,4 @@
-"""What a person can teach: an MDP's scale, or the choice among the alternatives of a CSV file."""
+"""Subjects that a person can teach: an MDP's scale, or the choice among the alternatives of a CSV file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Taught:
 
 
 def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float) -> Taught:
-    """What a problem teaches: "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
+    """Return the subject of "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
     ValueError, ImportError and OSError that say what is wrong with it."""
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed)
@@ -94,7 +94,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
 
 
 def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Result) -> list[str]:
-    """What the policy can lose, and where it does not act as with equal gaps between the levels."""
+    """Return sentences on what the policy can lose, and where it differs from that of equal gaps between the levels."""
     bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
     lines = [f"The plan learned falls short of your best plan by at most {bound}; {_whole_way(mdp.labels)}."]
     if result.status is Status.WAITING:
@@ -128,12 +128,12 @@ def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Resul
 
 
 def _whole_way(labels: tuple[str, ...]) -> str:
-    """What a loss is measured by."""
+    """Return a phrase on the unit of a loss."""
     return f"100% is from all {labels[0]} to all {labels[-1]}"
 
 
 def _policy_stakes(tolerance: float, result: Result) -> str | None:
-    """What the policy learned so far can lose."""
+    """Return a sentence on what the policy learned so far can lose."""
     if np.isnan(result.loss_bound):
         return None
     return (
@@ -148,7 +148,7 @@ def _percent(share: float) -> str:
 
 
 def _sure(confidence: float) -> str:
-    """How certain a bound is; both comparators say."""
+    """Return a phrase on how certain a bound is."""
     return "if your answers are right" if confidence == 1.0 else f"with {confidence:.0%} probability"
 
 
@@ -178,7 +178,7 @@ def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
 
 
 def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:
-    """What the choice can lose."""
+    """Return a sentence on what the choice can lose."""
     if np.isnan(result.loss_bound):
         return None
     most = _percent(result.loss_bound)

@@ -26,7 +26,7 @@ class Number:
     wanted: str
 
     def value_of(self, given: Any) -> int | float | None:
-        """What was given as a number of the kind; None if it is none that is wanted."""
+        """Return a text as a number of this kind; None if it is not one."""
         if isinstance(given, bool) or not isinstance(given, _LIKE[self.kind]):
             return None
         try:
@@ -44,7 +44,7 @@ class Choice:
 
     @property
     def wanted(self) -> str:
-        """Which in words."""
+        """The wanted values, in words."""
         return f"one of {', '.join(map(str, self.names))}"
 
     def value_of(self, given: Any) -> Any:
@@ -61,7 +61,7 @@ class NameOrOwn(Choice):
 
     @property
     def wanted(self) -> str:
-        """Which in words."""
+        """The wanted values, in words."""
         ours = f"one of {', '.join(self.names)}, or " if self.names else ""
         return f'{ours}"package.module:factory", or of a mapping {{name: factory}}, where factory{self.call}'
 
@@ -170,7 +170,7 @@ class Settings:
         return {name: getattr(self, name) for name in names}
 
     def of_a_run(self) -> Settings:
-        """Those of a single run alone, without the plan of many."""
+        """Return the settings of a single run, without the plan of many."""
         return Settings(**self.named(*(one.name for one in fields(Settings))))
 
 

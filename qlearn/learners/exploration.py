@@ -1,4 +1,4 @@
-"""How Q-learning comes to try what it does not think best: the standard remedies, by name."""
+"""Exploration of Q-learning: the standard ways, by name."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ Epsilon: TypeAlias = float | Decay | Callable[[NDArray[np.int64]], Floats]
 
 @dataclass(frozen=True)
 class Exploration:
-    """What ``InteractiveQLearning`` does in order to see enough.
+    """Settings of how ``InteractiveQLearning`` explores.
 
     epsilon         chance of a uniformly drawn action. At 1 the agent never follows what it has learned (Q-learning
                     learns the best policy all the same), and all comparators see the same transitions

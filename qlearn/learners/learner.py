@@ -1,4 +1,4 @@
-"""What every learner has in common: ask and tell, the loop that drives it, and its Result."""
+"""The parts that all learners share: ask and tell, the loop that drives them, and their Result."""
 
 from __future__ import annotations
 
@@ -150,8 +150,10 @@ class Result:
 
     @property
     def confidence(self) -> float:
-        """How certain ``loss_bound`` is: 1 where every scale that fits the answers allows no more (they must be right),
-        the comparator's level for a posterior, nan where none can be stated."""
+        """The probability that ``loss_bound`` holds.
+
+        1: no scale that fits the answers allows more (the answers must be right). The comparator's level for a
+        posterior. nan if none can be stated."""
         return float(self._guaranteed.confidence)
 
     def _loss_in_words(self) -> str:
@@ -174,7 +176,7 @@ class Result:
 
     @property
     def audited(self) -> int:
-        """How many settled comparisons were put to the tutor."""
+        """The number of decided comparisons that were put to the tutor."""
         return len(self.audits)
 
     @property
@@ -230,12 +232,12 @@ class Learner:
 
     @property
     def implied(self) -> dict[str, Verdict]:
-        """Of pending queries that are audits, by query id: the verdict that the answers so far imply."""
+        """The verdicts that the answers so far imply for pending audits, by query id."""
         return {p.query.id: p.expected for p in self._elicitation.pending if p.expected is not None}
 
     @property
     def comparator(self) -> Comparator:
-        """What is known of the scale."""
+        """The comparator, which holds what is known of the scale."""
         return self._elicitation.comparator
 
     def result(self) -> Result:
@@ -256,8 +258,9 @@ class Learner:
         """Act on the verdicts. To do so twice must come to the same as once."""
 
     def _certified(self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None) -> bool:
-        """Whether no plausible scale lets the policy (S,) lose more than ``max_loss``; False also where that was asked
-        of the same policy and the same answers last time."""
+        """Return whether no plausible scale lets the policy (S,) lose more than ``max_loss``.
+
+        False also if the same policy and the same answers were tried last time."""
         comparator, last = self.comparator, self._bounded
         if max_loss is None or (last is not None and last[0] is comparator and (last[1] == policy).all()):
             return False
@@ -295,15 +298,15 @@ class Learner:
 
 
 class Drivable(Protocol[R_co]):
-    """What ``drive`` drives: a learner, or whatever else asks, is told, and has a result."""
+    """A learner, or anything else that asks, is told, and has a result, for ``drive``."""
 
     @property
     def comparator(self) -> Comparator:
-        """What is known of the scale."""
+        """The comparator, which holds what is known of the scale."""
 
     @property
     def implied(self) -> dict[str, Verdict]:
-        """Of pending queries that are audits, by query id: the verdict that the answers so far imply."""
+        """The verdicts that the answers so far imply for pending audits, by query id."""
 
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () where there are none."""
@@ -315,7 +318,7 @@ class Drivable(Protocol[R_co]):
         """Let ``signs`` answer from now on, where it can; None: ask."""
 
     def result(self) -> R_co:
-        """What is known so far."""
+        """Return the result so far."""
 
 
 @runtime_checkable
@@ -364,8 +367,10 @@ def drive(
 
 
 def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
-    """How the tutor answers many questions at once; None for one that does not, or whose way to answer a single one is
-    of a class derived from that which has ``signs``, or wraps it: it would be left out."""
+    """Return the tutor's way to answer many questions at once; None if it has none.
+
+    None also if its way to answer a single question belongs to a derived class, or wraps the tutor that has ``signs``:
+    that way would be left out."""
     if isinstance(tutor, TutorOfMany):
         for place in (tutor, *type(tutor).__mro__):
             own = getattr(place, "__dict__", {})

@@ -1,4 +1,4 @@
-"""Which question next: small functions that score pending candidates; the greatest score is asked about.
+"""Query strategies: small functions that score candidates; the one with the greatest score is asked about.
 
 A strategy is any function from ``Candidates`` to scores (n,), or the name of one of those here; of equal scores the
 first is taken. Your own:
@@ -117,7 +117,7 @@ def most_even_cut(candidates: Candidates) -> Floats:
 
 
 def mutual_information(candidates: Candidates) -> Floats:
-    """What the answer is expected to tell of the scale, in bits, by the comparator's own model of the tutor (Houlsby et
+    """Expected information of the answer on the scale, in bits, by the comparator's own model of the tutor (Houlsby et
     al. 2011; Biyik et al. 2019): the entropy of the answer, less its mean entropy were the scale known."""
     chance, weights = candidates.agreement, candidates.weights
     return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
