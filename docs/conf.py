@@ -62,8 +62,8 @@ def as_rst(lines: list[str]) -> list[str]:
         rows = paragraph.split("\n")
         if len(rows) > 1 and set(rows[1]) == {"-"}:
             out += [f".. rubric:: {rows[0]}", ""]
+            in_section = rows[0] != "Notes"  # which is prose
             rows = rows[2:]
-            in_section = rows[:1] != [] and "Notes" not in out[-2]
         if not rows:
             continue
         set_in = [row.startswith("    ") for row in rows]

@@ -90,10 +90,11 @@ def solve(
         raise ValueError(f"learner must be one of {_listed(LEARNERS)}, not {learner!r}")
     if log is not None and not isinstance(log, AnswerLog):
         raise TypeError(f"log must be None or an elicit.AnswerLog, such as AnswerLog('answers.jsonl'), not {log!r}")
-    settings: dict[str, Any] = {"seed": key, "max_queries": max_queries, "known": () if log is None else log}
-    if learner != "q-learning":  # which ends after a number of steps
-        settings["tolerance"] = tolerance
-    return drive(LEARNERS[learner].factory(mdp, knows, **settings), tutor, log, progress)
+    chosen = LEARNERS[learner]
+    settings: dict[str, Any] = {"tolerance": tolerance} if chosen.has_tolerance else {}
+    known: Any = () if log is None else log
+    run = chosen.factory(mdp, knows, seed=key, max_queries=max_queries, known=known, **settings)
+    return drive(run, tutor, log, progress)
 
 
 def _check_mdp(mdp: object) -> None:

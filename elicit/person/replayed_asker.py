@@ -56,9 +56,8 @@ class ReplayedAsker:
 
     def __init__(self, asker: Asker | MakeAsker, log: AnswerLog, stamp: Callable[[], dict[str, Any]]) -> None:
         self.check(asker)
-        given = isinstance(asker, Asker) and not isinstance(asker, type)
-        self._given: Asker | None = asker if given else None  # type: ignore[assignment]
-        self._make: MakeAsker | None = None if given else asker  # type: ignore[assignment]
+        self._given = asker if isinstance(asker, Asker) and not isinstance(asker, type) else None
+        self._make = asker if self._given is None and callable(asker) else None
         self._log = log
         self._stamp = stamp
         self._stands: _Standing | None = None  # None: the asker is to be made from the log

@@ -60,9 +60,14 @@ class LearnerEntry:
     needs_proof: bool = False
     compiles: str
 
+    @property
+    def has_tolerance(self) -> bool:
+        """True if it ends by a tolerance, which then gives its indifference."""
+        return self.indifference is not None
+
     def pairs_with(self, comparator: ComparatorEntry) -> bool:
-        """Whether the ablation runs this learner with that comparator."""
-        if self.indifference is not None and comparator.indifferent:
+        """Return whether the ablation runs this learner with that comparator."""
+        if self.has_tolerance and comparator.indifferent:
             return False
         return comparator.proves or not self.needs_proof
 
