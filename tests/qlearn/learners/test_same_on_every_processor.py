@@ -23,13 +23,17 @@ def test_an_older_processor_asks_the_same() -> None:
 
 
 PLANNED = [
-    case for case in runs() if "iteration" not in case.name and not re.search("batch|audit|Q-learning", case.name)
+    case
+    for case in runs()
+    if "iteration" not in case.name and not re.search("batch|audit|Q-learning", case.name)
 ]
 
 
 @pytest.mark.parametrize("case", quick_first(PLANNED, 3), ids=lambda case: case.name)
 def test_a_policy_iteration_that_is_resumed_asks_what_it_would_have_asked(case: Run) -> None:
-    """Half of the answers of a batch or an audit would leave the other half open, so runs of these are left out."""
+    """Half of the answers of a batch or an audit would leave the other half open, so runs of these
+    are left out.
+    """
     undisturbed, rest = resumed(case)
     assert len(rest) == len(undisturbed) > 1
     for one, other in zip(undisturbed, rest, strict=True):
