@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from elicit.asking.bags import Bags
     from elicit.asking.choose_from_list import choose
+    from elicit.asking.options import AskingOptions
     from elicit.comparators.baselines import AlwaysAsk, Dominance
     from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
     from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.asking.bags": ["Bags"],
     "elicit.asking.choose_from_list": ["choose"],
+    "elicit.asking.options": ["AskingOptions"],
     "elicit.comparators.baselines": ["AlwaysAsk", "Dominance"],
     "elicit.comparators.bradley_terry.bootstrap_comparator": ["BradleyTerryComparator"],
     "elicit.comparators.bradley_terry.particle_comparator": ["PosteriorComparator"],
@@ -80,6 +82,7 @@ __all__ = [
     "Answer",
     "AnswerLog",
     "Answers",
+    "AskingOptions",
     "Bags",
     "BradleyTerryComparator",
     "BradleyTerryTutor",

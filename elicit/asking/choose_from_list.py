@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_list, require
-from elicit.asking.elicitation import Elicitation, Known, OnConflict, Pair
+from elicit.asking.elicitation import Elicitation, OnConflict, Pair
+from elicit.asking.options import Known
 from elicit.model.comparator import (
     Comparator,
     Decisions,

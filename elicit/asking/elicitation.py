@@ -11,13 +11,14 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, Literal, NamedTuple, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support import jit
-from elicit._support.hashing import Seed, key_of
+from elicit._support.hashing import key_of
+from elicit._support.seeds import seed_of
 from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs
 from elicit.asking.elicitation_kernel import (
@@ -29,6 +30,7 @@ from elicit.asking.elicitation_kernel import (
     Judgement,
     settle_rows,
 )
+from elicit.asking.options import MAX_AUDITS, AskingOptions, Known, check_options
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
@@ -51,14 +53,6 @@ from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verd
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.answer_log import EXPECTED, Entry
-
-Known: TypeAlias = Answers | Iterable[Answer | Entry]
-"""What was answered before: Answers, an AnswerLog, or a list of Answer."""
-
-MAX_AUDITS = 50
-"""Of settled pairs put to the tutor, unless told otherwise: enough to tell a tenth of wrong answers
-from none.
-"""
 
 _IN_A_ROW = 5
 """Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such
@@ -117,20 +111,30 @@ class Told(NamedTuple):
 
 
 class Elicitation:
-    """Settles differences for one user, such as a learner, and keeps the answers and the counts.
-
-    ``indifference``: an undecided pair whose bounds lie within it counts as equal. ``max_queries``:
-    beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``: share of the pairs
-    decided by answers that is put to the tutor all the same, picked by ``seed``, ``max_audits`` at
-    most. ``batch``: how many questions at once. ``undecided``: the verdict on a question's left
-    vector where the tutor cannot tell. ``known``: what was answered before. The comparator learns
-    it, unless it has it; none of its pairs is asked again; its audits count as audits, but its
-    questions not as asked. ``labels``: the levels' names, for people, that queries carry. Raises
-    ValueError, InconsistentAnswers.
+    """Decides differences for one user, such as a learner, and keeps the answers and the counts.
 
     A pair that is certainly near, no farther apart than about the comparator's ``tie``, may be
     called equal, and that would teach next to nothing. Once the last few such pairs were, no more
     of them are asked about: they count as equal.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    fingerprint : str
+        Names the problem in the ids of queries.
+    undecided : Verdict
+        The verdict on a question's left vector if the tutor cannot tell.
+    **asking
+        The options of ``AskingOptions``. An indifference of None is 0.
+
+    Raises
+    ------
+    TypeError
+        If an option is unknown.
+    ValueError
+        If an option is out of range.
+    InconsistentAnswers
+        If ``known`` contradicts itself, or what the comparator knows.
     """
 
     def __init__(
@@ -138,27 +142,27 @@ class Elicitation:
         comparator: Comparator,
         fingerprint: str,
         *,
-        indifference: float = 0.0,
-        max_queries: int | None = None,
-        audit: float = 0.0,
-        max_audits: int = MAX_AUDITS,
-        batch: int = 1,
-        seed: Seed = 0,
-        known: Known = (),
         undecided: Verdict = Verdict.EQUAL,
-        labels: Sequence[str] | None = None,
+        **asking: Unpack[AskingOptions],
     ) -> None:
+        check_options(self, asking)
+        indifference = asking.get("indifference")
+        indifference = 0.0 if indifference is None else indifference
+        max_queries = asking.get("max_queries")
+        audit = asking.get("audit", 0.0)
+        max_audits = asking.get("max_audits", MAX_AUDITS)
+        batch = asking.get("batch", 1)
+        labels = asking.get("labels")
         require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
-        limited = max_queries is not None
         require(
-            not limited or is_whole(max_queries, 0),
+            max_queries is None or is_whole(max_queries, 0),
             "max_queries",
             "None or a whole number from 0 on",
             max_queries,
         )
         require(
             is_number(audit, 0, 1),
-            "audit, the share of settled pairs to ask about,",
+            "audit, the share of decided pairs to ask about,",
             "in 0..1",
             audit,
         )
@@ -194,7 +198,7 @@ class Elicitation:
         self._tie = 0.0 if isinstance(comparator, AlwaysAsk) else tie_of(comparator)
         self._near = ALLOWANCE * self._tie
         self._equal_in_a_row = 0  # answers "equal" to pairs that are no farther apart than that
-        self._key = np.uint64(key_of(seed))
+        self._key = np.uint64(key_of(seed_of(asking.get("seed", 0))))
         self._number = 0
         self._answered = AnsweredPairs(comparator.k)
         self._undecided = undecided
@@ -202,7 +206,7 @@ class Elicitation:
         self._unclear: set[Hashable] = set()  # names of where the tutor could not tell
         self._untold = False  # whether there are pairs known as such that she could not tell
         self._guess: tuple[Comparator, Floats] | None = None
-        self._learn_known(known)
+        self._learn_known(asking.get("known", ()))
 
     def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
         """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is

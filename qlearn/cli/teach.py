@@ -7,7 +7,7 @@ import sys
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from qlearn.cli.options import fail, number_parser, part_parser
 from qlearn.experiments.catalogue import PROBLEMS, TAUGHT_WITH
@@ -23,6 +23,15 @@ _PORT = Number(int, lambda n: 0 <= n <= 65535, "a port, from 1 to 65535, or 0 fo
 _HOST = "127.0.0.1"
 _AUDIT = 0.1
 _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
+
+
+class PageOptions(TypedDict):
+    """Where a browser finds the questions, if ``web`` is given."""
+
+    web: bool
+    port: int
+    host: str
+    let_others_in: bool
 
 
 def add_to(commands: Any) -> None:
@@ -141,12 +150,9 @@ def run(
     seed: int,
     tolerance: float,
     audit: float,
-    web: bool,
-    port: int,
-    host: str,
-    let_others_in: bool,
+    **page: Unpack[PageOptions],
 ) -> int:
-    """The command; returns the exit code."""
+    """Run the command and return the exit code."""
     from elicit import AnswerLog, Session
     from qlearn.cli.teach_subjects import taught_by
     from qlearn.cli.teach_terminal import Terminal
@@ -158,13 +164,13 @@ def run(
     again += ["--days", str(days), "--seed", str(seed), *([] if unit is None else ["--unit", unit])]
     again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
-    if web:
+    if page["web"]:
         again += [
             "--web",
-            *(["--port", str(port)] if port else []),
-            *([] if host == _HOST else ["--host", host]),
+            *(["--port", str(page["port"])] if page["port"] else []),
+            *([] if page["host"] == _HOST else ["--host", page["host"]]),
         ]
-        again += ["--let-others-in"] if let_others_in else []
+        again += ["--let-others-in"] if page["let_others_in"] else []
     with ExitStack() as stack:
         try:
             taught = taught_by(problem, comparator, days, unit, seed, tolerance)
@@ -177,20 +183,24 @@ def run(
             return fail(str(error))
         except KeyboardInterrupt:
             return 130
-        if web:
-            return _served(session, taught.subject, shlex.join(again), host, port, let_others_in)
+        if page["web"]:
+            return _served(session, taught.subject, shlex.join(again), page)
         return Terminal(session, taught.subject, shlex.join(again)).converse()
 
 
-def _served(
-    session: Session, subject: Subject, again: str, host: str, port: int, let_others_in: bool
-) -> int:
-    """The page until Ctrl+C; returns the exit code."""
+def _served(session: Session, subject: Subject, again: str, page: PageOptions) -> int:
+    """Serve the page until Ctrl+C, and return the exit code."""
     from elicit.person.hosts.web import serve
     from elicit.person.showing import printable
 
     try:
-        serve(session, subject, host, port, let_others_in=let_others_in)
+        serve(
+            session,
+            subject,
+            page["host"],
+            page["port"],
+            let_others_in=page["let_others_in"],
+        )
     # a package is missing, an address lets others in, a port is in use
     except (ImportError, ValueError, OSError) as error:
         return fail(str(error))

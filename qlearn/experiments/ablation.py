@@ -19,7 +19,7 @@ import pandas as pd
 
 from qlearn.experiments.catalogue import ALWAYS, COMPARATORS, LEARNERS
 from qlearn.experiments.metrics import CELL, summarise
-from qlearn.experiments.parallel import Cell, Interrupted
+from qlearn.experiments.parallel import Cell, Interrupted, SweepOptions
 from qlearn.experiments.run import Run, in_order, run, run_all, run_named
 from qlearn.experiments.settings import AblationSettings
 
@@ -87,7 +87,7 @@ def ablate(
     settings = replace(settings or AblationSettings(), **changes)
     size = settings.named("states", "actions", "levels", "discount")
     shown = methodcaller("drop", columns="paper_abs_percent")
-    how: dict[str, Any] = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
+    how: SweepOptions = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
     return run_all(run_named, plan_of(settings), size, settings, shown, **how)
 
 

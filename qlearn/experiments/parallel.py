@@ -19,7 +19,9 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Se
 from contextlib import ExitStack, closing, contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO, TypeAlias, TypedDict, Unpack
+
+from elicit._support.keywords import check_keywords
 
 if sys.platform != "win32":
     import fcntl
@@ -41,18 +43,39 @@ class Interrupted(KeyboardInterrupt):
         self.frame: Any = None
 
 
+class SweepOptions(TypedDict, total=False):
+    """Keywords of everything that makes many runs: where, and what becomes of their rows.
+
+    Attributes
+    ----------
+    jobs : int, optional
+        Number of processes. -1: one a core. 1: this one. None: as an outer
+        ``joblib.parallel_config`` says, else -1. The backend is the outer one (Dask, say, which
+        chooses its number of workers itself), else loky.
+    journal : Path, optional
+        File in which finished rows are kept and looked up, under a hash of function, shared and
+        cell: a line a row, on the disk before anything else happens. None: nowhere.
+    fresh : bool
+        Empty the journal first.
+    progress : function, optional
+        Called with (rows finished, rows in all) at the start and after every row.
+    """
+
+    jobs: int | None
+    journal: Path | None
+    fresh: bool
+    progress: Callable[[int, int], None] | None
+
+
 def sweep(
     function: Callable[..., Any],
     cells: Sequence[Cell],
     *,
     shared: Mapping[str, Any] | None = None,
-    journal: Path | None = None,
-    fresh: bool = False,
-    jobs: int | None = None,
     cost: Callable[[Any], float] | None = None,
     ahead: Callable[[Iterable[Cell]], Iterable[Callable[[], None]]] | None = None,
     own: Callable[[Cell], tuple[Any, Mapping[str, Any]]] | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    **how: Unpack[SweepOptions],
 ) -> list[Any]:
     """``function(cell, **shared)`` for every cell: the rows, in the order of ``cells``.
 
@@ -60,12 +83,6 @@ def sweep(
               same for the same arguments. All rows pass through JSON, which keeps every bit of a
               float, so that a row is the same whether it was computed or read back
     shared    keywords that all cells have in common; these and the cells are JSON too
-    journal   file in which finished rows are kept and looked up, under a hash of function, shared
-              and cell: a line a row, on the disk before anything else happens. None: nowhere.
-              ``fresh`` empties it first
-    jobs      processes; -1: one a core; 1: this one. None: as an outer ``joblib.parallel_config``
-              says, else -1. The backend is the outer one (Dask, say, which has its own idea of the
-              number of workers), else loky
     cost      cells of the greatest cost begin first, so that no core is left alone with a long one
               at the end
     ahead     from the cells whose rows are missing to functions, importable by workers, that are
@@ -74,7 +91,7 @@ def sweep(
     own       from a cell to what it needs that JSON cannot hold: what that is, in JSON, by which
               its row is looked up, and keywords of ``function`` (they may be functions of any kind,
               which cloudpickle sends to workers)
-    progress  called with (rows finished, rows in all) at the start and after every row
+    how       the options of ``SweepOptions``
 
     Linear algebra has one thread while a cell is computed, for how a sum is split among threads
     shows in its last digits. A process of a cluster stays so.
@@ -87,6 +104,8 @@ def sweep(
     """
     from threadpoolctl import threadpool_limits
 
+    check_keywords(sweep, how, SweepOptions.__annotations__)
+    journal, fresh, jobs = how.get("journal"), how.get("fresh", False), how.get("jobs")
     shared = dict(shared or {})
     besides = [own(cell) if own else (None, {}) for cell in cells]
     keys = [
@@ -101,7 +120,7 @@ def sweep(
         rows = {key: kept[key] for key in keys if key in kept}
         missing = {key: cell for key, cell in zip(keys, cells, strict=True) if key not in rows}
         total = len(rows) + len(missing)
-        show = progress or (lambda done, total: None)
+        show = how.get("progress") or (lambda done, total: None)
         try:
             show(len(rows), total)
             for _ in _computed(

@@ -11,7 +11,7 @@ from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, Unpack
 
 import numpy as np
 import pandas as pd
@@ -34,7 +34,7 @@ from qlearn.experiments.metrics import (
     reference_differences,
 )
 from qlearn.experiments.own_parts import comparator_of, learner_of, problem_of, tutor_of
-from qlearn.experiments.parallel import Cell, Interrupted, sweep
+from qlearn.experiments.parallel import Cell, Interrupted, SweepOptions, sweep
 from qlearn.experiments.settings import ORDER, Settings
 from qlearn.learners.learner import Learner, drive
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -202,7 +202,7 @@ def run_all(
     size: Mapping[str, Any],
     settings: Settings,
     shown: Callable[[pd.DataFrame], pd.DataFrame],
-    **how: Any,
+    **how: Unpack[SweepOptions],
 ) -> pd.DataFrame:
     """One row a cell, in their order, beside the oracle's of the same problem and seed: always
     asking a truthful tutor.
@@ -210,7 +210,7 @@ def run_all(
     A cell is as ``run`` has it, with the name of its "problem"; ``size`` has "states", "actions",
     "levels" and "discount" of the random MDPs, where the cells do not name their own. ``function``
     is ``run_named``, or adds to its row; ``shown`` makes the table that is returned; ``how`` are
-    keywords of ``sweep``. The last columns, nan without an oracle and for audited runs, which are
+    ``SweepOptions``. The last columns, nan without an oracle and for audited runs, which are
     shorter than it: ``paper_loss_percent`` (figure 4's formula, signed as printed),
     ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out), ``excess_loss``
     and ``excess_loss_initial`` (true policy loss beyond the oracle's, share of the value range; of

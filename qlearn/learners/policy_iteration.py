@@ -7,18 +7,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from functools import partial
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
-from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.asking.bags import Bags
 from elicit.asking.cuts import closing_cut
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair, Place
+from elicit.asking.elicitation import Elicitation, Pair, Place
+from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
     Comparator,
@@ -88,32 +89,22 @@ class InteractivePolicyIteration(Learner):
         are made to close several advantages at once (``elicit.asking.cuts``). That needs proven
         bounds, one question at a time, no bags, and a tutor who calls no pair equal and can tell
         all. Default: with the default strategy.
-    seed : int or Generator or SeedSequence, optional
-        Picks audits and samples of states.
-    max_queries : int, optional
-        The most questions to ask. After them the policy for the central scale stands, with its loss
-        bound.
-    indifference : float, optional
-        Do not ask about an advantage that no plausible scale puts above this. Default: tolerance (1
-        - discount). With more, the tolerance may be out of reach.
-    audit : float
-        The share of the pairs decided by answers, among those that the finished policy depends on,
-        that is put to the tutor all the same.
-    max_audits : int
-        The most audits.
-    batch : int
-        Ask so many questions at once.
-    known : answers or a log
-        What was answered earlier. It is never asked again.
     exact : bool, optional
         Whether every round looks at all states. Otherwise a round improves the last solution
         approximately, which the bound allows for, and looks at a sample of states, with a few
         questions a solution, as long as the sample refutes the tolerance; only then all advantages
         are bounded. Default: True up to ``LARGE`` states. Without ``exact``, ``Result.decided``
         counts the alternatives looked at, and all of them at the end.
+    **asking
+        The options of ``elicit.AskingOptions``. The seed picks audits and samples of states. An
+        advantage that no plausible scale puts above ``indifference`` is not asked about; the
+        default is tolerance (1 - discount), and with more the tolerance may be out of reach. Audits
+        are of pairs that the finished policy depends on.
 
     Raises
     ------
+    TypeError
+        If a keyword is unknown.
     ValueError
         If a setting makes no sense, or ``cuts=True`` is given where no cut could be asked about.
     """
@@ -129,17 +120,12 @@ class InteractivePolicyIteration(Learner):
         strategy: Strategy | str = telling_violation,
         bags: Bags | None = None,
         cuts: bool | None = None,
-        seed: Seed | None = 0,
-        max_queries: int | None = None,
-        indifference: float | None = None,
-        audit: float = 0.0,
-        max_audits: int = MAX_AUDITS,
-        batch: int = 1,
-        known: Known = (),
         exact: bool | None = None,
+        **asking: Unpack[AskingOptions],
     ) -> None:
+        check_options(self, asking)
         check_problem(mdp, comparator)
-        self.seed = seed_of(seed)
+        self.seed = asking["seed"] = seed_of(asking.get("seed", 0))
         self._mdp = mdp
         self._tolerance = check_tolerance(tolerance)
         self._enough = max(tolerance, check_max_loss(max_loss) or 0.0)
@@ -151,19 +137,14 @@ class InteractivePolicyIteration(Learner):
         )
         self._strategy = strategy_of(strategy)
         self._bags = bags
+        indifference = self._enough * (1 - mdp.discount)
+        self._labels = asking.get("labels") or mdp.labels
+        asking = filled(asking, {"indifference": indifference, "labels": self._labels})
+        batch = asking.get("batch", 1)
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
-            indifference=self._enough * (1 - mdp.discount)
-            if indifference is None
-            else indifference,
-            max_queries=max_queries,
-            audit=audit,
-            max_audits=max_audits,
-            batch=batch,
-            known=known,
-            seed=self.seed,
-            labels=mdp.labels,
+            **asking,
         )
         require(exact is None or isinstance(exact, bool), "exact", "None, True or False", exact)
         require(cuts is None or isinstance(cuts, bool), "cuts", "None, True or False", cuts)
@@ -209,7 +190,7 @@ class InteractivePolicyIteration(Learner):
         if self._bags is not None:
             about = over.d[order[: TUNING.signs]]
             if simple := simple_pair(
-                self._elicitation, self._bags, candidates, about, self._mdp.labels
+                self._elicitation, self._bags, candidates, about, self._labels
             ):
                 return self._elicitation.open([simple])
         return self._open(over, order[self._elicitation.next_batch(over.d[order])])

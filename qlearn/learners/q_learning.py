@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import TypeAlias, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support import jit
-from elicit._support.hashing import Seed, fold, key_of, uniform
+from elicit._support.hashing import fold, key_of, uniform
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair, Told
+from elicit.asking.elicitation import Elicitation, Pair, Told
+from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
 from elicit.model.outcomes import Status
@@ -53,23 +54,42 @@ _FIRST_PIECE = (
 
 
 class InteractiveQLearning(Learner):
-    """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot
-    tell.
+    """Algorithm 1: epsilon-greedy Q-learning on share vectors.
 
-    ``epsilon``: how it comes to see enough. The chance of a uniformly drawn action (a constant, a
-    ``Decay``, or a function from steps to chances); or an ``Exploration``, or the name of one of
-    ``EXPLORATIONS``, which says too where vectors start and when episodes end. By default
-    "optimistic", chosen by measurement (docs/exploration.md). ``learning_rate``: a constant in (0,
-    1], or a function from the number of earlier visits of (s, a) to rates; by default
-    ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie
-    within it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at
-    ``comparator.values``. ``audit``: share of the pairs decided by answers that is put to the tutor
-    all the same, ``max_audits`` of them at most. ``known``: what was answered before (Answers, an
-    AnswerLog, or a list of Answer): learned, and not asked again. ``seed`` (None: a new one, kept
-    as ``.seed``; ``rng`` is the same): exploration, transitions and audits hang on it. ``batch``
-    has no effect here: one run of Q-learning has one pair in question at a time. Only for
-    ``Result.loss_bound`` are the MDP's transition probabilities read: learning itself samples them.
-    ``model`` and ``state``: what the compiled loop reads and changes.
+    It asks the tutor about a pair of actions that the comparator cannot decide. Learning samples
+    the MDP's transitions. Only ``Result.loss_bound`` reads their probabilities.
+
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    comparator : Comparator
+        What is known of the scale so far. Its number of levels must be the MDP's.
+    steps : int
+        Number of transitions to learn from.
+    epsilon : float, Decay, function, Exploration or str, optional
+        How it comes to see enough. A number, a ``Decay`` or a function from steps to numbers is the
+        chance of an action drawn uniformly. An ``Exploration``, or the name of one of
+        ``EXPLORATIONS``, also says where vectors start and when episodes end. Default:
+        "optimistic", chosen by measurement (docs/exploration.md).
+    learning_rate : float or function, optional
+        A constant in (0, 1], or a function from the number of earlier visits of (s, a) to rates.
+        Default: ``rescaled_linear_rate(mdp.discount)``.
+    **asking
+        The options of ``elicit.AskingOptions``. Exploration, transitions and audits depend on the
+        seed (``rng`` is another word for it). The default of ``indifference`` is 0. ``batch`` has
+        no effect: a run of Q-learning has one pair in question at a time.
+
+    Attributes
+    ----------
+    model, state
+        What the compiled loop reads, and what it changes.
+
+    Raises
+    ------
+    TypeError
+        If a keyword is unknown.
+    ValueError
+        If a setting is out of range.
     """
 
     @takes_rng
@@ -81,31 +101,20 @@ class InteractiveQLearning(Learner):
         steps: int = 100_000,
         epsilon: Epsilon | Exploration | str | None = None,
         learning_rate: LearningRate | None = None,
-        seed: Seed | None = 0,
-        max_queries: int | None = None,
-        indifference: float = 0.0,
-        audit: float = 0.0,
-        max_audits: int = MAX_AUDITS,
-        batch: int = 1,
-        known: Known = (),
+        **asking: Unpack[AskingOptions],
     ) -> None:
+        check_options(self, asking)
         check_problem(mdp, comparator)
-        self.seed = seed_of(seed)
+        self.seed = seed_of(asking.get("seed", 0))
         exploration = exploration_of(epsilon)
         require(is_whole(steps, 0), "steps", "a whole number of at least 0", steps)
         key = key_of(self.seed)
         self._mdp = mdp
+        asking["seed"] = int(fold(key, kernel.AUDITS))
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/q-learning/{key}",
-            indifference=indifference,
-            max_queries=max_queries,
-            audit=audit,
-            max_audits=max_audits,
-            batch=batch,
-            known=known,
-            seed=int(fold(key, kernel.AUDITS)),
-            labels=mdp.labels,
+            **filled(asking, {"labels": mdp.labels}),
         )
         rate = rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate
         wanted = (

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Told
+from elicit.asking.elicitation import Elicitation, Told
+from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.model.comparator import Comparator, Tier, offers
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
@@ -44,36 +44,64 @@ _EVALUATED = 0.1  # of the span that sweeps stop at: how nearly the present acti
 
 
 class InteractiveValueIteration(Learner):
-    """Value iteration on share vectors: each sweep backs up Q(s, a) = (1 - discount) r(s, a) +
-    discount P V and compares every state's actions, starting from the last sweep's best.
+    """Value iteration on share vectors.
 
-    ``tolerance``: with right answers and verdicts the policy loses at most this share of the value
-    range, below 1. ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose
-    bounds lie within it counts as equal; so does a pair that the tutor cannot tell, but then the
-    tolerance is no promise, and the status is UNSURE in place of CONVERGED; so does what she calls
-    equal, which may be farther apart (the comparator's ``tie``): then it is CALLED_EQUAL, unless
-    the loss is bounded within the tolerance all the same. With a comparator that has no
-    ``simultaneous_bounds`` it ends BOUNDED in place of CONVERGED: nothing says that its verdicts
-    hold together. Stops when a sweep's changes of V differ from state to state by less than
-    tolerance (1 - discount) / (2 discount) under every ordered scale (what all states change alike
-    moves no comparison), or after ``max_sweeps`` (default: twice what value iteration with known
-    values can need; a tutor who errs anew each time can keep V moving for ever).
-    ``partial_sweeps``: from the second sweep on, and in the first half of ``max_sweeps``, V goes on
-    between two sweeps to what the present actions are worth, without comparing any, as in modified
-    policy iteration (Puterman and Shin 1978): the same promise after fewer sweeps and mostly fewer
-    questions. False: each sweep starts from the last one's V, as in the paper. ``max_loss`` stops
-    after a sweep whose policy no plausible scale lets lose more (``Result.loss_bound``, computed
-    whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``seed``
-    only picks the audits. Questions come in order of states, each asked as soon as what is known
-    cannot settle it; with ``batch`` > 1 up to that many at once.
+    Each sweep backs up Q(s, a) = (1 - discount) r(s, a) + discount P V and compares every state's
+    actions, starting from the last sweep's best. Questions come in order of states, each asked as
+    soon as what is known cannot decide it; with ``batch`` > 1 up to that many at once.
 
-    ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so
-    that several runs side by side do not crowd each other; there is one, too, where somebody
-    watches or answers by ``consult``. Beside the MDP only V is kept, twice (S, k), and what settled
-    each (s, a) last, k - 1 numbers of half size; partial sweeps take V twice more while they last,
-    and one row of transitions a state. ``Result.q`` is computed when first read, once finished of
-    the policy's value. Where only the comparator itself can tell, it is asked about many pairs at a
-    time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
+    Parameters
+    ----------
+    mdp : OrdinalMDP
+    comparator : Comparator
+        What is known of the scale so far. Its number of levels must be the MDP's.
+    tolerance : float
+        Largest loss of the policy, a share of the value range below 1, if answers and verdicts are
+        right.
+    max_sweeps : int, optional
+        Stop after this many sweeps. Default: twice what value iteration with known values can need.
+        A tutor who errs anew each time can keep V moving for ever.
+    partial_sweeps : bool
+        From the second sweep on, and in the first half of ``max_sweeps``, let V go on between two
+        sweeps to the value of the present actions, without comparing any. This is modified policy
+        iteration (Puterman and Shin 1978): the same promise after fewer sweeps and mostly fewer
+        questions. False: each sweep starts from the last one's V, as in the paper.
+    jobs : int
+        Threads that share a sweep. The result is the same whatever their number. One is the
+        default, so that several runs side by side do not crowd each other. One is also used while
+        somebody watches or answers by ``consult``.
+    max_loss : float, optional
+        Stop after a sweep whose policy loses no more than this under any plausible scale
+        (``Result.loss_bound``, computed whenever policy or answers have changed).
+    **asking
+        The options of ``elicit.AskingOptions``. The seed only picks the audits. The default of
+        ``indifference`` is tolerance (1 - discount) / 2.
+
+    Raises
+    ------
+    TypeError
+        If a keyword is unknown.
+    ValueError
+        If a setting is out of range.
+
+    Notes
+    -----
+    It stops when a sweep's changes of V differ from state to state by less than tolerance (1 -
+    discount) / (2 discount) under every ordered scale. What all states change alike moves no
+    comparison.
+
+    A pair that the tutor cannot tell counts as equal. Then the tolerance is no promise, and the
+    status is UNSURE in place of CONVERGED. A pair that the tutor calls equal counts as equal too,
+    but may be farther apart (the comparator's ``tie``). Then the status is CALLED_EQUAL, unless the
+    loss is bounded within the tolerance all the same. With a comparator that has no
+    ``simultaneous_bounds`` the status is BOUNDED in place of CONVERGED: nothing says that its
+    verdicts hold together.
+
+    Beside the MDP only V is kept, twice (S, k), and what decided each (s, a) last, k - 1 numbers of
+    half size. Partial sweeps take V twice more while they last, and one row of transitions a state.
+    ``Result.q`` is computed when first read, once finished from the policy's value. Pairs that only
+    the comparator itself can decide are put to it many at a time. For a comparator without a rule
+    (``elicit.decision.comparator_rule``) these are all pairs.
     """
 
     @takes_rng
@@ -85,18 +113,13 @@ class InteractiveValueIteration(Learner):
         tolerance: float = 0.001,
         max_sweeps: int | None = None,
         partial_sweeps: bool = True,
-        seed: Seed | None = 0,
-        max_queries: int | None = None,
-        indifference: float | None = None,
-        audit: float = 0.0,
-        max_audits: int = MAX_AUDITS,
-        batch: int = 1,
-        known: Known = (),
         jobs: int = 1,
         max_loss: float | None = None,
+        **asking: Unpack[AskingOptions],
     ) -> None:
+        check_options(self, asking)
         check_problem(mdp, comparator)
-        self.seed = seed_of(seed)
+        self.seed = asking["seed"] = seed_of(asking.get("seed", 0))
         check_tolerance(tolerance)
         holds = max_sweeps is None or is_whole(max_sweeps, 1)
         require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
@@ -110,17 +133,11 @@ class InteractiveValueIteration(Learner):
         self._partial_sweeps = partial_sweeps
         self._small_span = tolerance * (1 - gamma) / (2 * gamma) if gamma > 0 else np.inf
         self._max_loss = check_max_loss(max_loss)
+        indifference = tolerance * (1 - gamma) / 2
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/value-iteration/{tolerance!r}",
-            indifference=tolerance * (1 - gamma) / 2 if indifference is None else indifference,
-            max_queries=max_queries,
-            audit=audit,
-            max_audits=max_audits,
-            batch=batch,
-            known=known,
-            seed=self.seed,
-            labels=mdp.labels,
+            **filled(asking, {"indifference": indifference, "labels": mdp.labels}),
         )
         self._states = StateSweep(mdp, self._elicitation, int(jobs))
         self._candidates = (

@@ -20,7 +20,7 @@ from typing import Any
 import pandas as pd
 
 from qlearn.experiments.metrics import reference_differences
-from qlearn.experiments.parallel import Cell
+from qlearn.experiments.parallel import Cell, SweepOptions
 from qlearn.experiments.run import Run, in_order, instance, of_precision, run_all, run_named
 from qlearn.experiments.settings import TRUTHFUL, FiguresSettings
 
@@ -66,7 +66,7 @@ def figures(
     """
     settings = replace(settings or FiguresSettings(), **changes)
     size = settings.named("actions", "discount")
-    how: dict[str, Any] = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
+    how: SweepOptions = {"jobs": jobs, "journal": journal, "fresh": fresh, "progress": progress}
     return run_all(run_one, plan_of(settings), size, settings, _shown, **how)
 
 

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.fixed_order import product
-from elicit._support.hashing import Seed
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.bags import Bags
-from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, OnConflict, Pair
+from elicit.asking.elicitation import Elicitation, OnConflict, Pair
+from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.model.comparator import (
     Comparator,
     Tier,
@@ -99,25 +99,21 @@ class InteractiveTraining:
         is no bound.
     objectives : (low (m,), high (m,)), optional
         Bounds of the objectives, for vectors of ``elicit.objectives`` with k = m + 1.
-    labels : (k,) str, optional
-        Names of the levels, for people.
     strategy : callable or str
         Chooses the question, as in ``InteractivePolicyIteration``.
     bags : Bags, optional
         The simple questions that are asked when plain pairs run out. None: no such questions.
-    max_trainings, max_queries : int
-        Limits.
-    known : AnswerLog, Answers or entries
-        Answers given before.
-    audit, max_audits
-        A share of the pairs of policies that the answers decided, and a limit. These pairs are
-        asked about all the same, at the end.
-    seed : int, SeedSequence, Generator or None
+    max_trainings : int
+        Largest number of trainings.
+    **asking
+        The options of ``elicit.AskingOptions``. The seed picks the audits, which come at the end
+        and are of pairs of policies. The default of ``indifference`` is half the tolerance.
+        ``batch`` has no effect: there is one question at a time.
 
     Raises
     ------
     TypeError
-        If the comparator lacks a method that is needed.
+        If the comparator lacks a method that is needed, or a keyword is unknown.
     ValueError
         If a setting is out of range.
 
@@ -144,16 +140,12 @@ class InteractiveTraining:
         tolerance: float = 0.01,
         optimality_gap: float | None = None,
         objectives: tuple[ArrayLike, ArrayLike] | None = None,
-        labels: Sequence[str] | None = None,
         strategy: Strategy | str = telling_violation,
         bags: Bags | None = Bags(),  # noqa: B008 (frozen)
         max_trainings: int = 40,
-        max_queries: int | None = None,
-        known: Known = (),
-        audit: float = 0.0,
-        max_audits: int = MAX_AUDITS,
-        seed: Seed | None = 0,
+        **asking: Unpack[AskingOptions],
     ) -> None:
+        check_options(self, asking)
         check_offers(comparator, "InteractiveTraining", "simultaneous_bounds", "draws")
         k = comparator.k
         require(
@@ -182,8 +174,9 @@ class InteractiveTraining:
             "None or an elicit.Bags, such as Bags(days=10)",
             bags,
         )
+        labels = asking.get("labels")
         require(labels is None or is_list(labels, k), "labels", f"{k} names, one a level", labels)
-        self.seed = seed_of(seed)
+        self.seed = asking["seed"] = seed_of(asking.get("seed", 0))
         self.discount, self.tolerance = float(discount), float(tolerance)
         self.optimality_gap = None if optimality_gap is None else float(optimality_gap)
         self._everything = (
@@ -206,13 +199,7 @@ class InteractiveTraining:
         self._elicitation = Elicitation(
             comparator,
             f"training/{k}/{discount!r}/{tolerance!r}",
-            indifference=tolerance * _MATTERS,
-            max_queries=max_queries,
-            audit=audit,
-            max_audits=max_audits,
-            known=known,
-            seed=self.seed,
-            labels=labels,
+            **filled(asking, {"indifference": tolerance * _MATTERS}),
         )
         self._policies: list[TrainedPolicy] = []
         self._cuts: list[

@@ -29,7 +29,13 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
 from elicit.comparators.bradley_terry.density import ParticlePrior
 from elicit.comparators.bradley_terry.mcmc import move
-from elicit.comparators.bradley_terry.smc import SWEEPS, effective_size, learn, thetas
+from elicit.comparators.bradley_terry.smc import (
+    SWEEPS,
+    ParticleArrays,
+    effective_size,
+    learn,
+    thetas,
+)
 from elicit.decision.comparator_rule import Rule, weighted
 from elicit.decision.verdicts import decide_by
 from elicit.decision.votes import LEVEL_ROUNDING
@@ -222,10 +228,12 @@ class PosteriorComparator:
 
     def _learn(self, rows: Iterable[int]) -> None:
         """Learn from these rows, one by one."""
-        state = self._x, self._theta, self._slips, self._logs, self._noise, self._rows, self._tied
+        state = ParticleArrays(
+            self._x, self._theta, self._slips, self._logs, self._noise, self._rows, self._tied
+        )
         for i in rows:
             with np.errstate(all="ignore"):  # the hash wraps around
-                proposed, accepted = learn(*state, i + 1, self._prior, fold(self._key, i)[()])
+                proposed, accepted = learn(state, i + 1, self._prior, fold(self._key, i)[()])
             self.proposed, self.accepted = self.proposed + proposed, self.accepted + accepted
 
     def retract(self, *ids: str) -> PosteriorComparator:

@@ -10,7 +10,7 @@ numbers are a hash of (key, counters).
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,24 @@ ENOUGH, FAIR = (
 # answer is learned in parts
 SWEEPS = 16  # number of sweeps at a move
 ROUNDING = 1e-14  # levels' values that vary by less do not vary
+
+
+class ParticleArrays(NamedTuple):
+    """Particles and the answers they have learned, as arrays.
+
+    x (m, >= p): the particles. theta (p, m) and slip (2, m): their ``thetas``. logs (m,): their log
+    weights. noise (1,): the variance of a mean over equally weighted particles, in units of the
+    posterior's; resampling adds to it, and moves take away as much as they make a particle forget.
+    rows (p, >= n): the answers. tied: which of them are EQUAL.
+    """
+
+    x: Any
+    theta: Any
+    slip: Any
+    logs: Any
+    noise: Any
+    rows: Any
+    tied: Any
 
 
 @compiled
@@ -72,26 +90,12 @@ def resample(weights: Any, u: float, out: Any) -> None:
 
 
 @compiled
-def learn(
-    x: Any,
-    theta: Any,
-    slip: Any,
-    logs: Any,
-    noise: Any,
-    rows: Any,
-    tied: Any,
-    n: int,
-    prior: ParticlePrior,
-    key: Any,
-) -> tuple[int, int]:
-    """Reweight particles x (m, >= p) by row n - 1 of rows (p, >= n), and move them if few have
-    weight.
+def learn(state: ParticleArrays, n: int, prior: ParticlePrior, key: Any) -> tuple[int, int]:
+    """Reweight particles by row n - 1 of the answers, and move them if few have weight.
 
-    Their ``thetas`` are theta (p, m) and slip (2, m), and their log weights are ``logs`` (m,).
-    ``noise`` (1,) is the variance of a mean over equally weighted particles, in units of the
-    posterior's. Resampling adds to it, and moves take away as much as they make a particle forget.
-    Returns the numbers of moves proposed and accepted.
+    The arrays of ``state`` are changed. Returns the numbers of moves proposed and accepted.
     """
+    x, theta, slip, logs, noise, rows, tied = state
     m = len(x)
     found, target, copied = np.empty(m), np.empty(m), np.empty(m, dtype=np.int64)
     proposed, accepted, done, stage = 0, 0, 0.0, 0

@@ -21,7 +21,7 @@ from elicit import (
     TruthfulTutor,
     Verdict,
 )
-from elicit.asking.elicitation import MAX_AUDITS
+from elicit.asking.options import MAX_AUDITS
 from elicit.model.pairs import pair_numbers
 from elicit.tutors.simulated import FlippingTutor
 from qlearn import (

@@ -459,9 +459,8 @@ def test_answers_reweight_and_moves_follow_where_few_carry_the_weight() -> None:
     for n in range(1, 61):
         before, noise_before = x.copy(), noise[0]
         P.thetas(x, prior, theta := np.empty(x.T.shape), slip := np.empty((2, 400)))
-        proposed, accepted = P.learn(
-            x, theta, slip, logs, noise, rows, tied, n, prior, np.uint64(n)
-        )
+        state = P.ParticleArrays(x, theta, slip, logs, noise, rows, tied)
+        proposed, accepted = P.learn(state, n, prior, np.uint64(n))
         assert P.effective_size(logs) >= P.FAIR * 400
         if not proposed:
             assert (x == before).all()

@@ -1,0 +1,37 @@
+"""Checks of the keywords that a function takes through a common set (``**options``)."""
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from inspect import signature
+from typing import Any
+
+
+def check_keywords(taker: Any, given: Mapping[str, Any], common: Iterable[str]) -> None:
+    """Raise TypeError for a keyword that there is not, and name the nearest one that there is.
+
+    Parameters
+    ----------
+    taker : function or class
+        Takes ``given`` as ``**options``. Its own keywords, and those of its base classes, are
+        suggested too.
+    given : mapping
+        The options by name.
+    common : names
+        The keywords of the common set.
+    """
+    unknown = [name for name in given if name not in common]
+    if not unknown:
+        return
+    takers = taker.__mro__[:-1] if isinstance(taker, type) else (taker,)
+    own = {
+        name
+        for one in takers
+        for name, parameter in signature(one).parameters.items()
+        if parameter.kind is not parameter.VAR_KEYWORD
+    }
+    names = sorted(own | set(common))
+    nearest = get_close_matches(unknown[0], names, n=1, cutoff=0.0)[0]
+    raise TypeError(
+        f"{taker.__name__} has no keyword {unknown[0]!r}. The nearest is {nearest!r}; it takes "
+        f"{', '.join(names)}"
+    )

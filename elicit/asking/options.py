@@ -1,0 +1,66 @@
+"""The options of asking: one set of keywords for everything that asks a tutor."""
+
+from collections.abc import Iterable, Sequence
+from typing import TypeAlias, TypedDict, cast
+
+from elicit._support.hashing import Seed
+from elicit._support.keywords import check_keywords
+from elicit.model.query import Answer, Answers
+from elicit.tutors.answer_log import Entry
+
+Known: TypeAlias = Answers | Iterable[Answer | Entry]
+"""Earlier answers: Answers, an AnswerLog, or a list of Answer."""
+
+MAX_AUDITS = 50
+"""Default limit on the number of audits: enough to tell a tenth of wrong answers from none."""
+
+
+class AskingOptions(TypedDict, total=False):
+    """Keywords that every learner takes, and whatever else asks a tutor. All may be left out.
+
+    Attributes
+    ----------
+    max_queries : int, optional
+        Largest number of questions. Pairs that are still undecided after it follow the
+        comparator's best guess at the scale, and the result's status says so. None: no limit.
+    indifference : float, optional
+        An undecided pair whose bounds on d.e lie within +- this counts as equal. It is a share of
+        the value range. None: the asker's default, which a learner with a tolerance derives from
+        it.
+    audit : float
+        Share of the pairs decided by answers that is put to the tutor all the same, in 0..1.
+        Default 0.
+    max_audits : int
+        Largest number of audits. Default 50.
+    batch : int
+        Largest number of questions at once. Default 1. An asker with one pair in question at a
+        time, such as Q-learning, leaves it unused.
+    known : Answers, AnswerLog or list of Answer
+        Earlier answers. The comparator learns them, unless it has them already. None of their
+        pairs is asked again. Their audits count as audits, but their questions not as asked.
+    seed : int, SeedSequence or Generator, optional
+        Picks the audits, and whatever else an asker leaves to chance. The same int gives the same
+        run. None draws a new seed, which is kept as ``.seed``. Default 0.
+    labels : sequence of k str, optional
+        Names of the levels, worst first, that questions show. None: a learner takes its MDP's.
+    """
+
+    max_queries: int | None
+    indifference: float | None
+    audit: float
+    max_audits: int
+    batch: int
+    known: Known
+    seed: Seed | None
+    labels: Sequence[str] | None
+
+
+def check_options(taker: object, given: AskingOptions) -> None:
+    """Raise TypeError for an option that neither ``AskingOptions`` nor the taker has."""
+    check_keywords(type(taker), given, AskingOptions.__annotations__)
+
+
+def filled(given: AskingOptions, defaults: AskingOptions) -> AskingOptions:
+    """Return the options given, with ``defaults`` in the place of those left out or None."""
+    missing = {name: value for name, value in defaults.items() if given.get(name) is None}
+    return cast(AskingOptions, {**given, **missing})

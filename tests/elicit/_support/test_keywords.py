@@ -1,0 +1,42 @@
+"""An unknown keyword is named, beside the nearest that there is."""
+
+from typing import Any
+
+import pytest
+
+from elicit._support.keywords import check_keywords
+
+
+class Base:
+    def __init__(self, alpha: int = 0, **options: Any) -> None:
+        check_keywords(type(self), options, ("seed", "batch"))
+
+
+class Derived(Base):
+    def __init__(self, beta: int = 0, **options: Any) -> None:
+        super().__init__(**options)
+
+
+def asks(gamma: int = 0, **options: Any) -> None:
+    check_keywords(asks, options, ("seed", "batch"))
+
+
+def test_the_nearest_keyword_is_named_whether_common_own_or_of_a_base_class() -> None:
+    for taker, given, nearest in (
+        (Base, "bach", "batch"),
+        (Derived, "alpa", "alpha"),
+        (Derived, "betta", "beta"),
+        (asks, "gama", "gamma"),
+    ):
+        with pytest.raises(
+            TypeError,
+            match=f"{taker.__name__} has no keyword '{given}'. The nearest is '{nearest}'",
+        ):
+            taker(**{given: 1})
+
+
+def test_all_keywords_are_listed_and_known_ones_pass() -> None:
+    with pytest.raises(TypeError, match="it takes alpha, batch, beta, seed$"):
+        Derived(nothing_like_it=1)
+    Derived(beta=1, alpha=2, seed=3, batch=4)
+    asks(1, seed=2)
