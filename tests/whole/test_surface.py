@@ -1,16 +1,21 @@
 """The public surface: few parameters each, and names that mean one thing."""
 
+import ast
 import inspect
 import pkgutil
+import re
 from collections.abc import Iterator
 from dataclasses import is_dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import elicit
 import qlearn
+from elicit.model.comparator import ALLOWANCE
+from qlearn.learners.rounds.tuning import TUNING
 
 MOST = 9  # parameters of one function or class; a common set, such as **asking, counts as one
 
@@ -73,3 +78,61 @@ def test_a_learner_made_with_a_misspelt_keyword_says_which_was_meant(name):
     meant = {"max_querys": "max_queries", "tolerence": "tolerance"}[name]
     with pytest.raises(TypeError, match=f"no keyword '{name}'. The nearest is '{meant}'"):
         qlearn.InteractivePolicyIteration(mdp, elicit.PolytopeComparator(3), **{name: 1})
+
+
+TOLERANCES = (Path(elicit.__file__).parents[1] / "docs" / "close-enough.md").read_text("utf-8")
+
+
+def found(path: str) -> Any:
+    """What a dotted path names."""
+    parts = path.split(".")
+    for length in range(len(parts), 0, -1):
+        try:
+            thing = import_module(".".join(parts[:length]))
+        except ModuleNotFoundError:
+            continue
+        for part in parts[length:]:
+            thing = getattr(thing, part)
+        return thing
+    raise ModuleNotFoundError(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "owner", "default"),
+    re.findall(r"^\| `(\w+)` of `([\w.]+)` \| ([^|]+) \|", TOLERANCES, re.MULTILINE),
+)
+def test_the_page_on_tolerances_has_the_defaults_of_the_code(name, owner, default):
+    thing = found(owner)
+    if thing is elicit.AskingOptions:
+        assert name in thing.__annotations__
+        assert default == "derived"
+    else:
+        assert inspect.signature(thing).parameters[name].default == ast.literal_eval(default)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    re.findall(r"^\| `((?:elicit|qlearn)[\w.]+)` \| ([^|]+) \|", TOLERANCES, re.MULTILINE),
+)
+def test_the_page_on_tolerances_has_the_constants_of_the_code(path, value):
+    assert found(path) == float(value)
+
+
+def test_the_page_on_tolerances_derives_them_as_the_learners_do():
+    mdp, _ = qlearn.random_mdp(3, 2, 3, discount=0.9, seed=0)
+    known = elicit.PolytopeComparator(3)
+
+    def indifference(asker: Any) -> float:
+        return asker._elicitation.indifference
+
+    policy_iteration = qlearn.InteractivePolicyIteration(mdp, known, tolerance=0.1, max_loss=0.2)
+    assert indifference(policy_iteration) == pytest.approx(0.2 * (1 - 0.9))
+    value_iteration = qlearn.InteractiveValueIteration(mdp, known, tolerance=0.1)
+    assert indifference(value_iteration) == pytest.approx(0.1 * (1 - 0.9) / 2)
+    assert value_iteration._small_span == pytest.approx(0.1 * (1 - 0.9) / (2 * 0.9))
+    training = qlearn.InteractiveTraining(known, discount=0.9, tolerance=0.1)
+    assert indifference(training) == pytest.approx(0.1 / 2)
+    assert indifference(qlearn.InteractiveQLearning(mdp, known, steps=1)) == 0
+    assert len(re.findall(r"^\| `(\w+)` of `", TOLERANCES, re.MULTILINE)) == 11
+    assert (TUNING.matters, TUNING.error, TUNING.close) == (0.5, 0.02, 0.3)
+    assert ALLOWANCE == 2

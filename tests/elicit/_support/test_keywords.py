@@ -36,7 +36,7 @@ def test_the_nearest_keyword_is_named_whether_common_own_or_of_a_base_class() ->
 
 
 def test_all_keywords_are_listed_and_known_ones_pass() -> None:
-    with pytest.raises(TypeError, match="it takes alpha, batch, beta, seed$"):
+    with pytest.raises(TypeError, match=r"it takes alpha, batch, beta, seed$"):
         Derived(nothing_like_it=1)
     Derived(beta=1, alpha=2, seed=3, batch=4)
     asks(1, seed=2)
