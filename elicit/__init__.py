@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
     from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
+    from elicit.model.needs import Needs
     from elicit.model.outcomes import Status
     from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
     from elicit.model.scale import as_differences
@@ -50,6 +51,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.person.showing": ["Words"],
     "elicit.tutors.answer_log": ["AnswerLog"],
     "elicit.model.comparator": ["Comparator", "Tier", "simultaneous_bounds"],
+    "elicit.model.needs": ["Needs"],
     "elicit.model.outcomes": ["Status"],
     "elicit.model.query": [
         "Answer",
@@ -92,6 +94,7 @@ __all__ = [
     "InconsistentAnswers",
     "Inequality",
     "Interview",
+    "Needs",
     "PolytopeComparator",
     "PosteriorComparator",
     "Query",

@@ -57,7 +57,7 @@ from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_mad
 if __doc__ is not None:  # python -OO leaves it out
     __doc__ += "".join(
         fill(
-            f"{part.gives}. {part.use}",
+            f"{part.gives}. {part.use} In {', '.join(part.offered_by)}.",
             120,
             initial_indent=f"    {part.signature:24}",
             subsequent_indent=" " * 28,

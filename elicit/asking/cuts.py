@@ -15,6 +15,7 @@ from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator, rough_bounds
+from elicit.model.needs import Needs
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, tail_sums
 
@@ -40,6 +41,10 @@ class Cut(NamedTuple):
 
     d: Floats
     row: int
+
+
+CUTTING = Needs(required=("simultaneous_bounds", "draws"), used=("rough_bounds",))
+"""Optional parts of a comparator that cuts are chosen by."""
 
 
 @one_thread

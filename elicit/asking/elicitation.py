@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, Literal, NamedTuple, TypeAlias, Unpack, cast
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,7 @@ from elicit.model.comparator import (
     offers,
     tie_of,
 )
+from elicit.model.needs import Needs
 from elicit.model.pairs import first_of_each_pair
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
 from elicit.model.scale import Floats, tail_sums
@@ -136,6 +137,8 @@ class Elicitation:
     InconsistentAnswers
         If ``known`` contradicts itself, or what the comparator knows.
     """
+
+    needs: ClassVar[Needs] = Needs(used=("rule", "settle", "tie", "answers"))
 
     def __init__(
         self,

@@ -117,19 +117,28 @@ class Foretells(Protocol):
 
 
 class Part(NamedTuple):
-    """An optional part of a comparator. protocol: the name of its type. signature: how it is
-    called. gives: what it is or returns. use: what is done with it, and without it."""
+    """An optional part of a comparator.
+
+    protocol: the name of its type. signature: how it is called. gives: what it is or returns. use:
+    what is done with it, and without it. offered_by: the comparators of ours that have it.
+    """
 
     protocol: str
     signature: str
     gives: str
     use: str
+    offered_by: tuple[str, ...]
 
     @property
     def member(self) -> str:
         """The name that a comparator has."""
         return self.signature.split("(")[0]
 
+
+_POLYTOPES = ("PolytopeComparator", "RelaxedPolytopeComparator")
+_MODELS = ("PosteriorComparator", "BradleyTerryComparator")
+_LEARNING = (*_POLYTOPES, *_MODELS)
+_ALL = (*_LEARNING, "Dominance", "AlwaysAsk")
 
 OPTIONAL_PARTS = (
     Part(
@@ -139,6 +148,7 @@ OPTIONAL_PARTS = (
         "Bounds what a policy may lose. Without it `bounds` does, with a confidence of nan, and "
         "policy iteration and "
         "value iteration end BOUNDED, not CONVERGED.",
+        _ALL,
     ),
     Part(
         "RoughBounds",
@@ -146,6 +156,7 @@ OPTIONAL_PARTS = (
         "beside `simultaneous_bounds`: such bounds, up to `slack` above the least there are, in "
         "less time",
         "Cuts are chosen by it. Without it they are chosen by `simultaneous_bounds`.",
+        ("PolytopeComparator",),
     ),
     Part(
         "HasDraws",
@@ -153,18 +164,21 @@ OPTIONAL_PARTS = (
         "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
         "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered "
         "ones.",
+        _LEARNING,
     ),
     Part(
         "TrustsDraws",
         "level",
         "beside `draws`, if the bounds depend on them: the weight of draws that a verdict needs",
         "The loss of a policy is bounded under that share of the draws.",
+        _MODELS,
     ),
     Part(
         "StatesConfidence",
         "confidence",
         "beside `level`: the probability with which guarantees under the draws hold; nan for none",
         "Is a result's confidence. Without it `level` is.",
+        ("BradleyTerryComparator",),
     ),
     Part(
         "Foretells",
@@ -172,12 +186,14 @@ OPTIONAL_PARTS = (
         "(n,) the probability that the tutor says left is better; of several arrays the last is "
         "the best guess",
         "`held_out` scores it. Without it there is no log-likelihood.",
+        _MODELS,
     ),
     Part(
         "AllowsLapses",
         "lapse",
         "the share of answers given at random, 0 up to 1",
         "Questions are chosen by it. Without it 0 is taken.",
+        ("PosteriorComparator",),
     ),
     Part(
         "AllowsTies",
@@ -185,12 +201,14 @@ OPTIONAL_PARTS = (
         "the largest |d.e|, a share of the value range, that the tutor may call equal",
         "Learners stop asking about pairs so near that were called equal. Without it EQUAL means "
         "equal.",
+        _ALL,
     ),
     Part(
         "KeepsAnswers",
         "answers",
         "`elicit.Answers`, all it was told, in order",
         "It is not told again what it knows already.",
+        _LEARNING,
     ),
     Part(
         "LearnsInSteps",
@@ -198,38 +216,26 @@ OPTIONAL_PARTS = (
         "how many more answers, at least 1, it takes until verdicts may change; then `update` must "
         "take any answers",
         "Until then Q-learning's compiled loop asks a simulated tutor by itself.",
+        _MODELS,
     ),
     Part(
         "Ruled",
         "rule",
         "an `elicit.decision.comparator_rule.Rule`: what it knows, as arrays",
         "Compiled loops judge by it. Without it they call `compare`.",
+        _ALL,
     ),
     Part(
         "Settling",
         "settle(d)",
         "beside `rule`: verdicts and tiers (n,) of what the rule leaves open",
         "Compiled loops call it there.",
+        _POLYTOPES,
     ),
 )
 """All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared
 with this table.
 """
-
-
-def check_offers(comparator: Comparator, asker: str, *members: str) -> None:
-    """Raise TypeError for what is no comparator, or lacks a part that ``asker`` needs, and say what
-    the part is.
-    """
-    check_comparator_made(comparator)
-    for part in OPTIONAL_PARTS:
-        if part.member in members and not offers(comparator, part.member):
-            raise TypeError(
-                f"{type(comparator).__name__} has no {part.member}, which {asker} needs "
-                f"({part.gives}): take "
-                "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a "
-                "comparator"
-            )
 
 
 def offers(comparator: object, member: str) -> bool:

@@ -31,11 +31,15 @@ from numpy.typing import ArrayLike
 
 from elicit._support.threads import one_thread
 from elicit.model.comparator import Comparator, simultaneous_bounds, stated_confidence
+from elicit.model.needs import Needs
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.collected_total import collected
 from qlearn.certificates.drawn_losses import loss_over_draws
 from qlearn.certificates.drawn_scales import drawn_set
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
+
+BOUNDING = Needs(used=("simultaneous_bounds", "draws", "level", "confidence"))
+"""Optional parts of a comparator that a loss is bounded by."""
 
 
 class Guarantee(NamedTuple):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told, Watch
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
+from elicit.model.needs import Needs
 from elicit.model.outcomes import Status
 from elicit.model.query import (
     Answer,
@@ -30,7 +31,7 @@ from elicit.model.query import (
 from elicit.model.scale import Floats
 from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
-from qlearn.certificates.loss_bound import Guarantee, loses_at_most, loss_bound
+from qlearn.certificates.loss_bound import BOUNDING, Guarantee, loses_at_most, loss_bound
 from qlearn.learners.action_pair_kernel import AnswersInLoops
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -237,6 +238,7 @@ class Learner:
     elicitation.
     """
 
+    needs: ClassVar[Needs] = Elicitation.needs | BOUNDING
     seed: Seed = 0  # that gives the same run again
     _elicitation: Elicitation
     _bounded: tuple[Comparator, NDArray[np.int64]] | None = (

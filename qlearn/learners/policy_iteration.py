@@ -17,7 +17,7 @@ from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.asking.bags import Bags
-from elicit.asking.cuts import closing_cut
+from elicit.asking.cuts import CUTTING, closing_cut
 from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.decision.verdicts import decide
@@ -25,10 +25,10 @@ from elicit.model.comparator import (
     Comparator,
     Tier,
     Tiers,
-    offers,
     simultaneous_bounds,
     trusted_share,
 )
+from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats, tail_sums
@@ -109,6 +109,8 @@ class InteractivePolicyIteration(Learner):
         If a setting makes no sense, or ``cuts=True`` is given where no cut could be asked about.
     """
 
+    needs = Learner.needs | Needs(used=CUTTING.required + CUTTING.used)
+
     @takes_rng
     def __init__(
         self,
@@ -136,6 +138,7 @@ class InteractivePolicyIteration(Learner):
             bags,
         )
         self._strategy = strategy_of(strategy)
+        check_needs(comparator, type(self), self._strategy)
         self._bags = bags
         indifference = self._enough * (1 - mdp.discount)
         self._labels = asking.get("labels") or mdp.labels
@@ -283,7 +286,7 @@ class InteractivePolicyIteration(Learner):
             elicitation.unsure or elicitation.cannot_tell or (elicitation.answers.y == 0).any()
         )
         known = elicitation.comparator
-        proven = _has_bounds_and_draws(known) and drawn_set(known) is None
+        proven = not CUTTING.missing(known) and drawn_set(known) is None
         if not (plain and proven):
             return None
         undecided = product((scores > candidates.limit).any(axis=0), candidates.weights)
@@ -348,10 +351,6 @@ class InteractivePolicyIteration(Learner):
         return place(self._mdp, state, int(over.actions[row]), int(over.policy[state]))
 
 
-def _has_bounds_and_draws(comparator: Comparator) -> bool:
-    return offers(comparator, "simultaneous_bounds") and offers(comparator, "draws")
-
-
 def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
     """Raise ValueError if no cut could be asked about, though cuts=True was given."""
     advice = "leave cuts out, or say cuts=False, to ask about pairs only"
@@ -364,7 +363,7 @@ def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
         raise ValueError(
             f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}"
         )
-    if trusted_share(comparator) is not None or not _has_bounds_and_draws(comparator):
+    if trusted_share(comparator) is not None or CUTTING.missing(comparator):
         raise ValueError(
             "cuts=True needs bounds that are proven of every plausible scale, and draws of such "
             "scales, which "

@@ -16,6 +16,7 @@ from elicit.asking.elicitation import Elicitation, Pair, Told
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
+from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
@@ -92,6 +93,8 @@ class InteractiveQLearning(Learner):
         If a setting is out of range.
     """
 
+    needs = Learner.needs | Needs(used=("answers_to_next_step",))
+
     @takes_rng
     def __init__(
         self,
@@ -105,6 +108,7 @@ class InteractiveQLearning(Learner):
     ) -> None:
         check_options(self, asking)
         check_problem(mdp, comparator)
+        check_needs(comparator, type(self))
         self.seed = seed_of(asking.get("seed", 0))
         exploration = exploration_of(epsilon)
         require(is_whole(steps, 0), "steps", "a whole number of at least 0", steps)

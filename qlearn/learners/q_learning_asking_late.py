@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
 from elicit.model.comparator import Comparator
+from elicit.model.needs import check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query
 from elicit.model.scale import Floats, tail_sums
@@ -57,6 +58,7 @@ class LateQLearning(InteractiveQLearning):
     ) -> None:
         super().__init__(mdp, comparator, **settings)
         self._strategy, self._max_loss = strategy_of(strategy), check_max_loss(max_loss)
+        check_needs(comparator, self._strategy)
         self._live = mdp.admissible & ~mdp.terminal[:, None]
         self._checkpoint = min(self.model.steps, int(FIRST * self._live.sum()))
         self._before = np.zeros_like(self.state.q)  # Q (S, A, k) at the last checkpoint

@@ -30,6 +30,7 @@ from elicit.asking.bags import Bags, entropy, says_left
 from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator, lapse_of, simultaneous_bounds
+from elicit.model.needs import uses
 from elicit.model.scale import Floats, tail_sums
 from qlearn.certificates.drawn_scales import draws_of
 
@@ -104,17 +105,20 @@ def first_come(candidates: Candidates) -> Floats:
     return -np.arange(len(candidates), dtype=np.float64)
 
 
+@uses("simultaneous_bounds")
 def widest_bound(candidates: Candidates) -> Floats:
     """The one about which least is known: the greatest distance between the bounds on d.e."""
     low, high = candidates.bounds
     return np.asarray(high - low)
 
 
+@uses("simultaneous_bounds")
 def max_regret(candidates: Candidates) -> Floats:
     """The one that could be worth most: the greatest upper bound on d.e."""
     return candidates.bounds[1]
 
 
+@uses("draws")
 def most_even_cut(candidates: Candidates) -> Floats:
     """The one whose answer, right or left, takes most of the plausible scales away at the least."""
     weights = candidates.weights
@@ -122,6 +126,7 @@ def most_even_cut(candidates: Candidates) -> Floats:
     return np.asarray(np.minimum(better, worse))
 
 
+@uses("draws", "lapse")
 def mutual_information(candidates: Candidates) -> Floats:
     """Expected information of the answer on the scale, in bits, by the comparator's own model of
     the tutor (Houlsby et al. 2011; Biyik et al. 2019): the entropy of the answer, less its mean
@@ -130,6 +135,7 @@ def mutual_information(candidates: Candidates) -> Floats:
     return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
 
 
+@uses("draws")
 def violated_weight(candidates: Candidates) -> Floats:
     """The probability that the difference matters: the weight of the scales with d.e beyond the
     limit.
@@ -137,6 +143,7 @@ def violated_weight(candidates: Candidates) -> Floats:
     return product(candidates.scores > candidates.limit, candidates.weights)
 
 
+@uses("draws", "lapse")
 def telling_violation(candidates: Candidates) -> Floats:
     """Mutual information times the weight of the scales under which the difference matters, one
     draw's weight added so that there is a best question also where no draw says that it does."""

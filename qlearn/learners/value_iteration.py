@@ -15,6 +15,7 @@ from elicit._support.validation import is_whole, require
 from elicit.asking.elicitation import Elicitation, Told
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.model.comparator import Comparator, Tier, offers
+from elicit.model.needs import check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
@@ -119,6 +120,7 @@ class InteractiveValueIteration(Learner):
     ) -> None:
         check_options(self, asking)
         check_problem(mdp, comparator)
+        check_needs(comparator, type(self))
         self.seed = asking["seed"] = seed_of(asking.get("seed", 0))
         check_tolerance(tolerance)
         holds = max_sweeps is None or is_whole(max_sweeps, 1)
@@ -251,6 +253,7 @@ class LateValueIteration(InteractiveValueIteration):
     ) -> None:
         super().__init__(mdp, comparator, **settings)
         self._strategy, self._patient = strategy_of(strategy), settings.get("max_sweeps") is None
+        check_needs(comparator, self._strategy)
         self._candidates = mdp.n_states
         self._elicitation.puts_off = True
 

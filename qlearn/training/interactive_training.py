@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple, Unpack
+from typing import Any, ClassVar, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,9 +23,9 @@ from elicit.model.comparator import (
     Comparator,
     Tier,
     best_guess,
-    check_offers,
     simultaneous_bounds,
 )
+from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats, tail_sums, values_of
@@ -131,6 +131,10 @@ class InteractiveTraining:
     levels.
     """
 
+    needs: ClassVar[Needs] = Elicitation.needs | Needs(
+        required=("simultaneous_bounds", "draws"), used=("level", "confidence")
+    )
+
     @takes_rng
     def __init__(
         self,
@@ -146,7 +150,7 @@ class InteractiveTraining:
         **asking: Unpack[AskingOptions],
     ) -> None:
         check_options(self, asking)
-        check_offers(comparator, "InteractiveTraining", "simultaneous_bounds", "draws")
+        check_needs(comparator, type(self), strategy_of(strategy))
         k = comparator.k
         require(
             is_number(discount, 0) and discount < 1,

@@ -391,7 +391,9 @@ def test_each_optional_part_is_tried_out_and_listed(part):
     with pytest.raises(AssertionError):
         check_comparator(type("Bad", (OneScale,), BAD_PARTS[part.member])())
     assert f"    {part.signature:24}{part.gives[:30]}" in elicit.testing.__doc__
-    row = f"| `{part.signature}` | {part.gives} | {part.use} |\n".replace("|d.e|", r"\|d.e\|")
+    ours = ", ".join(f"`{name}`" for name in part.offered_by)
+    row = f"| `{part.signature}` | {part.gives} | {part.use} | {ours} |\n"
+    row = row.replace("|d.e|", r"\|d.e\|")
     assert row in (Path(__file__).parents[3] / "docs/your-own-comparator.md").read_text(
         encoding="utf-8"
     )

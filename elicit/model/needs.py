@@ -1,0 +1,89 @@
+"""Optional parts of a comparator that a learner, or a rule for questions, takes: declared in one
+line, checked when the learner is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from elicit.model.comparator import (
+    OPTIONAL_PARTS,
+    Comparator,
+    check_comparator_made,
+    offers,
+)
+
+_F = TypeVar("_F", bound=Callable[..., object])
+_PARTS = {part.member: part for part in OPTIONAL_PARTS}
+
+
+@dataclass(frozen=True)
+class Needs:
+    """Parts of a comparator, beyond the five members of all, that one consumer takes.
+
+    Declare them as the attribute ``needs`` of a learner or of a strategy. Two are joined by ``|``.
+
+    Parameters
+    ----------
+    required : names
+        Members without which the consumer is refused.
+    used : names
+        Members that are used if the comparator has them. ``OPTIONAL_PARTS`` says what happens
+        without.
+
+    Raises
+    ------
+    ValueError
+        If a name is that of no optional part.
+    """
+
+    required: tuple[str, ...] = ()
+    used: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if unknown := [name for name in self.required + self.used if name not in _PARTS]:
+            raise ValueError(f"{unknown[0]!r} is no optional part of a comparator: {[*_PARTS]}")
+
+    def __or__(self, other: Needs) -> Needs:
+        return Needs(
+            tuple(dict.fromkeys(self.required + other.required)),
+            tuple(dict.fromkeys(self.used + other.used)),
+        )
+
+    def missing(self, comparator: Comparator) -> tuple[str, ...]:
+        """Return the required members that a comparator does not have. Computes none of them."""
+        return tuple(name for name in self.required if not offers(comparator, name))
+
+
+def uses(*members: str) -> Callable[[_F], _F]:
+    """Declare the optional parts that a function uses if the comparator has them."""
+
+    def declared(function: _F) -> _F:
+        vars(function)["needs"] = Needs(used=members)
+        return function
+
+    return declared
+
+
+def needs_of(consumer: object) -> Needs:
+    """Return what a consumer declares as its ``needs``: nothing if it declares none."""
+    declared = getattr(consumer, "needs", None)
+    return declared if isinstance(declared, Needs) else Needs()
+
+
+def check_needs(comparator: Comparator, *consumers: object) -> None:
+    """Raise TypeError for anything but a comparator, and for one that lacks a required part.
+
+    The error names the part, the consumer that needs it, and the comparators that have it.
+    """
+    check_comparator_made(comparator)
+    for consumer in consumers:
+        for member in needs_of(consumer).missing(comparator):
+            part = _PARTS[member]
+            raise TypeError(
+                f"{type(comparator).__name__} has no {member}, which "
+                f"{getattr(consumer, '__name__', repr(consumer))} needs ({part.gives}). "
+                f"{', '.join(part.offered_by)} have it; elicit.testing says what makes a comparator"
+            )
