@@ -46,7 +46,7 @@ class Learned(NamedTuple):
 
 
 @dataclass
-class Told:
+class Answered:
     """The set B of the paper: the answers so far, and the verdict on each pair, known by its tail
     sums.
     """
@@ -76,10 +76,10 @@ def get_best(
     beta_prime: Floats,
     a_prime: int,
     model: Comparator,
-    told: Told,
+    told: Answered,
     tutor: Tutor,
     indifference: float = 0.0,
-) -> tuple[int, Comparator, Told]:
+) -> tuple[int, Comparator, Answered]:
     """Algorithm 2: the action with the better vector, a if that is ``beta`` and else a'; M and B
     after it.
     """
@@ -96,7 +96,7 @@ def get_best(
     return a_prime, model, told  # Alg. 2, l. 19
 
 
-def forecast(d: Floats, model: Comparator, told: Told, indifference: float) -> Verdict:
+def forecast(d: Floats, model: Comparator, told: Answered, indifference: float) -> Verdict:
     """M of Algorithm 2: BETTER, WORSE or EQUAL where that can be said without the tutor, else
     UNKNOWN.
     """
@@ -129,12 +129,12 @@ def interactive_q_learning(
     key: int,
     start: str = "worst",
     episode_length: int | None = None,
-) -> tuple[Learned, Comparator, Told]:
+) -> tuple[Learned, Comparator, Answered]:
     """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came
     before; ``epsilon`` is one for all steps or one for each; ``key`` is ``hashing.key_of`` of a
     seed. Returns Q-bar and B(s), then M and B."""
     one, discount = np.eye(mdp.k), mdp.discount
-    model, told = comparator, Told()  # Alg. 1, l. 3
+    model, told = comparator, Answered()  # Alg. 1, l. 3
     q = np.zeros((mdp.n_states, mdp.n_actions, mdp.k))  # Alg. 1, l. 4
     q[:, :, 0] += start == "worst"
     q[:, :, -1] += start == "best"
@@ -167,13 +167,13 @@ def interactive_value_iteration(
     *,
     tolerance: float,
     indifference: float | None = None,
-) -> tuple[Learned, Comparator, Told]:
+) -> tuple[Learned, Comparator, Answered]:
     """Value iteration on vectors, with getBest for the maximum of eq. (2) (Weng and Zanuttini
     2013), one comparison at a time. Returns the last sweep's Q-bar and best actions, then M and
     B."""
     if indifference is None:
         indifference = tolerance * (1 - mdp.discount) / 2
-    model, told = comparator, Told()
+    model, told = comparator, Answered()
     v = np.eye(mdp.k)[np.where(mdp.terminal, mdp.final_level, 0)]
     best = [actions(mdp, s)[0] for s in range(mdp.n_states)]
     comparisons = []

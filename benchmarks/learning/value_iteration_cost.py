@@ -40,7 +40,7 @@ from qlearn import (
     random_mdp,
 )
 from qlearn.learners.state_sweep import BLOCK
-from qlearn.mdp.backup import Model, back_up_from, model_of
+from qlearn.mdp.backup import MdpArrays, back_up_from, model_of
 
 TOLERANCE, ACTIONS, LEVELS = 0.001, 5, 10
 HEAD = (
@@ -69,7 +69,7 @@ NOTE = (
 
 
 @unlocked
-def sweep_knowing(states: Any, g: Any, v: Any, following: Any, best: Any, model: Model) -> Any:
+def sweep_knowing(states: Any, g: Any, v: Any, following: Any, best: Any, model: MdpArrays) -> Any:
     """Back up these states and take the action of greatest e.Q, where g (p,) are the gaps of e;
     returns the least and the greatest change (2, p) of each tail sum of V."""
     m, k, ends = model.n_actions, v.shape[1], model.ends

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_list, require
 from elicit.asking.elicitation import Elicitation, OnConflict, Pair
-from elicit.asking.options import Known
+from elicit.asking.options import EarlierAnswers
 from elicit.model.comparator import (
     Comparator,
     Decisions,
@@ -93,7 +93,7 @@ def choose(
     names: Sequence[str] | None = None,
     max_queries: int | None = None,
     check_totals: bool = True,
-    known: Known = (),
+    known: EarlierAnswers = (),
     labels: Sequence[str] | None = None,
 ) -> "Choosing":
     """Find the best of a list of vectors, or their order, by asking what the comparator cannot

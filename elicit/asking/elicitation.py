@@ -30,7 +30,7 @@ from elicit.asking.elicitation_kernel import (
     Judgement,
     settle_rows,
 )
-from elicit.asking.options import MAX_AUDITS, AskingOptions, Known, check_options
+from elicit.asking.options import MAX_AUDITS, AskingOptions, EarlierAnswers, check_options
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
@@ -60,7 +60,7 @@ _IN_A_ROW = 5
 pairs are asked about no more. With one tie in place of two, value iteration asked such tutors three
 times as much as sharp ones (docs/about-equal.md)."""
 
-Watch = Callable[[Floats, Decisions], None]
+Watcher = Callable[[Floats, Decisions], None]
 OnConflict: TypeAlias = Literal["raise", "drop"]
 
 Place: TypeAlias = tuple[Hashable, ...]
@@ -104,7 +104,7 @@ class Pending(NamedTuple):
     expected: Verdict | None
 
 
-class Told(NamedTuple):
+class AnsweredQuery(NamedTuple):
     """A query that was answered, and the verdict to act on."""
 
     pending: Pending
@@ -185,11 +185,11 @@ class Elicitation:
         self.cannot_tell = 0
         self.audits: list[Audit] = []
         self.counts = np.zeros(len(Tier), dtype=np.int64)
-        self.watch: Watch | None = None
+        self.watch: Watcher | None = None
         self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
         self.pending: tuple[Pending, ...] = ()
         self.told: tuple[
-            Told, ...
+            AnsweredQuery, ...
         ] = ()  # last; a user who empties it after acting sees what is still to be acted on
         self.puts_off = (
             False  # whether undecided pairs go by the best guess for now, to be asked about later
@@ -344,7 +344,7 @@ class Elicitation:
             counts=counts,
             pending=tuple(waiting.values()),
             told=tuple(
-                Told(asked, verdict)
+                AnsweredQuery(asked, verdict)
                 for (_, asked, _), verdict in zip(settled, verdicts, strict=True)
             ),
             _answered=answered,
@@ -465,7 +465,7 @@ class Elicitation:
         )
         return first_of_each_pair(d, room)
 
-    def _learn_known(self, known: Known) -> None:
+    def _learn_known(self, known: EarlierAnswers) -> None:
         """Take in what was answered before."""
         k = self.comparator.k
         if isinstance(known, str | bytes | PathLike):

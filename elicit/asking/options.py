@@ -8,7 +8,7 @@ from elicit._support.keywords import check_keywords
 from elicit.model.query import Answer, Answers
 from elicit.tutors.answer_log import Entry
 
-Known: TypeAlias = Answers | Iterable[Answer | Entry]
+EarlierAnswers: TypeAlias = Answers | Iterable[Answer | Entry]
 """Earlier answers: Answers, an AnswerLog, or a list of Answer."""
 
 MAX_AUDITS = 50
@@ -50,7 +50,7 @@ class AskingOptions(TypedDict, total=False):
     audit: float
     max_audits: int
     batch: int
-    known: Known
+    known: EarlierAnswers
     seed: Seed | None
     labels: Sequence[str] | None
 

@@ -13,8 +13,9 @@ from elicit._support.hashing import Seed, fold, key_of, name_code
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import require
+from elicit.asking.options import EarlierAnswers
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
-from elicit.diagnostics.tutor_report import NOTHING, Estimate, Told, check_level, read_log
+from elicit.diagnostics.tutor_report import NOTHING, Estimate, check_level, read_log
 from elicit.model.comparator import Comparator, Foretells, learn, offers
 from elicit.model.pairs import pair_numbers
 from elicit.model.query import Answers, Verdict
@@ -106,7 +107,7 @@ class HeldOutTable(dict[str, HeldOut]):
 
 def held_out(
     comparator: Comparator,
-    answers: Told,
+    answers: EarlierAnswers,
     folds: Folds = 10,
     *,
     level: float = 0.95,
@@ -203,7 +204,7 @@ def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, ke
 
 def compare_held_out(
     comparators: Mapping[str, Comparator],
-    answers: Told,
+    answers: EarlierAnswers,
     folds: Folds = 10,
     *,
     level: float = 0.95,

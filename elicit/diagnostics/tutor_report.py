@@ -21,16 +21,14 @@ from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
+from elicit.asking.options import EarlierAnswers
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.pairs import pair_numbers, ways_round
-from elicit.model.query import Answer, Answers
+from elicit.model.query import Answers
 from elicit.model.scale import dominance, tail_sums
-from elicit.tutors.answer_log import AnswerLog, Entry, entries_of
-
-Told = Answers | Iterable[Entry | Answer]
-"""An ``AnswerLog`` or any iterable of its entries or of Answers, else bare ``Answers``."""
+from elicit.tutors.answer_log import AnswerLog, entries_of
 
 _ROOTS = np.linspace(
     0.03, 0.98, 9
@@ -178,7 +176,7 @@ class TutorReport:
 
 
 def tutor_report(
-    log: Told,
+    log: EarlierAnswers,
     k: int | None = None,
     *,
     level: float = 0.95,
@@ -300,7 +298,7 @@ class _Record(NamedTuple):
     unused: int = 0
 
 
-def read_log(log: Told, k: int | None) -> _Record:
+def read_log(log: EarlierAnswers, k: int | None) -> _Record:
     """Return the recorded answers about k levels, without retracted ones, and counts of the others.
 
     Parameters

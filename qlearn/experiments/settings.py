@@ -39,7 +39,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Choice:
+class OneOf:
     """One of these names, or yes and no."""
 
     names: tuple[Any, ...]
@@ -55,7 +55,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class NameOrOwn(Choice):
+class NameOrOwn(OneOf):
     """One of these names, or the user's own: an ``Own``, or the text of one. ``call`` says in words
     what a factory takes and returns."""
 
@@ -120,7 +120,7 @@ OWN = {
 """The columns of a table that may hold a name of the user's, and the setting that gives it."""
 
 
-def setting(default: Any, check: Number | Choice, text: str, may_be_empty: bool = False) -> Any:
+def setting(default: Any, check: Number | OneOf, text: str, may_be_empty: bool = False) -> Any:
     """A field of a class of settings. A tuple stands for one or more values, each of which is
     checked, on the command line also for none where it ``may_be_empty``; None is allowed where the
     field's type says so."""
@@ -140,7 +140,7 @@ class Settings:
 
     noise: str = setting(
         "flip",
-        Choice(("flip", "logistic")),
+        OneOf(("flip", "logistic")),
         "errors however clear the case (flip), or near ties mostly, set to the same mean rate "
         "(logistic)",
     )
@@ -157,7 +157,7 @@ class Settings:
     )
     exploration: str | None = setting(
         None,
-        Choice(("constant", "decaying", "restarts", "optimistic", "uniform")),
+        OneOf(("constant", "decaying", "restarts", "optimistic", "uniform")),
         "a named way of exploring, in place of epsilon",
     )
     indifference: float = setting(
@@ -309,7 +309,7 @@ class FiguresSettings(Settings):
         ),
     }  # fmt: skip
 
-    noise: str = setting("logistic", Choice(("flip", "logistic")), "as in the ablation")
+    noise: str = setting("logistic", OneOf(("flip", "logistic")), "as in the ablation")
     max_queries: int | None = setting(None, FROM_0, "as in the ablation")
     refit_growth: float = setting(
         0.2, SCALE, "growth of the box's answers between two fits; 0: fit at each (hours)"
@@ -328,13 +328,13 @@ class FiguresSettings(Settings):
     seed: int = setting(0, FROM_0, "the first seed")
     comparators: tuple[str, ...] = setting(
         _IN_THE_PAPER,
-        Choice(_IN_THE_PAPER),
+        OneOf(_IN_THE_PAPER),
         "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box with "
         "footnote 3 and without",
     )
     tutors: tuple[str, ...] = setting(
         TUTORS[:5],
-        Choice(TUTORS),
+        OneOf(TUTORS),
         "who answers all but the polytope, whose tutor never errs: as in eq. (6) with this c, on "
         "counts times values "
         "of 0..99, or with the precision that errs in this share of the comparisons of an optimal "
@@ -342,7 +342,7 @@ class FiguresSettings(Settings):
     )
     thinned: tuple[str, ...] = setting(
         ("posterior",),
-        Choice(_IN_THE_PAPER),
+        OneOf(_IN_THE_PAPER),
         "comparators (or none) that run only at every other size and with every other tutor; all "
         "others run at every "
         "size with the first and the last tutor, and at every other one with those between",

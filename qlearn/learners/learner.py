@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.hashing import Seed
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
-from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told, Watch
+from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.needs import Needs
@@ -277,7 +277,7 @@ class Learner:
         """
         self._elicitation.signs = signs
 
-    def watch(self, watcher: Watch) -> None:
+    def watch(self, watcher: Watcher) -> None:
         """Call ``watcher(d, decisions)`` with batches of the comparisons acted on: of Q-learning
         those that neither equality nor dominance settled, of policy iteration the questions
         answered."""
@@ -307,7 +307,7 @@ class Learner:
             self._take(self._elicitation.told)
             self._elicitation.told = ()
 
-    def _take(self, told: Sequence[Told]) -> None:
+    def _take(self, told: Sequence[AnsweredQuery]) -> None:
         """Act on the verdicts. To do so twice must come to the same as once."""
 
     def _certified(

@@ -12,7 +12,7 @@ from elicit._support import jit
 from elicit._support.hashing import fold, key_of, uniform
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
-from elicit.asking.elicitation import Elicitation, Pair, Told
+from elicit.asking.elicitation import AnsweredQuery, Elicitation, Pair
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import Comparator, Decisions, Tier
@@ -201,7 +201,7 @@ class InteractiveQLearning(Learner):
     def _go_on(self) -> tuple[Query, ...]:
         return self.run_to(self.model.steps)
 
-    def _take(self, told: Sequence[Told]) -> None:
+    def _take(self, told: Sequence[AnsweredQuery]) -> None:
         """The tutor's verdict is on the pair at the cursor, if the question was about that."""
         if self.state.cursor[kernel.POSITION] != kernel.IDLE:  # else it was asked between two steps
             for _, verdict in told:

@@ -20,7 +20,7 @@ from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, keep
-from qlearn.mdp.backup import Model, back_up_from
+from qlearn.mdp.backup import MdpArrays, back_up_from
 
 DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
 
@@ -59,7 +59,7 @@ def no_outcome(n: int, k: int) -> Outcome:
 
 
 @unlocked
-def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome) -> int:
+def sweep(states: Any, work: Work, model: MdpArrays, judging: Judging, out: Outcome) -> int:
     """Back up each of the states (n,), and compare its actions with the best of those before them,
     from its cursor on. Returns how many states were reached: it stops where there may be no room to
     keep the next state's comparisons.

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.validation import is_whole, require
-from elicit.asking.elicitation import Elicitation, Told
+from elicit.asking.elicitation import AnsweredQuery, Elicitation
 from elicit.asking.options import AskingOptions, check_options, filled
 from elicit.model.comparator import Comparator, Tier, offers
 from elicit.model.needs import check_needs
@@ -171,7 +171,7 @@ class InteractiveValueIteration(Learner):
             self._finish_sweep()
         return ()
 
-    def _take(self, told: Sequence[Told]) -> None:
+    def _take(self, told: Sequence[AnsweredQuery]) -> None:
         for (_, pair, _), verdict in told:
             self._answered[state_of(pair)] = verdict
 

@@ -14,7 +14,7 @@ from elicit.model.scale import Floats
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
-class Model(NamedTuple):
+class MdpArrays(NamedTuple):
     """The MDP as a sweep reads it; row s*A + a of ``OrdinalMDP.transitions`` belongs to (s, a)."""
 
     successors: NDArray[np.integer[Any]]  # (n,)
@@ -27,20 +27,20 @@ class Model(NamedTuple):
     n_actions: int
     discount: float
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Model:
+    def __deepcopy__(self, memo: dict[int, Any]) -> MdpArrays:
         """Itself: copies of its arrays could be written to, and a copied learner would be compiled
         for anew.
         """
         return self
 
 
-def model_of(mdp: OrdinalMDP) -> Model:
+def model_of(mdp: OrdinalMDP) -> MdpArrays:
     """The MDP's own arrays, to read: whether they could be written to is chance, and would be
     compiled for anew.
     """
     p, levels = mdp.transitions, mdp.levels.reshape(-1)
     indices, data, ends = _to_read(p.indices), _to_read(p.data), _to_read(p.indptr)
-    return Model(
+    return MdpArrays(
         indices, data, ends, _to_read(levels), _to_read(mdp.terminal), mdp.n_actions, mdp.discount
     )
 
@@ -73,7 +73,7 @@ def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
         q[a, levels[row]] += 1.0 - discount
 
 
-def back_up_together(states: Any, v: Any, model: Model, q: Any) -> None:
+def back_up_together(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
     """``back_up_all``, all rows at once: first all first successors, then all second ones."""
     m, k = q.shape[1:]
     rows = (np.asarray(states)[:, None] * m + np.arange(m)).reshape(-1)
@@ -93,7 +93,7 @@ def back_up_together(states: Any, v: Any, model: Model, q: Any) -> None:
 
 
 @compiled_beside(back_up_together)
-def back_up_all(states: Any, v: Any, model: Model, q: Any) -> None:
+def back_up_all(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
     """Q (n, A, k) of n states, as ``OrdinalMDP`` has it: a terminal state's value whatever the
     action, and all on the worst level where an action is inadmissible."""
     m, k = q.shape[1:]
@@ -107,7 +107,7 @@ def back_up_all(states: Any, v: Any, model: Model, q: Any) -> None:
             back_up_from(s, v, arrays, model.discount, q[i])
 
 
-def q_of(states: NDArray[np.int64], v: Floats, model: Model) -> Floats:
+def q_of(states: NDArray[np.int64], v: Floats, model: MdpArrays) -> Floats:
     """Q (n, A, k) of these states after V (S, k), as ``back_up_all`` has it."""
     q = np.empty((len(states), model.n_actions, v.shape[1]))
     back_up_all(states, v, model, q)

@@ -21,7 +21,7 @@ from elicit._support.hashing import key_of
 from elicit.tutors.simulated import TruthfulTutor
 from qlearn import OrdinalMDP, policy_loss, random_mdp
 from qlearn.reference import (
-    Told,
+    Answered,
     draw,
     forecast,
     get_best,
@@ -113,7 +113,7 @@ def test_get_best_asks_only_when_unsure_and_remembers() -> None:
         return TruthfulTutor([0, 1, 10])(query)
 
     better, worse = np.array([0.5, 0.0, 0.5]), np.array([0.0, 1.0, 0.0])
-    model, told = PolytopeComparator(3), Told()
+    model, told = PolytopeComparator(3), Answered()
     winner, model, told = get_best(better, 7, worse, 4, model, told, tutor)
     assert (winner, len(asked), len(told.answers)) == (7, 1, 1)
     winner, model, told = get_best(worse, 4, better, 7, model, told, tutor)  # now M is confident
@@ -130,7 +130,7 @@ def test_get_best_asks_only_when_unsure_and_remembers() -> None:
 def test_get_best_after_a_tie_or_no_answer(verdict: Verdict | None) -> None:
     left, right = np.array([0.5, 0.0, 0.5]), np.array([0.0, 1.0, 0.0])
     model: Any = BradleyTerryComparator(3, n_boot=10)
-    told = Told()
+    told = Answered()
     winner, model, told = get_best(
         left, 1, right, 0, model, told, lambda query: Answer(query, verdict)
     )
@@ -142,9 +142,9 @@ def test_get_best_after_a_tie_or_no_answer(verdict: Verdict | None) -> None:
 
 def test_indifference_makes_close_pairs_equal() -> None:
     left, right = np.array([0.5, 0.0, 0.5]), np.array([0.0, 1.0, 0.0])
-    assert forecast(left - right, Dominance(3), Told(), 0.49) is Verdict.UNKNOWN
-    assert forecast(left - right, Dominance(3), Told(), 0.5) is Verdict.EQUAL
-    assert forecast(left - right, AlwaysAsk(3), Told(), 0.5) is Verdict.UNKNOWN
+    assert forecast(left - right, Dominance(3), Answered(), 0.49) is Verdict.UNKNOWN
+    assert forecast(left - right, Dominance(3), Answered(), 0.5) is Verdict.EQUAL
+    assert forecast(left - right, AlwaysAsk(3), Answered(), 0.5) is Verdict.UNKNOWN
 
 
 def test_draws_have_the_stated_distribution() -> None:

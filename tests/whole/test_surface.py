@@ -14,7 +14,9 @@ import pytest
 
 import elicit
 import qlearn
+from elicit.asking import elicitation
 from elicit.model.comparator import ALLOWANCE
+from qlearn.learners import query_strategies as strategies
 from qlearn.learners.rounds.tuning import TUNING
 
 MOST = 9  # parameters of one function or class; a common set, such as **asking, counts as one
@@ -80,7 +82,8 @@ def test_a_learner_made_with_a_misspelt_keyword_says_which_was_meant(name):
         qlearn.InteractivePolicyIteration(mdp, elicit.PolytopeComparator(3), **{name: 1})
 
 
-TOLERANCES = (Path(elicit.__file__).parents[1] / "docs" / "close-enough.md").read_text("utf-8")
+DOCS = Path(elicit.__file__).parents[1] / "docs"
+TOLERANCES = (DOCS / "close-enough.md").read_text(encoding="utf-8")
 
 
 def found(path: str) -> Any:
@@ -136,3 +139,36 @@ def test_the_page_on_tolerances_derives_them_as_the_learners_do():
     assert len(re.findall(r"^\| `(\w+)` of `", TOLERANCES, re.MULTILINE)) == 11
     assert (TUNING.matters, TUNING.error, TUNING.close) == (0.5, 0.02, 0.3)
     assert ALLOWANCE == 2
+
+
+def classes() -> Iterator[tuple[str, str]]:
+    """The name of every class of the two packages, without underscores, and where it is."""
+    for package in (elicit, qlearn):
+        for path in sorted(Path(package.__file__ or "").parent.rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    yield node.name.lstrip("_"), f"{path.name}:{node.lineno}"
+
+
+def test_no_two_classes_share_a_name():
+    places: dict[str, list[str]] = {}
+    for name, place in classes():
+        places.setdefault(name, []).append(place)
+    assert len(places) > 100
+    assert not {name: where for name, where in places.items() if len(where) > 1}
+
+
+def test_the_glossary_has_a_sentence_for_each_word_and_names_that_are_in_the_code():
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    entries = re.findall(r"^- \*\*([^*]+)\*\*(.*?)(?=\n- |\n\n)", text, re.MULTILINE | re.DOTALL)
+    words = [word for word, _ in entries]
+    assert len(words) > 50
+    assert words == sorted(set(words), key=str.lower)
+    for word, sentence in entries:
+        assert sentence.endswith("."), word
+        assert not re.search(r"\. [A-Z]", sentence), word
+    known = {name for name, _ in classes()} | {*vars(elicitation), *vars(strategies)}
+    named = {name for _, rest in entries for name in re.findall(r"^ \(`([A-Z]\w+)`\)", rest)}
+    assert len(named) > 15
+    assert not named - known
+    assert "glossary" in (DOCS / "index.md").read_text(encoding="utf-8")

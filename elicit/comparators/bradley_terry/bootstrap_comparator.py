@@ -352,10 +352,10 @@ class BradleyTerryComparator:
         return low, high, np.clip(sigmoid(model.top * point), low, high)
 
     @cached_property
-    def _model(self) -> _Model:
+    def _model(self) -> _FittedModel:
         n, p = self.fitted_answers, self.k - 1
         equal = np.full((1, p), 1.0 / p)
-        nothing = _Model(values_of(equal[0]))
+        nothing = _FittedModel(values_of(equal[0]))
         if n < self.min_answers or self.precision == 0:
             return nothing
         t, y, key, m = (
@@ -406,7 +406,7 @@ class BradleyTerryComparator:
             )
         else:
             region = _Box.around(thetas[usable] / scale, theta / top, cut)
-        return _Model(np.concatenate([[0.0], theta / top]), top, region, converged)
+        return _FittedModel(np.concatenate([[0.0], theta / top]), top, region, converged)
 
     def _warn(self, n: int, lost: int, point: bool) -> None:
         """Warn of resamples of n answers without a maximum, and perhaps of the answers
@@ -419,7 +419,7 @@ class BradleyTerryComparator:
 
 
 @dataclass(frozen=True)
-class _Model:
+class _FittedModel:
     """A fit and the region that is plausible around it; without a region it is inconclusive."""
 
     values: Floats  # (k,)
