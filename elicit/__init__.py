@@ -1,6 +1,4 @@
-"""elicit: learn the values of an ordinal scale by asking which of two bags of outcomes is
-better.
-"""
+"""Learn the values of an ordinal scale by asking which of two bags of outcomes is better."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any

@@ -1,5 +1,6 @@
-"""The catalogue of comparators: name, factory, label and look of each, in the order of tables and
-legends.
+"""The catalogue of comparators: name, factory, label and look of each.
+
+It is in the order of tables and legends.
 
 Tables, pictures and commands take from here what they call a comparator and how they draw it.
 Imports nothing heavy.
@@ -89,8 +90,9 @@ class ComparatorEntry:
         return {"color": self.color, "marker": self.marker, "linestyle": self.linestyle}
 
     def make(self, k: int, seed: Seed, settings: Mapping[str, Any] | None = None) -> Comparator:
-        """Return the comparator of k levels; of ``settings`` it takes its ``options``, and ignores
-        the rest.
+        """Return the comparator of k levels.
+
+        Of ``settings`` it takes its ``options``, and ignores the rest.
         """
         given = {name: value for name, value in (settings or {}).items() if name in self.options}
         return self.factory(k, seed, **self.fixed, **given)

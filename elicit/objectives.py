@@ -16,7 +16,7 @@ changes: dominance is componentwise, "as much of every objective". Vectors are n
 may be negative), so bags of days and pictures of them mean nothing; show people v itself,
 ``of_levels(query.left)``. Losses come in the unit of w.v: bring the objectives to like ranges, 0 to
 1 say, or one that is counted in thousands is all that a tolerance sees. No weight is less than the
-margin of a polytope, 1e-6 unless told otherwise.
+margin of a polytope, 1e-6 by default.
 """
 
 import numpy as np
@@ -26,8 +26,10 @@ from elicit.model.scale import Floats
 
 
 def as_levels(v: ArrayLike) -> Floats:
-    """Vectors (n, m + 1), of total 1, whose tail sums are the objectives v (n, m); of one vector
-    (m,), one (m + 1,). Raises ValueError for what is not finite."""
+    """Return vectors (n, m + 1), of total 1, whose tail sums are the objectives v (n, m).
+
+    Of one vector (m,) it is one (m + 1,). Raises ValueError for what is not finite.
+    """
     t = _numbers(v, "objectives")
     first, last = np.ones((*t.shape[:-1], 1)), np.zeros((*t.shape[:-1], 1))
     return np.asarray(np.concatenate([first, t], axis=-1) - np.concatenate([t, last], axis=-1))
@@ -41,6 +43,7 @@ def of_levels(vectors: ArrayLike) -> Floats:
 
 def weights(values: ArrayLike) -> Floats:
     """The weights (m,), which total 1, of a scale (m + 1,), such as a comparator's ``values``.
+
     Raises ValueError.
     """
     e = _numbers(values, "values")
@@ -51,8 +54,9 @@ def weights(values: ArrayLike) -> Floats:
 
 
 def values(w: ArrayLike) -> Floats:
-    """The scale (m + 1,), from 0 to 1, whose gaps are these weights (m,) over their total. Raises
-    ValueError.
+    """The scale (m + 1,), from 0 to 1, whose gaps are these weights (m,) over their total.
+
+    Raises ValueError.
     """
     given = _numbers(w, "weights")
     if given.ndim != 1 or not len(given) or not (given >= 0).all() or not given.any():

@@ -1,5 +1,4 @@
-"""Pictures of comparators: the area of scales that still fit, intervals of levels, graphs of
-answers.
+"""Pictures of comparators: plausible scales, intervals of levels, and graphs of answers.
 
 Each comparator has one colour and marker, in these and all other pictures. All functions take
 ``ax`` (None makes a figure of its own), return it, show nothing and change no settings. matplotlib
@@ -82,8 +81,9 @@ def styles(names: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 
 def kind_of(comparator: Comparator) -> str:
-    """Return a comparator's name in ``STYLES``, or for a class that is not elicit's own the class's
-    name.
+    """Return a comparator's name in ``STYLES``, or the name of its class.
+
+    The latter is for classes that are not elicit's own.
     """
     kinds = (name for name, entry in COMPARATORS.items() if entry.is_kind_of(comparator))
     return next(kinds, type(comparator).__name__)
@@ -320,8 +320,9 @@ def scale_intervals(
     labels: Sequence[str] | None = None,
     values: ArrayLike | None = None,
 ) -> Axes:
-    """Draw each level's interval by ``bounds`` and its single best guess, for any comparator and
-    any k.
+    """Draw each level's interval by ``bounds`` and its single best guess.
+
+    It works for any comparator and any k.
 
     Several comparators of the same kind have its colour, the stronger the later.
 
@@ -398,8 +399,9 @@ def preference_graph(
     names: Mapping[int, str] | Sequence[str] | None = None,
     cycles: Iterable[Cycle] = (),
 ) -> Axes:
-    """Draw ``graph.preference_graph`` in layers, better vectors above worse ones; on a circle some
-    arrows lead upwards.
+    """Draw ``graph.preference_graph`` in layers, better vectors above worse ones.
+
+    On a circle some arrows lead upwards.
 
     Solid arrows: answers "better". Dashed lines: "equal". Dotted arrows: dominance, without what
     follows from other dominance. Of more than 30 nodes, no arrow is drawn that follows from others,
@@ -499,8 +501,9 @@ def preference_graph(
 
 
 def _percentages(vector: Floats) -> Floats:
-    """Return shares (k,) in percent, of total 100, whole ones if that is exact; other vectors times
-    100.
+    """Return shares (k,) in percent, of total 100, in whole ones if that is exact.
+
+    Other vectors are multiplied by 100.
     """
     percent = 100.0 * vector
     if (vector < 0).any() or abs(vector.sum() - 1.0) > 1e-9:
@@ -511,8 +514,9 @@ def _percentages(vector: Floats) -> Floats:
 def _untangled(
     at: dict[int, tuple[float, float]], arrows: nx.DiGraph
 ) -> dict[int, tuple[float, float]]:
-    """Return the same layers, each sorted by the mean place of its nodes' neighbours, several
-    times.
+    """Return the same layers, each sorted by the mean place of its nodes' neighbours.
+
+    It is done several times.
     """
     layers: dict[float, list[int]] = {}
     for node in sorted(at, key=lambda node: at[node]):
@@ -573,8 +577,9 @@ def _plane(g: Floats) -> Floats:
 
 
 def _across(row: Floats, limit: float) -> Floats | None:
-    """Return the line row.g = limit across the triangle, (2, 2) in the plane; None if it misses
-    it.
+    """Return the line row.g = limit across the triangle, (2, 2) in the plane.
+
+    None if it misses the triangle.
     """
     if not row.min() < limit < row.max():
         return None
@@ -588,8 +593,9 @@ _SIMPLEX: _Points = [tuple(Fraction(int(i == j)) for j in range(3)) for i in ran
 
 
 def _clipped(area: _Points, row: Floats, limit: Fraction) -> _Points:
-    """Return the part of a convex polygon where row.g >= limit, its vertices in the same order,
-    exactly.
+    """Return the part of a convex polygon where row.g >= limit, exactly.
+
+    Its vertices stay in the same order.
     """
     height = [exact_dot(row, point) - limit for point in area]
     kept = []
@@ -674,8 +680,9 @@ def _true(values: ArrayLike | None, k: int) -> Floats | None:
 
 
 def _legend_above(ax: Axes, handles: Sequence[Any]) -> None:
-    """Draw a legend above the axes, in two columns or, where these are too wide, in one; none of it
-    is cut off.
+    """Draw a legend above the axes, in two columns or, if these are too wide, in one.
+
+    None of it is cut off.
     """
     figure, spec = ax.get_figure(root=True), ax.get_subplotspec()
     assert figure is not None

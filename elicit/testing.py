@@ -41,8 +41,8 @@ from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
     OPTIONAL_PARTS,
     Comparator,
-    Foretells,
     KeepsAnswers,
+    PredictsAnswers,
     RoughBounds,
     Tier,
     draws_in,
@@ -464,7 +464,7 @@ def _check_draws(comparator: Comparator) -> None:
 def _check_probability(comparator: Comparator, d: Floats) -> None:
     if not offers(comparator, "probability"):
         return
-    probability = cast(Foretells, comparator).probability
+    probability = cast(PredictsAnswers, comparator).probability
     ends = [found if isinstance(found, tuple) else (found,) for found in map(probability, (d, -d))]
     for part in ends[0]:
         right = (
@@ -503,8 +503,9 @@ def _check_rule(comparator: Comparator, d: Floats) -> None:
 
 
 def _wanted(call: Callable[[], _T]) -> _T:
-    """Return what a part of the comparator returns; a wrong shape fails with the contract's own
-    message.
+    """Return what a part of the comparator returns.
+
+    A wrong shape fails with the contract's own message.
     """
     try:
         return call()
@@ -513,8 +514,9 @@ def _wanted(call: Callable[[], _T]) -> _T:
 
 
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:
-    """Return a comparator that has learned answers of a tutor by its best guess, after checks
-    against the old.
+    """Return a comparator that has learned answers, after checks against the old.
+
+    The answers are those of a tutor by its best guess.
     """
     before, bounds, values = comparator.compare(d), comparator.bounds(d), comparator.values.copy()
     kept = cast(KeepsAnswers, comparator).answers.ids if offers(comparator, "answers") else ()

@@ -1,5 +1,6 @@
-"""Algorithms 1 and 2 of the paper, line by line: slow, for reading beside it and for testing the
-real learners.
+"""Algorithms 1 and 2 of the paper, line by line.
+
+They are slow, for reading beside it and for testing the real learners.
 
 A comment "Alg. 1, l. 9" stands on the very line that does what line 9 of Algorithm 1 says. Where
 the paper leaves something open, the choice is that of the whole package:
@@ -37,8 +38,11 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 class Learned(NamedTuple):
-    """Q-bar (S, A, k), or Q (S, A) where the scale is known; B(s) of each state; and every
-    comparison of two different actions as (state, challenger, best so far, best now)."""
+    """The result of a run: values, best actions, and comparisons.
+
+    Q-bar is (S, A, k), or Q (S, A) if the scale is known. B(s) is the best action of each state. A
+    comparison of two different actions is (state, challenger, best so far, best now).
+    """
 
     q: Floats
     best: list[int]
@@ -47,22 +51,24 @@ class Learned(NamedTuple):
 
 @dataclass
 class Answered:
-    """The set B of the paper: the answers so far, and the verdict on each pair, known by its tail
-    sums.
+    """The set B of the paper: the answers so far, and the verdict on each pair.
+
+    A pair is known by its tail sums.
     """
 
     answers: list[Answer] = field(default_factory=list)
     pairs: list[tuple[Floats, Verdict]] = field(default_factory=list)
 
     def add(self, answer: Answer) -> None:
-        """One more answer. A tutor who cannot tell leaves the pair as it is, which is what EQUAL
-        does.
+        """One more answer.
+
+        A tutor who cannot tell leaves the pair as it is, which is what EQUAL does.
         """
         self.answers.append(answer)
         self.pairs.append((tail_sums(answer.query.d), answer.verdict or Verdict.EQUAL))
 
     def about(self, d: Floats) -> Verdict | None:
-        """What the tutor said of this pair, whichever way round; None if it was not asked."""
+        """Return the verdict on this pair, in either direction; None if it was not asked."""
         t = tail_sums(d)
         for sums, verdict in reversed(self.pairs):
             if way := int(same_pairs(t, sums[None])[0]):
@@ -80,8 +86,9 @@ def get_best(
     tutor: Tutor,
     indifference: float = 0.0,
 ) -> tuple[int, Comparator, Answered]:
-    """Algorithm 2: the action with the better vector, a if that is ``beta`` and else a'; M and B
-    after it.
+    """Return the action with the better vector by Algorithm 2, then M and B after it.
+
+    It is a if that has ``beta``, and else a'.
     """
     verdict = forecast(beta - beta_prime, model, told, indifference)  # Alg. 2, l. 1 to 4
     if verdict is not Verdict.UNKNOWN:  # Alg. 2, l. 5
@@ -97,9 +104,7 @@ def get_best(
 
 
 def forecast(d: Floats, model: Comparator, told: Answered, indifference: float) -> Verdict:
-    """M of Algorithm 2: BETTER, WORSE or EQUAL where that can be said without the tutor, else
-    UNKNOWN.
-    """
+    """Return M of Algorithm 2: a verdict that needs no tutor, else UNKNOWN."""
     verdict = Verdict(int(model.compare(d)[0]))
     if isinstance(model, AlwaysAsk):
         return verdict
@@ -130,9 +135,12 @@ def interactive_q_learning(
     start: str = "worst",
     episode_length: int | None = None,
 ) -> tuple[Learned, Comparator, Answered]:
-    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came
-    before; ``epsilon`` is one for all steps or one for each; ``key`` is ``hashing.key_of`` of a
-    seed. Returns Q-bar and B(s), then M and B."""
+    """Algorithm 1.
+
+    ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is
+    one for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and
+    B(s), then M and B.
+    """
     one, discount = np.eye(mdp.k), mdp.discount
     model, told = comparator, Answered()  # Alg. 1, l. 3
     q = np.zeros((mdp.n_states, mdp.n_actions, mdp.k))  # Alg. 1, l. 4
@@ -168,9 +176,11 @@ def interactive_value_iteration(
     tolerance: float,
     indifference: float | None = None,
 ) -> tuple[Learned, Comparator, Answered]:
-    """Value iteration on vectors, with getBest for the maximum of eq. (2) (Weng and Zanuttini
-    2013), one comparison at a time. Returns the last sweep's Q-bar and best actions, then M and
-    B."""
+    """Run value iteration on vectors, with getBest for the maximum of eq. (2).
+
+    It makes one comparison at a time (Weng and Zanuttini 2013). Returns the last sweep's Q-bar and
+    best actions, then M and B.
+    """
     if indifference is None:
         indifference = tolerance * (1 - mdp.discount) / 2
     model, told = comparator, Answered()
@@ -199,7 +209,7 @@ def interactive_value_iteration(
 
 
 class Walk:
-    """Where the agent is, and the generative model of line 8."""
+    """The agent's state, and the generative model of line 8."""
 
     def __init__(
         self, mdp: OrdinalMDP, key: int, epsilon: float | Floats, episode_length: int | None
@@ -218,8 +228,9 @@ class Walk:
         return pick(actions(self._mdp, self.state), self._key, ACTION, t) if explore else best
 
     def simulate(self, a: int) -> tuple[int, int]:
-        """Take action a: its successor, and how often a was taken here before. Moves on, or
-        restarts.
+        """Take action a: its successor, and how often a was taken here before.
+
+        Moves on, or restarts.
         """
         s, visit = self.state, int(self._visits[self.state, a])
         self._visits[s, a] += 1

@@ -1,6 +1,4 @@
-"""Solve an MDP in one call: make a comparator and a learner by name, and drive them with the
-tutor.
-"""
+"""Solve an MDP in one call, with a comparator and a learner by name."""
 
 from __future__ import annotations
 

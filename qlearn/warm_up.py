@@ -1,5 +1,7 @@
-"""Compile now all that learners and comparators need, as a step of setting up: ``python -m
-qlearn.warm_up``. Without it the first calls do, once on a machine."""
+"""Compile now all that learners and comparators need, as a step of setting up.
+
+Run it by ``python -m qlearn.warm_up``. Without it the first calls compile, once on a machine.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,10 @@ from qlearn.experiments.compile_ahead import ALL
 
 
 def main() -> None:
-    """Run the small examples that leave the machine code behind, as many at once as there are
-    cores; a moment where it is there already."""
+    """Run the small examples that leave the machine code behind.
+
+    As many run at once as there are cores; they take a moment if it is there already.
+    """
     jobs, begun = min(len(ALL), _cores()), monotonic()
     jit.first_on_this_machine()  # so that the processes leave it to this one to say what they do
     print(
@@ -30,7 +34,7 @@ def main() -> None:
 
 
 def _cores() -> int:
-    """How many this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 

@@ -1,3 +1,4 @@
-"""What the rest stands on: checks of settings, compiling, and hashed random numbers. Imports
-nothing of elicit.
+"""Tools that everything uses: checks of settings, compiling, and hashed random numbers.
+
+Imports nothing of elicit.
 """

@@ -1,6 +1,4 @@
-"""The installed distribution: its version, and the command that installs a package that is
-missing.
-"""
+"""The installed distribution: its version, and what installs a missing package."""
 
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed_version
@@ -14,9 +12,11 @@ _EXTRAS |= dict.fromkeys(("stable_baselines3", "torch"), "sb3")
 
 
 def version() -> str:
-    """The version of the installed distribution, which both packages are parts of. Raises
-    AttributeError where it is not installed, so that asking a module for ``__version__`` then fails
-    as for any name that it lacks."""
+    """The version of the installed distribution, which both packages are parts of.
+
+    Raises AttributeError where it is not installed, so that asking a module for ``__version__``
+    then fails as for any name that it lacks.
+    """
     try:
         return installed_version(NAME)
     except PackageNotFoundError:
@@ -27,7 +27,7 @@ def version() -> str:
 
 
 def with_advice(error: ModuleNotFoundError) -> ModuleNotFoundError:
-    """The same error, where a package of an extra is missing with the command that installs it."""
+    """Return the error, with the command that installs a missing extra."""
     package = (error.name or "").split(".")[0]
     if package not in _EXTRAS:
         return error

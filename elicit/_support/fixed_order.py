@@ -33,8 +33,9 @@ def product(a: ArrayLike, b: ArrayLike) -> Floats:
 
 
 def _product_of_arrays(a: Floats, b: Floats, out: Floats) -> None:
-    """Add ``a @ b`` to ``out`` one row of b at a time: the stand-in until the loops are
-    compiled.
+    """Add ``a @ b`` to ``out`` one row of b at a time.
+
+    It stands in until the loops are compiled.
     """
     for j in range(len(b)):
         out += a[:, j, None] * b[j]
@@ -96,8 +97,9 @@ def null_basis(rows: Floats, tolerance: float = 1e-12) -> Floats:
 
 
 def _orthogonal_to(span: list[Floats], x: Floats) -> Floats:
-    """Return what is left of x (p,) orthogonal to orthonormal vectors, by Gram and Schmidt,
-    twice.
+    """Return what is left of x (p,) orthogonal to orthonormal vectors.
+
+    By Gram and Schmidt, twice.
     """
     for _ in range(2):
         for unit in span:
@@ -106,8 +108,9 @@ def _orthogonal_to(span: list[Floats], x: Floats) -> Floats:
 
 
 class LeastSquares:
-    """The factors of a matrix (m, q), m >= q, for least squares: Householder's, columns and rows
-    sorted by size.
+    """Factors of a matrix (m, q), m >= q, for least squares.
+
+    They are Householder's, with columns and rows sorted by size.
 
     ``shape`` (q, q) is a matrix whose product with its own transpose is the inverse of ``matrix.T @
     matrix``, where directions in which the matrix is below ``least`` of its size count as that
@@ -173,8 +176,9 @@ class LeastSquares:
 
 
 def principal_axes(matrix: Floats) -> Floats:
-    """Return orthonormal eigenvectors of a symmetric matrix (p, p), as columns, by Jacobi's
-    rotations.
+    """Return orthonormal eigenvectors of a symmetric matrix (p, p), as columns.
+
+    They are found by Jacobi's rotations.
     """
     a, p = matrix.copy(), len(matrix)
     axes = np.eye(p)

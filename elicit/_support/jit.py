@@ -39,32 +39,37 @@ _SECONDS_TO_BEGIN = 0.5  # of the first that a process compiles
 
 
 def compiled(function: F) -> F:
-    """The function to be interpreted first and compiled if it lasts, the machine code kept on disk
-    between processes. No option that lets sums be reordered: compiled or not, the numbers are the
-    same to the last bit.
+    """Make a function run interpreted first, and compiled if it lasts.
+
+    The machine code is kept on disk between processes. No option lets sums be reordered: compiled
+    or not, the numbers are the same to the last bit.
 
     Arrays are better assigned element by element: for a whole one, numba compiles what its error
-    message takes, which are seconds in every process that compiles at all."""
+    message takes, which are seconds in every process that compiles at all.
+    """
     return _made(function)
 
 
 def loosely(function: F) -> F:
-    """``compiled``, with products and sums fused and reordered: for numbers whose rounding nothing
-    hangs on.
+    """Compile with products and sums fused and reordered.
+
+    It is ``compiled`` for numbers whose rounding decides nothing.
     """
     return _made(function, fastmath={"contract", "reassoc"})
 
 
 def unlocked(function: F) -> F:
-    """``compiled``, and other threads may run meanwhile: for functions whose arrays no other thread
-    writes to.
+    """Compile so that other threads may run meanwhile.
+
+    It is ``compiled`` for functions whose arrays no other thread writes to.
     """
     return _made(function, nogil=True)
 
 
 def for_each_number(function: F) -> F:
-    """``compiled``, in a version for each number that stands in a call: for loops whose length is
-    known so.
+    """Compile a version for each number that stands in a call.
+
+    It is ``compiled`` for loops whose length is then known.
     """
     made = _made(function)
     if isinstance(made, Compiled):
@@ -73,8 +78,11 @@ def for_each_number(function: F) -> F:
 
 
 def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
-    """``compiled``, with a function that is called in its place as long as it is not: one that
-    returns the same to the last bit, whole arrays at a time, and so does not take seconds."""
+    """Compile a function, and call another one in its place until then.
+
+    The other returns the same to the last bit, whole arrays at a time, and so does not take
+    seconds.
+    """
 
     def made(function: F) -> F:
         made = _made(function)
@@ -86,9 +94,11 @@ def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
 
 
 def expect(function: Callable[..., Any], seconds: float) -> None:
-    """Say how long a call to come would take if a compiled function were interpreted: it is not,
-    where to compile it takes less. For loops that do not come back to Python before they are
-    done."""
+    """Say how long a coming call would take if a compiled function were interpreted.
+
+    It is compiled if that takes less. This is for loops that do not come back to Python before they
+    are done.
+    """
     if isinstance(function, Compiled):
         function.expect(seconds)
 
@@ -104,8 +114,9 @@ def compiling() -> Iterator[None]:
 
 
 class Compiled:
-    """A function with its two lives: compiled ones that call it call its machine code, interpreted
-    ones its source.
+    """A function that runs interpreted until compiling it pays off.
+
+    Compiled functions that call it call its machine code, interpreted ones its source.
     """
 
     literal = False  # whether numbers that stand in a call have versions of their own
@@ -136,8 +147,9 @@ class Compiled:
         return result
 
     def expect(self, seconds: float) -> None:
-        """Once the seconds of interpreting, past and to come, are too many, the function is
-        compiled when called.
+        """Compile the function when called, once the seconds of interpreting are too many.
+
+        Past and coming seconds count.
         """
         self._lasts = self._lasts or self._spent + seconds > self._patience
 
@@ -154,8 +166,9 @@ class Compiled:
 
     @cached_property
     def _may_be_kept(self) -> bool:
-        """False where no file was on the disk, when the process first asked, that could be this
-        function's.
+        """Return whether machine code of this function may be on the disk.
+
+        False if there was no file that could be its own when the process first asked.
         """
         return any(self._function.__name__ in name for name in _names_in(self._place))
 
@@ -167,8 +180,9 @@ class Compiled:
 
     @cached_property
     def _source(self) -> Callable[..., Any]:
-        """The function, calling others of its kind in their interpreted form, and ``math`` without
-        its errors.
+        """Return the function in its interpreted form, which calls others in theirs.
+
+        Its ``math`` raises no errors.
         """
         scope: dict[str, Any] = {"__builtins__": builtins}
         named = self._function.__globals__
@@ -180,8 +194,11 @@ class Compiled:
 
 
 class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
-    """What numba sees of a function where another calls it. A number that stands in the call is one
-    like any other: a version for each would be compiled otherwise."""
+    """The function as numba sees it in a call.
+
+    A number that stands in the call is one like any other: a version for each would be compiled
+    otherwise.
+    """
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
         plain = tuple(map(_unliteral, args)), {name: _unliteral(kws[name]) for name in kws}
@@ -197,7 +214,7 @@ def _as_numba_sees_it(function: Compiled, _: Any) -> Any:
 
 
 def _names_of(code: CodeType) -> set[str]:
-    """What a function's code, and code within it, names."""
+    """Return the names in a function's code, and in code within it."""
     return set(code.co_names).union(
         *(_names_of(part) for part in code.co_consts if isinstance(part, CodeType))
     )
@@ -221,8 +238,9 @@ def _boxed(result: Any) -> Any:
 
 
 def _without_errors(name: str) -> Callable[..., float]:
-    """A function of ``math`` that returns what C's does where Python's raises: infinity, or not a
-    number.
+    """Return a function of ``math`` that returns what C's does where Python's raises.
+
+    That is infinity, or not a number.
     """
     function, fallback = getattr(math, name), getattr(np, name)
 
@@ -242,7 +260,7 @@ vars(_MATH).update(
 
 
 class _Here(local):
-    """What is so in this thread."""
+    """The state of this thread."""
 
     only_kept = False  # what is not on the disk is not to be compiled
 
@@ -255,8 +273,9 @@ class _NotKept(Exception):
 
 
 class _Refuser(event.Listener):
-    """Breaks off what numba begins to compile where that is not wanted: it alone knows what is on
-    its disk.
+    """Breaks off unwanted compiling once numba has begun it.
+
+    Only numba knows what is on its disk.
     """
 
     def on_start(self, event: Any) -> None:
@@ -307,9 +326,12 @@ _OURS: set[Any] = set()
 
 @cache
 def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
-    """Where to keep the machine code of a folder's functions: a place of its own for each state of
-    the sources, of whole packages, so that it does not depend on what was imported first. numba
-    looks for changes in a function's own file only, not in the files of the functions it calls."""
+    """Return where to keep the machine code of a folder's functions.
+
+    Each state of the sources, of whole packages, has a place of its own, so that it does not depend
+    on what was imported first. numba looks for changes in a function's own file only, not in the
+    files of the functions it calls.
+    """
     sources = {path: path.read_bytes() for home in packages for path in home.rglob("*.py")}
     digest = hashlib.blake2b(digest_size=8)
     for path in sorted(sources):
@@ -319,8 +341,10 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
 
 
 def first_on_this_machine() -> bool:
-    """Whether no process has said before that it compiles these sources, or would have to each
-    time, since nothing can be kept; from now on one has."""
+    """Return whether this process is the first to say that it compiles these sources.
+
+    It is also True each time if nothing can be kept. From now on a process has said so.
+    """
     place = Path(_cache_of(_settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -333,8 +357,10 @@ def first_on_this_machine() -> bool:
 
 
 class _Announcer(event.Listener):
-    """Says on the standard error what a first call waits for, and when that is over: once on a
-    machine, not in every process that compiles beside it or later."""
+    """Says on the standard error what a first call waits for, and when that is over.
+
+    It does so once on a machine, not in every process that compiles beside it or later.
+    """
 
     _QUIET = 3.0  # seconds without anything to compile, after which it is over
 
@@ -367,8 +393,9 @@ class _Announcer(event.Listener):
                 waits.start()
 
     def _finish(self, quiet: float) -> None:
-        """Say that it is over, where that has not been said and nothing was compiled for so many
-        seconds.
+        """Say that compiling is over, if nothing was compiled for so many seconds.
+
+        It is said once.
         """
         with self._lock:
             if self._begun is not None and not self._under_way and monotonic() >= self._end + quiet:

@@ -1,6 +1,8 @@
-"""Linear algebra on one thread, whatever the machine has: how a sum is split among threads shows in
-its last digits, which can decide what is asked next; and systems of a few hundred unknowns are
-solved ten times faster so."""
+"""Linear algebra on one thread, whatever the machine has.
+
+How a sum is split among threads shows in its last digits, which can decide what is asked next.
+Systems of a few hundred unknowns are also solved ten times faster.
+"""
 
 from contextlib import ContextDecorator
 from functools import cached_property
@@ -13,8 +15,9 @@ from threadpoolctl import LibController, OpenBLASController, ThreadpoolControlle
 
 
 class _Depth(local):
-    """How many blocks this thread is in, and what it has to set back where the limit is a thread's
-    own.
+    """The number of blocks that this thread is in, and what it has to set back.
+
+    The latter is used if the limit is a thread's own.
     """
 
     def __init__(self) -> None:
@@ -23,10 +26,12 @@ class _Depth(local):
 
 
 class _OneThread(ContextDecorator):
-    """A block, or a decorated function, in which BLAS has one thread. The limit is that of the
-    whole process in most libraries: it ends when the last of the threads that are in such a block
-    leaves it, whichever that is. To enter a block costs some microseconds, within another one next
-    to nothing."""
+    """A block, or a decorated function, in which BLAS has one thread.
+
+    The limit is that of the whole process in most libraries: it ends when the last of the threads
+    that are in such a block leaves it, whichever that is. To enter a block costs some microseconds,
+    within another one next to nothing.
+    """
 
     def __init__(self) -> None:
         self._depth, self._lock, self._inside = _Depth(), Lock(), 0
@@ -36,7 +41,7 @@ class _OneThread(ContextDecorator):
 
     @cached_property
     def _libraries(self) -> tuple[list[LibController], list[LibController]]:
-        """Those whose limit is a thread's own, and those whose limit is the process's."""
+        """Return libraries whose limit is a thread's own, and those whose is the process's."""
         own, shared = list[LibController](), list[LibController]()
         for library in ThreadpoolController().select(user_api="blas").lib_controllers:
             by_openmp = (
@@ -88,8 +93,11 @@ def _restore(before: dict[LibController, int]) -> None:
 
 
 def _set(library: LibController, n: int) -> None:
-    """Set the number of threads, also where another thread has set it last: OpenBLAS's controller
-    would then do nothing, and whoever leaves last could not lift what the first set."""
+    """Set the number of threads, also if another thread has set it last.
+
+    OpenBLAS's controller would then do nothing, and whoever leaves last could not lift what the
+    first set.
+    """
     OpenBLASController.clear_controlling_thread(force=True)
     library.set_num_threads(n)
     OpenBLASController.clear_controlling_thread(force=True)

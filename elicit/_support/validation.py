@@ -1,5 +1,6 @@
-"""Checks of settings, which raise nothing raw whatever they are given: a text, None, nan, or a
-number without end.
+"""Checks of settings that never raise by themselves.
+
+A text, None, nan, or a number without end is only found wrong.
 """
 
 from collections.abc import Sized
@@ -9,8 +10,9 @@ from typing import Any
 
 
 def is_number(value: Any, least: float = -inf, most: float = inf) -> bool:
-    """Return whether a setting is a finite number in ``least`` .. ``most``; a text, None, True or
-    False is none.
+    """Return whether a setting is a finite number in ``least`` ..
+
+    ``most``; a text, None, True or False is none.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
         return False

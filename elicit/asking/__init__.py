@@ -1,5 +1,4 @@
-"""Questions and their answers: elicitations, the best of a list, questions of simple bags, and
-cuts.
+"""Questions and answers: elicitations, choices from a list, simple bags, and cuts.
 
 Imports from ``tutors``, for the log of answers, ``comparators`` and below.
 """

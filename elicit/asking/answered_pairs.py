@@ -1,5 +1,6 @@
-"""The pairs that the tutor has answered, by value: wherever, and whichever way round, each was
-compared.
+"""The pairs that the tutor has answered, by value.
+
+It does not matter where a pair was compared, or in which order its vectors stood.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from elicit.model.scale import Floats, tail_sums
 
 
 class AnsweredPairs:
-    """The tutor's answers to pairs, for lookups by value. Two differences within ``pairs.nearness``
-    are one pair; the latest answer to a pair counts."""
+    """The tutor's answers to pairs, for lookups by value.
+
+    Two differences within ``pairs.nearness`` are one pair; the latest answer to a pair counts.
+    """
 
     def __init__(self, k: int) -> None:
         nothing = np.empty(0, np.int64)

@@ -1,8 +1,9 @@
-"""The best of a plain list of vectors, or their order, with few questions: ask and tell, without an
-MDP.
+"""The best of a plain list of vectors, or their order, by few questions.
+
+It works by ask and tell, without an MDP.
 
 It chooses as if the comparator's best guess at the scale were right, collects the comparisons that
-rest on the guess alone, and asks about the one whose answer is most open; when none is left, the
+depend on the guess alone, and asks about the one whose answer is most open; when none is left, the
 choice holds whatever the scale.
 """
 
@@ -46,7 +47,7 @@ class Choice:
 
     best: index of the best vector, the first in the list of equals. order: all indices, best first,
     or None if only the best was wanted. name: that of the best. asked: questions told, among them
-    ``cannot_tell`` without a verdict. decided: how many pairs each tier settled ("equal",
+    ``cannot_tell`` without a verdict. decided: how many pairs each tier decided ("equal",
     "dominance", "lp", "tutor", "guess", ...). answers: what the comparator learned from. guarantee:
     computes ``loss_bound`` and ``confidence``.
     """
@@ -68,14 +69,19 @@ class Choice:
 
     @property
     def loss_bound(self) -> float:
-        """By how much any other vector can be better than the best, in units of e_k - e_1: a share
-        of the value range where vectors are shares."""
+        """Upper bound on how much better any other vector can be than the best.
+
+        It is in units of e_k - e_1: a share of the value range if vectors are shares.
+        """
         return self._guaranteed[0]
 
     @property
     def confidence(self) -> float:
-        """The probability with which ``loss_bound`` holds: 1 where it is proven of every scale that
-        the answers allow, a posterior's level, nan where none can be stated."""
+        """The probability with which ``loss_bound`` holds.
+
+        It is 1 if it is proven of every scale that the answers allow, a posterior's level, and nan
+        if none can be stated.
+        """
         return self._guaranteed[1]
 
     def __repr__(self) -> str:
@@ -96,8 +102,7 @@ def choose(
     known: EarlierAnswers = (),
     labels: Sequence[str] | None = None,
 ) -> "Choosing":
-    """Find the best of a list of vectors, or their order, by asking what the comparator cannot
-    tell.
+    """Find the best of a list of vectors, or their order, with few questions.
 
     Parameters
     ----------
@@ -181,8 +186,9 @@ def choose(
 
 
 def _check_labels(labels: Sequence[str] | None, n: int, k: int) -> None:
-    """Raise ValueError unless ``labels`` is None or k names. n names were meant as those of the
-    alternatives.
+    """Raise ValueError unless ``labels`` is None or k names.
+
+    n names were meant as those of the alternatives.
     """
     if n != k and is_list(labels, n):
         raise ValueError(
@@ -217,7 +223,7 @@ class Choosing:
             range(n)
         )  # best of: those not beaten so far, in the order of the list
         self._learns = True  # False for a comparator that answers teach nothing
-        self._guessed = 0  # comparisons that rest on the best guess, once the budget is spent
+        self._guessed = 0  # comparisons that depend on the best guess, once the budget is spent
         self._ranking: list[int] = []
         self._pair = (
             0,
@@ -237,12 +243,13 @@ class Choosing:
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
     ) -> tuple[Answer, ...]:
-        """Take the answer to the pending query; with the verdict None the vector that is ahead
-        stays ahead.
+        """Take the answer to the pending query.
+
+        With the verdict None, the vector that is ahead stays ahead.
 
         Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the
         comparator's InconsistentAnswers through, unless ``on_conflict="drop"``: then such an answer
-        settles its own pair only, and is returned. Where it raises, nothing has changed.
+        decides its own pair only, and is returned. Where it raises, nothing has changed.
         """
         before = self._elicitation
         never_change = (self._vectors, before.comparator, before.answers)
@@ -283,9 +290,7 @@ class Choosing:
         )
 
     def _advance(self) -> None:
-        """Choose by what is known and, where that is silent, by the best guess; find the next
-        question.
-        """
+        """Choose by what is known, else by the best guess; find the next question."""
         scores = dot(tail_sums(self._vectors), np.diff(best_guess(self._elicitation.comparator)))
         by_guess = np.argsort(-scores, kind="stable")
         plan = self._plan_order if self._wants_order else self._plan_best
@@ -307,8 +312,11 @@ class Choosing:
         self._elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
     def _plan_best(self, by_guess: _Indices) -> _Plan:
-        """The vectors not beaten so far, the best guess first; how many of them the guess alone
-        puts behind it; and the pairs worth a question, each with the better guess first."""
+        """Return the vectors not beaten so far, the best guess first, and what to ask.
+
+        The second result counts how many of them the guess alone puts behind it; the third holds
+        the pairs worth a question, each with the better guess first.
+        """
         left: list[int] = []
         for i in self._standing:
             codes = self._judge(left, i)
@@ -325,9 +333,11 @@ class Choosing:
         )
 
     def _plan_order(self, by_guess: _Indices) -> _Plan:
-        """Plan the comparisons for the whole order: each vector is inserted from the end of those
-        whose guess is better, by a search that doubles its steps, so a good guess costs one
-        comparison each."""
+        """Plan the comparisons for the whole order.
+
+        Each vector is inserted from the end of those whose guess is better, by a search that
+        doubles its steps, so a good guess costs one comparison each.
+        """
         self._judge(by_guess[:-1], by_guess[1:])
         groups: list[list[int]] = []
         guessed: list[tuple[int, int]] = []
@@ -356,8 +366,9 @@ class Choosing:
         )
 
     def _most_open(self, pairs: _Indices) -> tuple[int, int]:
-        """The pair whose d.e reaches about as far above 0 as below it: either answer then teaches
-        much.
+        """Return the pair whose d.e reaches about as far above 0 as below it.
+
+        Either answer then teaches much.
         """
         low, high = bounds_of(
             self._elicitation.comparator, self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]]
@@ -375,9 +386,11 @@ class Choosing:
         self._verdicts[j, i] = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
 
     def _judge(self, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
-        """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row. The
-        comparator's are final, and so is a tie; what else the tutor said stands until the
-        comparator can tell."""
+        """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row.
+
+        The comparator's are final, and so is a tie; what else the tutor said stands until the
+        comparator can tell.
+        """
         a, b = np.broadcast_arrays(
             np.asarray(ahead, dtype=np.intp), np.asarray(other, dtype=np.intp)
         )
@@ -399,8 +412,9 @@ class Choosing:
 
 
 def _loses_at_most(vectors: Floats, best: int, comparator: Comparator) -> tuple[float, float]:
-    """By how much another of the vectors (n, k) can be better than the best, and the confidence in
-    that.
+    """Return how much better another of the vectors (n, k) can be than the best.
+
+    The confidence in that comes second.
     """
     high, confidence = simultaneous_bounds(
         comparator, np.delete(vectors, best, axis=0) - vectors[best]

@@ -49,11 +49,13 @@ CUTTING = Needs(required=("simultaneous_bounds", "draws"), used=("rough_bounds",
 
 @one_thread
 def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, limit: float) -> Cut:
-    """The question whose answer, by what the two answers are worth and how likely they are, closes
-    most of differences d (n, k), n > 0: of these, upper bounds ``high`` (n,) on d.e are to come
-    down to ``limit``, and each counts by how many halvings it is away from that. ``draws`` say how
-    likely an answer is; what it leaves is found by telling it to the comparator, which has to have
-    bounds that answers lower, such as a polytope's. Deterministic."""
+    """Return the question whose answer closes most of differences d (n, k), n > 0.
+
+    Of these, upper bounds ``high`` (n,) on d.e are to come down to ``limit``, and each counts by
+    how many halvings it is away from that. ``draws`` say how likely each of the two answers is. The
+    bounds that an answer leaves are found by telling it to the comparator, whose bounds must fall
+    with answers, as a polytope's do. Deterministic.
+    """
 
     def halvings(bounds: Floats) -> float:
         return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
@@ -79,8 +81,9 @@ def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, l
 
 
 def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
-    """Differences (k,), below 0 for each of ``_SHARES`` of the draws, in directions towards where d
-    (n, k) are open.
+    """Return differences (k,), each below 0 for one of ``_SHARES`` of the draws.
+
+    Their directions are towards where d (n, k) are open.
 
     A direction is a vector of tail sums. Its length is the standard deviation of d.e over the
     draws, so that the draws scatter alike to all sides, and the cosine of two directions is their
@@ -124,9 +127,12 @@ def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
 
 
 def _difference(t: Floats) -> Floats:
-    """The difference (k,) of two mixtures without a level in common, of total 1 each, with tail
-    sums t (p,) up to a positive factor, in whole ``_GRAINS``: the same bits where draws differ by
-    rounding, as those of answers told at once do from those of answers told one by one."""
+    """Return the difference (k,) of two mixtures without a level in common.
+
+    Each mixture has total 1. The difference has tail sums t (p,) up to a positive factor, in whole
+    ``_GRAINS``. So its bits are the same if draws differ by rounding, as those of answers told at
+    once do from those of answers told one by one.
+    """
     d = -np.diff(np.concatenate([[0.0], t, [0.0]]))
     d = np.round(d / np.maximum(d, 0.0).sum() * _GRAINS)
     more, less = d.argmax(), d.argmin()

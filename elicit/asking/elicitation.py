@@ -1,5 +1,4 @@
-"""An elicitation: what settles comparisons of vectors, and whom and what to ask, for whoever needs
-verdicts.
+"""Decides comparisons for a learner, and chooses which ones to put to the tutor.
 
 It is given differences, and gives back verdicts or the word that the tutor must be asked; it is
 told on which verdicts its user acted. Here lives everything that is the same whoever asks: what the
@@ -71,7 +70,7 @@ left and right exchanged another."""
 
 @dataclass(frozen=True)
 class Audit:
-    """A comparison that the answers had settled, put to the tutor all the same."""
+    """A comparison that the answers had decided, put to the tutor all the same."""
 
     query: Query
     expected: Verdict
@@ -84,8 +83,11 @@ class Audit:
 
 
 class Pair(NamedTuple):
-    """Two vectors (k,) to ask about, in words for people, and where they are compared. With a
-    ``tier`` other than TUTOR it is an audit, of a pair that the answers settled by that tier."""
+    """Two vectors (k,) to ask about, in words for people, and where they are compared.
+
+    With a ``tier`` other than TUTOR it is an audit, of a pair that the answers decided by that
+    tier.
+    """
 
     left: Floats
     right: Floats
@@ -95,9 +97,7 @@ class Pair(NamedTuple):
 
 
 class Pending(NamedTuple):
-    """A query, the pair that it is about, and the verdict that the answers imply where it is an
-    audit (else None).
-    """
+    """A query, its pair, and for an audit the verdict that the answers imply."""
 
     query: Query
     pair: Pair
@@ -207,18 +207,20 @@ class Elicitation:
         self._undecided = undecided
         self._labels = labels
         self._unclear: set[Hashable] = set()  # names of where the tutor could not tell
-        self._untold = False  # whether there are pairs known as such that she could not tell
+        self._untold = False  # whether there are pairs known as such that the tutor could not tell
         self._guess: tuple[Comparator, Floats] | None = None
         self._learn_known(asking.get("known", ()))
 
     def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
-        """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is
-        TUTOR, or, where answers have settled it and the tutor is only to confirm it in an audit,
-        the one that settled it. Counts nothing.
+        """Decide differences d (n, k): UNKNOWN if the tutor must be asked.
+
+        Then the tier is TUTOR, or, if answers have decided it and the tutor is only to confirm
+        it in an audit, the one that decided it. Counts nothing.
 
         ``places`` gives the place of a row: where the tutor could not tell, its estimates keep
         changing a little, and a person must not be asked about each new version of the same
-        pair."""
+        pair.
+        """
         n, t = len(d), np.ascontiguousarray(tail_sums(d))
         verdicts, tiers = decide(self.comparator, d)
         unclear, close = np.full((2, n), UNSETTLED)
@@ -258,7 +260,7 @@ class Elicitation:
         )
 
     def commit(self, d: Floats, decisions: Decisions) -> None:
-        """Count judgements that the learner acted on."""
+        """Count verdicts that the learner acted on."""
         if not len(d):
             return
         self.counts += np.bincount(decisions.tiers, minlength=len(Tier))
@@ -268,7 +270,7 @@ class Elicitation:
             self.watch(d, decisions)
 
     def open(self, pairs: Sequence[Pair]) -> tuple[Query, ...]:
-        """Make the pending queries of pairs judged UNKNOWN."""
+        """Make the pending queries of UNKNOWN pairs."""
         pending, number = [], self._number
         for pair in pairs:
             query = Query.make(
@@ -287,10 +289,12 @@ class Elicitation:
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict
     ) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
-        """Take answers to pending queries: the verdict by query id (of "cannot tell" it is
-        ``undecided``; of an audit then what the answers imply), and the answers dropped as
-        contradictory. Where it raises, nothing has changed. Where it is interrupted (Ctrl+C),
-        nothing has changed, or everything: then the verdicts are in ``told``."""
+        """Take answers to pending queries, and return verdicts by query id and what was dropped.
+
+        The verdict on "cannot tell" is ``undecided``, or for an audit what the answers imply.
+        Dropped are answers that contradict the others. If it raises, nothing has changed. If it is
+        interrupted (Ctrl+C), nothing has changed, or everything: then the verdicts are in ``told``.
+        """
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
         answers = match(answers, self.ask())
@@ -364,10 +368,10 @@ class Elicitation:
 
     @property
     def room(self) -> int:
-        """Return how many answers in a row a compiled loop may take before this elicitation must
-        see them.
+        """The number of answers that a compiled loop may take by itself.
 
-        It is 0 if each answer may change what is asked next."""
+        It is 0 if each answer may change what is asked next.
+        """
         comparator = self.comparator
         free = not (
             self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs
@@ -378,9 +382,11 @@ class Elicitation:
         return left if self._max_queries is None else min(left, self._max_queries - self.asked)
 
     def take(self, left: Floats, right: Floats, verdicts: Verdicts) -> None:
-        """Learn answers (n,), within the ``room`` there was, about vectors left and right (n, k)
-        that a loop has put to a tutor by itself: as if they had been asked and told one by one. The
-        loop counts the comparisons."""
+        """Learn answers (n,) that a loop got from a tutor by itself.
+
+        They are about vectors left and right (n, k), within the ``room`` there was, and count as if
+        they had been asked and told one by one. The loop counts the comparisons.
+        """
         first = self._number
         ids = [
             query_id(self._fingerprint, first + i, *pair)
@@ -403,21 +409,25 @@ class Elicitation:
 
     @property
     def indifference(self) -> float:
-        """Undecided pairs whose bounds lie within it count as equal: as given; more once the tutor
-        has called equal what is near."""
+        """The greatest bounds of an undecided pair that counts as equal.
+
+        It is as given, and more once the tutor has called equal what is near.
+        """
         return max(self._indifference, self._near) if self.gave_up else self._indifference
 
     @property
     def gave_up(self) -> bool:
-        """True if pairs that are certainly near are no longer asked about, because the last ones
-        were called equal.
+        """True if pairs that are certainly near are no longer asked about.
+
+        That is so once the last few of them were called equal.
         """
         return self._equal_in_a_row >= _IN_A_ROW
 
     @property
     def called_equal(self) -> bool:
-        """True if pairs called equal count as equal, though they may differ by more than the
-        indifference.
+        """True if pairs that may differ by more than the indifference count as equal.
+
+        The tutor called them, or pairs as near, equal.
         """
         return self._tie > self._indifference and bool((self.answers.y == 0).any() or self.gave_up)
 
@@ -428,23 +438,23 @@ class Elicitation:
 
     @property
     def unsure(self) -> bool:
-        """True if pairs count as ties because the tutor could not tell (audits keep the verdict of
-        the answers).
+        """True if pairs count as ties because the tutor could not tell.
+
+        Audits keep the verdict of the answers.
         """
         return bool(self._unclear) or self._untold
 
     @property
     def guesses(self) -> bool:
-        """True if pairs that would need the tutor are decided by the comparator's best guess at the
-        scale.
-        """
+        """True if the comparator's best guess at the scale stands in for the tutor."""
         return self.puts_off or self.spent
 
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
         """Return which of the differences d (n, k) may be asked about.
 
         Those may not that were answered before, or compared at a place where the tutor could not
-        tell."""
+        tell.
+        """
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:
             new &= ~np.array([self._is_unclear(places(i)) for i in range(len(d))], dtype=np.bool_)
@@ -454,10 +464,11 @@ class Elicitation:
         return not self._unclear.isdisjoint(place)
 
     def next_batch(self, d: Floats) -> list[int]:
-        """Return which of the differences d (n, k), judged UNKNOWN, to ask about now.
+        """Return which of the differences d (n, k), all UNKNOWN, to ask about now.
 
         They are the first ones, as many as batch and budget allow; of several rows about one pair
-        only the first."""
+        only the first.
+        """
         room = (
             self.batch
             if self._max_queries is None
@@ -510,8 +521,10 @@ class Elicitation:
         self.answers = told
 
     def _learn_in_order(self, told: Answers) -> None:
-        """Have the comparator learn these answers, and count those that called equal what is near,
-        as if they had been told one by one."""
+        """Have the comparator learn these answers, as if they had been told one by one.
+
+        Those that called equal what is near are counted.
+        """
         done = 0
         for i, y in enumerate(told.y if self._tie else ()):
             if y == 0 or self._equal_in_a_row:
@@ -551,9 +564,7 @@ class Elicitation:
         return answer if entry.used and answer.verdict is not None else None
 
     def _count_equal(self, answers: Sequence[Answer]) -> int:
-        """Count how many answers in a row are "equal" now, among those to pairs that are certainly
-        near.
-        """
+        """Count how many answers in a row are "equal", to pairs that are certainly near."""
         count = self._equal_in_a_row
         for answer in answers if self._tie else ():
             equal = answer.verdict is Verdict.EQUAL
@@ -562,8 +573,9 @@ class Elicitation:
         return count
 
     def _counted(self, d: Floats, equal: bool, count: int) -> int:
-        """The count after another answer, to a difference d (k,): only those to pairs that are
-        certainly near count.
+        """Return the count after another answer, to a difference d (k,).
+
+        Only answers to pairs that are certainly near count.
         """
         low, high = bounds_of(self.comparator, d[None, :])
         near = max(-low[0], high[0]) <= self._near * (1.0 + 1e-9)
@@ -572,8 +584,11 @@ class Elicitation:
     def _act_on(
         self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator
     ) -> Verdict:
-        """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an
-        audit's answer that the others allow, what the comparator makes of it."""
+        """The verdict to act on.
+
+        It is the tutor's, or the default if the tutor cannot tell. For an audit's answer that the
+        others allow, it is what the comparator makes of it.
+        """
         if answer.verdict is None:
             return self._undecided if asked.expected is None else asked.expected
         if asked.expected is None or unused or answer.verdict is Verdict.EQUAL:

@@ -1,5 +1,6 @@
-"""The policy of an elicitation: what settles one pair, in which order, in code that numba can
-compile.
+"""The policy of an elicitation, in code that numba can compile.
+
+It says what decides one pair, in which order.
 
 The one statement of it is ``settle``, for whole arrays (``Elicitation.judge``) and for the
 learners' compiled loops. It goes by ``Facts``; where one is missing that is needed, it says which,
@@ -31,7 +32,7 @@ NO_FACT, COMPARATOR, PLACE, BOUNDS = range(4)  # which fact is needed to go on
 
 
 class AskingRule(NamedTuple):
-    """How an elicitation stands, as plain arrays."""
+    """The state of an elicitation, as plain arrays."""
 
     indifference: float
     audit: float  # share of the pairs settled by answers that the tutor is to confirm
@@ -45,7 +46,7 @@ class AskingRule(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """What is found out about a pair (or about n, as arrays int64); UNSETTLED: not looked up."""
+    """Facts about a pair (or about n, as arrays int64); UNSETTLED: not looked up."""
 
     verdict: Any  # the comparator's own
     tier: Any  # of that verdict
@@ -54,8 +55,9 @@ class Facts(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """Of one pair (or of n, as arrays): UNKNOWN means that the tutor must be asked, UNSETTLED that
-    a fact is needed.
+    """The verdict on one pair (or on n, as arrays).
+
+    UNKNOWN means that the tutor must be asked, UNSETTLED that a fact is needed.
     """
 
     verdict: Any
@@ -68,8 +70,11 @@ class Judgement(NamedTuple):
 
 @compiled
 def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
-    """The policy: what settles a pair with tail sums t (p,) whose verdict by the comparator is
-    among the facts, or that the tutor must be asked."""
+    """Decide a pair by the policy.
+
+    The pair has tail sums t (p,), and the comparator's verdict on it is among the facts. Perhaps
+    the tutor must be asked.
+    """
     verdict, tier = facts.verdict, facts.tier
     if verdict == UNSETTLED:
         return missing(COMPARATOR)
@@ -109,9 +114,11 @@ def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgem
 def judge_pair(
     d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingRule
 ) -> Judgement:
-    """``settle`` of a difference d (k,) on which dominance is silent, as far as compiled code can
-    find out the facts, the comparator going by a rule. Overwrites t and sums (p,); ``certificate``
-    is as for ``judge``."""
+    """Decide a difference d (k,) on which dominance is silent, by ``settle``.
+
+    It goes as far as compiled code can find out the facts, with the comparator's rule. Overwrites t
+    and sums (p,); ``certificate`` is as for ``judge``.
+    """
     for j in range(len(t)):
         sums[j] = t[j]
     verdict, tier, certified = judge(d, t, 0.0, certificate, rule)

@@ -16,7 +16,7 @@ from elicit._support.validation import require
 from elicit.asking.options import EarlierAnswers
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, check_level, read_log
-from elicit.model.comparator import Comparator, Foretells, learn, offers
+from elicit.model.comparator import Comparator, PredictsAnswers, learn, offers
 from elicit.model.pairs import pair_numbers
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dot, tail_sums
@@ -27,8 +27,9 @@ _RESAMPLES = 1000
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Scores of a comparator's predictions of answers that it has not learned from; see
-    ``held_out``.
+    """Scores of a comparator's predictions of answers that it has not learned from.
+
+    ``held_out`` makes them.
 
     Intervals have the level given. They are Wilson's (1927) for shares, and percentiles of a
     bootstrap over the answers for the log-likelihood. Both take the answers as independent. Neither
@@ -152,7 +153,7 @@ def held_out(
     counted.
 
     For a ``PosteriorComparator`` the probability of an answer is that of its model, lapse included.
-    For others it is the prediction of a comparator that ``Foretells``.
+    For others it is the prediction of a comparator that ``PredictsAnswers``.
     """
     check_level(level)
     return _score(
@@ -263,7 +264,8 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
     """Return a comparator's predictions on d (n, k), as rows (3, n).
 
     They are the verdicts, d.e at ``.values``, and the probability of the answer "left is better",
-    nan without one."""
+    nan without one.
+    """
     t, chance = tail_sums(d), np.full(len(d), math.nan)
     if isinstance(comparator, PosteriorComparator):
         draws = comparator.draws
@@ -272,7 +274,7 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
         )
         chance = each @ draws.weights
     elif offers(comparator, "probability"):
-        found = cast(Foretells, comparator).probability(d)
+        found = cast(PredictsAnswers, comparator).probability(d)
         chance = found[-1] if isinstance(found, tuple) else found
     return np.array([comparator.compare(d), dot(t, np.diff(comparator.values)), chance])
 

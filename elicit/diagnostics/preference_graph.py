@@ -38,8 +38,9 @@ class Step(NamedTuple):
 
 
 class Implied(NamedTuple):
-    """A conclusion about two nodes: ``better`` is better than ``worse`` (verdict BETTER) or as good
-    (EQUAL).
+    """A conclusion about two nodes.
+
+    ``better`` is better than ``worse`` (verdict BETTER) or as good (EQUAL).
 
     ``steps`` leads from the one to the other.
     """
@@ -65,8 +66,9 @@ class Cycle(NamedTuple):
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """All answers on the cycle. To break it, all answers of one of its steps must be
-        withdrawn.
+        """All answers on the cycle.
+
+        To break it, all answers of one of its steps must be withdrawn.
         """
         return tuple(name for step in self.steps for name in step.ids)
 
@@ -140,8 +142,9 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
 
 
 def follows(graph: nx.DiGraph) -> list[Implied]:
-    """Return conclusions by transitivity about pairs that no edge joins: nobody needs to ask about
-    them.
+    """Return conclusions by transitivity about pairs that no edge joins.
+
+    Nobody needs to ask about them.
 
     For each pair it is the chain with the fewest answers, and among those one with the fewest
     steps. Two nodes that are as good as each other are listed once, the first one shown as
@@ -277,9 +280,7 @@ def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGrap
 
 
 def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:
-    """Return the path with the fewest answers, then the fewest steps, from a node to each it
-    reaches.
-    """
+    """Return the path with the fewest answers, then the fewest steps, to each node."""
     answer = len(graph) + 1  # more than any number of steps
     paths: dict[int, list[int]] = nx.single_source_dijkstra_path(
         graph, start, weight=lambda _, __, about: 1 if about["dominates"] else 1 + answer

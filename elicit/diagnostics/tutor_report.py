@@ -1,5 +1,4 @@
-"""Reports on the tutor behind a log: error rates, precision, side bias, held-out scores of
-comparators.
+"""Reports on the tutor behind a log: error rates, precision, and side bias.
 
 Nothing here knows the hidden scale. Wrong answers show in three ways: a question was asked twice,
 an answer contradicts the order of the levels, or, by the model of ``PosteriorComparator``, it fits
@@ -130,7 +129,7 @@ class TutorReport:
             "retracted",
             "errors": "not known: no answer prefers a side",
             "": "not known from questions asked again: there are none without ties",
-            "order": "no question was settled by the order of the levels alone",
+            "order": "no question was decided by the order of the levels alone",
             "repeats": "no question was asked twice",
         }
         if self.answers > self.ties:
@@ -155,7 +154,7 @@ class TutorReport:
                 "independent"
             )
         if self.by_order:
-            settled = f"{self.by_order} answers that the order of the levels settles"
+            settled = f"{self.by_order} answers that the order of the levels decides"
             lines["order"] = f"{self.against_order} of {settled} defy it"
         if self.couples:
             agree = f"{self.consistency.percent} of {self.couples} couples of answers agree"
@@ -184,8 +183,7 @@ def tutor_report(
     particles: int | None = None,
     seed: Seed | None = 0,
 ) -> TutorReport:
-    """Estimate how often a tutor errs, the precision and consistency of the answers, and a side
-    bias.
+    """Estimate how often a tutor errs, how precise the answers are, and a side bias.
 
     Parameters
     ----------
@@ -287,8 +285,9 @@ def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
 
 
 class _Record(NamedTuple):
-    """The answers that stand, which of them were shown exchanged (n,) if known, and the others'
-    counts.
+    """The answers that stand, and counts of the others.
+
+    It also says which were shown exchanged (n,), if that is known.
     """
 
     answers: Answers
@@ -345,8 +344,9 @@ def read_log(log: EarlierAnswers, k: int | None) -> _Record:
 
 
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
-    """Return rows (m, 2) that answer the same pair, and how many pairs were answered more than
-    once.
+    """Return rows (m, 2) that answer the same pair.
+
+    The number of pairs that were answered more than once comes second.
 
     No row is in two couples, so that couples are independent. A vector against itself is no
     question.

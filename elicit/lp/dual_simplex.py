@@ -181,7 +181,7 @@ class _Corner:
         self.active[leaving] = entering
 
     def point(self) -> tuple[Numbers, int]:
-        """g as integers (p,) over a common denominator."""
+        """G as integers (p,) over a common denominator."""
         g = self.inverse @ np.array(
             [self._unit, *(self.row(c)[1] for c in self.active)], dtype=object
         )

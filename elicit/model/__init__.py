@@ -1,5 +1,4 @@
-"""The words everything speaks in: scales, queries, answers, verdicts, and what comparators and
-tutors are.
+"""The words that everything uses: scales, queries, answers, verdicts, and protocols.
 
 Imports from ``_support``.
 """

@@ -1,5 +1,6 @@
-"""Answers in a CSV file, as columns of numbers: what ``Answers.from_csv`` reads and
-``Answers.to_csv`` writes.
+"""Answers in a CSV file, as columns of numbers.
+
+``Answers.from_csv`` reads them, and ``Answers.to_csv`` writes them.
 """
 
 import csv
@@ -23,7 +24,7 @@ File = str | os.PathLike[str] | TextIO
 
 
 def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8], list[str]]:
-    """d (n, k), y (n,) and an id a row, of the answers in a CSV file; see ``Answers.from_csv``."""
+    """D (n, k), y (n,) and an id a row, of the answers in a CSV file; see ``Answers.from_csv``."""
     with _opened(file, "r") as text:
         name = str(getattr(text, "name", "the file"))
         # spreadsheets put a byte order mark at the beginning
@@ -71,8 +72,9 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
 
 
 def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) -> None:
-    """The columns id, d_1, ..., d_k, answer. Python writes floats so that they read back to the
-    last bit.
+    """The columns id, d_1, ..., d_k, answer.
+
+    Python writes floats so that they read back to the last bit.
     """
     with _opened(file, "w") as text:
         rows = csv.writer(text)
@@ -82,8 +84,9 @@ def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) ->
 
 
 def _level_columns(names: list[str], k: int | None, where: str) -> list[list[int]]:
-    """The places of d_1, ..., d_k, or those of left_1, ..., left_k and those of right_1, ...,
-    right_k.
+    """Return the places of d_1, ..., d_k.
+
+    Without these, return those of left_1, ..., left_k and of right_1, ..., right_k.
     """
     if twice := sorted({name for name in names if name and names.count(name) > 1}):
         raise ValueError(f"{where} names the column {twice[0]!r} twice")

@@ -1,5 +1,4 @@
-"""The Comparator protocol and what a comparator may have beyond it, who settled a comparison, and
-the one table from signs to verdicts."""
+"""The Comparator protocol, its optional parts, and the table from signs to verdicts."""
 
 from enum import IntEnum
 from typing import NamedTuple, Protocol, TypeGuard, cast, runtime_checkable
@@ -33,8 +32,7 @@ class Tier(IntEnum):
 
 
 TIE = 0.01
-"""How far from equal two vectors may be that a tutor calls equal, unless a comparator is told
-otherwise: |d.e| as a share of the value range e_k - e_1."""
+"""Default of the largest |d.e| that a tutor may call equal, as a share of the value range."""
 
 ALLOWANCE = 2.0
 """Guarantees hold also where the tutor calls equal what is up to so many ties apart: people do not
@@ -42,7 +40,7 @@ know their own.
 """
 
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
-"""The tiers that rest on the tutor's answers."""
+"""The tiers that depend on the tutor's answers."""
 
 
 _MEMBERS = ("k", "values", "bounds", "compare", "update")
@@ -50,8 +48,9 @@ _MEMBERS = ("k", "values", "bounds", "compare", "update")
 
 @runtime_checkable
 class Comparator(Protocol):
-    """A comparator: what is known of the scale so far. A frozen value: ``update`` returns a new
-    one.
+    """A comparator: what is known of the scale so far.
+
+    A frozen value: ``update`` returns a new one.
 
     A comparator needs no more than these five members. ``OPTIONAL_PARTS`` lists what is used beyond
     them.
@@ -66,11 +65,14 @@ class Comparator(Protocol):
         """(k,) best single guess at the scale, from 0 to 1."""
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
+        """Lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) int8 on differences d (n, k). Their totals are not checked: what two
-        vectors differ by in total counts as time at level 1, which is worth nothing."""
+        """Verdicts (n,) int8 on differences d (n, k).
+
+        Their totals are not checked: what two vectors differ by in total counts as time at level 1,
+        which is worth nothing.
+        """
 
     def update(self, answers: Answers) -> "Comparator":
         """A comparator that also knows these answers; this one still answers as before."""
@@ -85,35 +87,40 @@ class Decisions(NamedTuple):
 
 @runtime_checkable
 class BoundsAllAtOnce(Protocol):
-    """A comparator on which the guarantee for a policy can rest: it has a set of scales that holds
-    the true one.
+    """A comparator whose bounds can guarantee a policy.
+
+    It has a set of scales that holds the true one.
     """
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence
-        with which they do: 1 for certain, if the answers are right; nan where none can be
-        stated."""
+        """Return upper bounds (n,) on d.e that hold for all rows at once, and a confidence.
 
-
-@runtime_checkable
-class RoughBounds(Protocol):
-    """A comparator whose ``simultaneous_bounds`` take less time where they may be a little
-    loose.
-    """
-
-    def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
-        """Such bounds (n,) on d.e of differences d (n, k), up to ``slack``, one or (n,), above the
-        least there are.
+        The confidence is the probability that they hold for the rows of d (n, k): 1 if it is
+        certain as long as the answers are right, nan if none can be stated.
         """
 
 
 @runtime_checkable
-class Foretells(Protocol):
+class RoughBounds(Protocol):
+    """A comparator that bounds all at once in less time, if a little loosely."""
+
+    def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
+        """Return such bounds (n,) on d.e, up to ``slack`` above the least there are.
+
+        The differences d are (n, k), and the slack is one number or (n,).
+        """
+
+
+@runtime_checkable
+class PredictsAnswers(Protocol):
     """A comparator with a model of the tutor's next answer."""
 
     def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
-        """The probability (n,) that the tutor says left is better, of differences d (n, k); of
-        several arrays (the ends of an interval, say) the last is the best guess."""
+        """Return the probability (n,) that the tutor says left is better.
+
+        The differences d are (n, k). Of several arrays, such as the ends of an interval, the last
+        is the best guess.
+        """
 
 
 class Part(NamedTuple):
@@ -181,7 +188,7 @@ OPTIONAL_PARTS = (
         ("BradleyTerryComparator",),
     ),
     Part(
-        "Foretells",
+        "PredictsAnswers",
         "probability(d)",
         "(n,) the probability that the tutor says left is better; of several arrays the last is "
         "the best guess",
@@ -222,7 +229,7 @@ OPTIONAL_PARTS = (
         "Ruled",
         "rule",
         "an `elicit.decision.comparator_rule.Rule`: what it knows, as arrays",
-        "Compiled loops judge by it. Without it they call `compare`.",
+        "Compiled loops decide by it. Without it they call `compare`.",
         _ALL,
     ),
     Part(
@@ -256,15 +263,17 @@ def offers(comparator: object, member: str) -> bool:
 
 
 def is_comparator(thing: object) -> TypeGuard[Comparator]:
-    """Return whether a thing has the five members that every comparator has. Computes none of
-    them.
+    """Return whether a thing has the five members that every comparator has.
+
+    Computes none of them.
     """
     return not isinstance(thing, type) and all(offers(thing, member) for member in _MEMBERS)
 
 
 def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
-    """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi
-    (n,), no nan.
+    """``comparator.bounds(d)`` of differences d (n, k).
+
+    Raises TypeError unless it is lo (n,) <= hi (n,), no nan.
     """
     found = comparator.bounds(d)
     try:
@@ -283,8 +292,9 @@ def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
 
 
 def best_guess(comparator: Comparator) -> Floats:
-    """``comparator.values`` (k,). Raises TypeError unless these are numbers that rise from 0 to
-    1.
+    """``comparator.values`` (k,).
+
+    Raises TypeError unless these are numbers that rise from 0 to 1.
     """
     values = np.asarray(comparator.values, dtype=np.float64)
     ends = (
@@ -300,10 +310,12 @@ def best_guess(comparator: Comparator) -> Floats:
 
 
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
-    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with
-    which they do; of a comparator that is not ``BoundsAllAtOnce``, those that it has row by row,
-    with a confidence of nan. None lies beyond the bounds that the order of levels gives, but for
-    rounding."""
+    """Return upper bounds (n,) on d.e that hold for all rows of d (n, k) at once.
+
+    The confidence with which they do comes second. A comparator that is not ``BoundsAllAtOnce``
+    gives the bounds that it has row by row, with a confidence of nan. None lies beyond the bounds
+    that the order of levels gives, but for rounding.
+    """
     rows = as_differences(d, comparator.k)
     if offers(comparator, "simultaneous_bounds"):
         found = cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
@@ -319,16 +331,19 @@ def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, f
 
 
 def rough_bounds(comparator: Comparator, d: Floats, slack: float | Floats) -> Floats:
-    """``simultaneous_bounds`` (n,) of differences d (n, k), or up to ``slack``, one or (n,), more
-    where that takes less time."""
+    """Return ``simultaneous_bounds`` (n,) of differences d (n, k), perhaps a little loose.
+
+    They may be up to ``slack``, one number or (n,), too high if that takes less time.
+    """
     if offers(comparator, "rough_bounds"):
         return cast(RoughBounds, comparator).rough_bounds(d, slack)
     return simultaneous_bounds(comparator, d)[0]
 
 
 def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
-    """Return what ``simultaneous_bounds`` gave for n differences; raises TypeError unless it is
-    (n,) and a number.
+    """Return the result of ``simultaneous_bounds`` for n differences.
+
+    Raises TypeError unless it is (n,) and a number.
     """
     if isinstance(found, tuple) and len(found) == 2:
         high, confidence = np.asarray(found[0]), found[1]
@@ -350,9 +365,11 @@ def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
 def learn(
     comparator: Comparator, answers: Answers, one_by_one: bool
 ) -> tuple[Comparator, NDArray[np.bool_]]:
-    """The comparator after these answers, and which (n,) of them it took. Where they contradict
-    each other, with ``one_by_one`` without those that contradict the ones before; else raises
-    InconsistentAnswers."""
+    """The comparator after these answers, and which (n,) of them it took.
+
+    Where they contradict each other, with ``one_by_one`` without those that contradict the ones
+    before; else raises InconsistentAnswers.
+    """
     taken = np.ones(len(answers), dtype=np.bool_)
     try:
         learned = comparator.update(answers)
@@ -389,13 +406,16 @@ class HasDraws(Protocol):
 
     @property
     def draws(self) -> tuple[Floats, Floats, Floats] | None:
-        """Weighted scales, as ``elicit.lp.hit_and_run.Draws`` has them: gaps (p, m), weights (m,)
-        of total 1, and the tutor's precision (m,) under each. None: not yet."""
+        """Weighted plausible scales, or None for now.
+
+        As in ``elicit.lp.hit_and_run.Draws`` they are gaps (p, m), weights (m,) of total 1, and the
+        tutor's precision (m,) under each.
+        """
 
 
 @runtime_checkable
 class TrustsDraws(HasDraws, Protocol):
-    """One whose bounds rest on its draws: a guarantee holds under this share of their weight."""
+    """One whose bounds depend on its draws: a guarantee holds under this share of their weight."""
 
     @property
     def level(self) -> float:
@@ -404,8 +424,9 @@ class TrustsDraws(HasDraws, Protocol):
 
 @runtime_checkable
 class StatesConfidence(Protocol):
-    """One whose guarantees hold with another confidence than the share of its draws that they rest
-    on.
+    """A comparator that states the confidence of its guarantees.
+
+    It differs from the share of draws that they depend on.
     """
 
     @property
@@ -433,8 +454,11 @@ class KeepsAnswers(Protocol):
 
 @runtime_checkable
 class LearnsInSteps(Protocol):
-    """A comparator whose ``update`` takes whatever answers, also contradictory ones, and that may
-    need several before its verdicts change: until then, compiled loops go on with its rule."""
+    """A comparator that may need several answers before its verdicts change.
+
+    Its ``update`` takes any answers, also contradictory ones. Until verdicts may change, compiled
+    loops go on with its rule.
+    """
 
     @property
     def answers_to_next_step(self) -> int:
@@ -451,8 +475,9 @@ class AllowsTies(Protocol):
 
 
 def trusted_share(comparator: object) -> float | None:
-    """Return the share of a comparator's draws under which its bounds hold; None where they do not
-    rest on draws.
+    """Return the share of a comparator's draws under which its bounds hold.
+
+    None if they do not depend on draws.
 
     Nothing is drawn to find out.
     """
@@ -462,8 +487,9 @@ def trusted_share(comparator: object) -> float | None:
 
 
 def stated_confidence(comparator: Comparator, level: float) -> float:
-    """Return the confidence of guarantees under a comparator's draws: its own statement, else the
-    share ``level``.
+    """Return the confidence of guarantees under a comparator's draws.
+
+    It is the comparator's own statement, else the share ``level``.
     """
     return (
         cast(StatesConfidence, comparator).confidence if offers(comparator, "confidence") else level
@@ -471,8 +497,10 @@ def stated_confidence(comparator: Comparator, level: float) -> float:
 
 
 def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
-    """A comparator's own ``draws``: gaps (p, m), weights (m,) and precisions (m,); None where it
-    has none, or none yet. Raises TypeError that says what is wrong with them."""
+    """Return a comparator's own ``draws``: gaps (p, m), weights (m,), precisions (m,).
+
+    None if it has none, or none yet. Raises TypeError that says what is wrong with them.
+    """
     found = getattr(comparator, "draws", None)
     if found is None:
         return None
@@ -512,14 +540,15 @@ def tie_of(comparator: Comparator) -> float:
 
 
 def lapse_of(comparator: Comparator) -> float:
-    """The share of answers that the comparator takes to be given at random: 0 where it does not
-    say.
+    """Return the share of answers that the comparator takes to be given at random.
+
+    It is 0 if the comparator does not say.
     """
     return float(cast(AllowsLapses, comparator).lapse) if offers(comparator, "lapse") else 0.0
 
 
 def check_levels(k: int) -> int:
-    """k as an int, at least 2; raises ValueError."""
+    """K as an int, at least 2; raises ValueError."""
     if not is_whole(k, 2):
         raise ValueError(
             f"k, the number of levels, must be a whole number of at least 2, not {k!r}"
@@ -540,8 +569,9 @@ def check_tie(tie: float) -> float:
 
 
 def check_comparator_made(comparator: Comparator) -> None:
-    """Raise TypeError for anything but a comparator, such as the class of one, and say what it
-    lacks.
+    """Raise TypeError for anything but a comparator, and say what it lacks.
+
+    The class of one is no comparator.
     """
     lacking = sorted(set(_MEMBERS) - set(dir(comparator)))
     if isinstance(comparator, type) or lacking:
@@ -552,8 +582,9 @@ def check_comparator_made(comparator: Comparator) -> None:
 
 
 def check_answers(answers: Answers, k: int) -> Answers:
-    """Raise TypeError for anything but Answers, and ValueError where they are not about k
-    levels.
+    """Raise TypeError for anything but Answers.
+
+    Raises ValueError if they are not about k levels.
     """
     if not isinstance(answers, Answers):
         raise TypeError(

@@ -1,5 +1,6 @@
-"""Optional parts of a comparator that a learner, or a rule for questions, takes: declared in one
-line, checked when the learner is made.
+"""Optional parts of a comparator that a learner or a strategy takes.
+
+They are declared in one line, and checked when the learner is made.
 """
 
 from __future__ import annotations

@@ -33,16 +33,15 @@ push over a limit, are not near one then."""
 
 
 def nearness(t: Floats) -> Floats:
-    """Return how far each entry of tail sums (..., p) may be off for the pair to be the same one
-    (...,).
-    """
+    """Return how far tail sums (..., p) of the same pair may differ, for each entry."""
     size = np.abs(t).max(axis=-1, initial=0.0)
     return np.asarray(np.minimum(NEAR * np.maximum(size, 1.0), SHARE * size))
 
 
 def same_pairs(t: Floats, others: Floats) -> NDArray[np.int8]:
-    """Return for each of ``others`` (n, p) whether tail sums t (p,) are the same pair: 1, or -1
-    exchanged, else 0.
+    """Return which of ``others`` (n, p) are the same pair as tail sums t (p,).
+
+    1: the same; -1: exchanged; 0: another.
     """
     near = nearness(t)
     found = np.zeros(len(others), np.int8)
@@ -52,8 +51,9 @@ def same_pairs(t: Floats, others: Floats) -> NDArray[np.int8]:
 
 
 def ways_round(t: Floats) -> NDArray[np.int8]:
-    """Return the direction (n,) of tail sums (n, p), 1 or -1: opposite for t and -t, and safe from
-    rounding.
+    """Return the direction (n,) of tail sums (n, p), 1 or -1.
+
+    It is opposite for t and -t, and safe from rounding.
     """
     weights = np.sqrt(np.arange(2.0, t.shape[1] + 2.0))
     marks = np.zeros(len(t))
@@ -63,8 +63,9 @@ def ways_round(t: Floats) -> NDArray[np.int8]:
 
 
 def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], int]:
-    """Return x (p,) in grains of 2^-30, and the exponent of two by which it was divided if it is
-    not of order one.
+    """Return x (p,) in grains of 2^-30, and an exponent of two.
+
+    By that power x was divided, if it is not of order one.
     """
     size = float(np.abs(x).max(initial=0.0)) * OFFSET
     exponent = max(0, math.frexp(size)[1])

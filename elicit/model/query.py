@@ -42,8 +42,9 @@ class Verdict(IntEnum):
 
 
 def as_verdict(code: Any) -> Verdict:
-    """An answer's Verdict from its code -1, 0 or 1 (an int, also one of NumPy's). Raises TypeError
-    and ValueError.
+    """An answer's Verdict from its code -1, 0 or 1 (an int, also one of NumPy's).
+
+    Raises TypeError and ValueError.
     """
     if isinstance(code, (bool, np.bool_)) or not isinstance(code, (int, np.integer)):
         raise TypeError(
@@ -124,10 +125,11 @@ class InconsistentAnswers(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """A question: which of two share vectors is better, ``left`` or ``right`` (k,)?
+    """A question to the tutor: which share vector is better, ``left`` or ``right`` (k,).
 
     ``about`` and ``labels``, the k levels' names, worst first, are for people only:
-    ``print(query)`` shows the question as a person reads it."""
+    ``print(query)`` shows the question as a person reads it.
+    """
 
     id: str
     left: Floats
@@ -193,7 +195,7 @@ class Query:
 
     @property
     def d(self) -> Floats:
-        """left - right (k,)."""
+        """Left - right (k,)."""
         return self.left - self.right
 
     @staticmethod
@@ -220,10 +222,12 @@ def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -
 
 @dataclass(frozen=True)
 class Answer:
-    """A tutor's answer, in terms of ``query.left``: a Verdict, or -1, 0, 1; None means "cannot
-    tell". ``swapped`` records that the pair was shown right to left (``verdict`` is already turned
-    back). Raises TypeError for a verdict that is no code, such as True or a float, and ValueError
-    for another number."""
+    """A tutor's answer, in terms of ``query.left``.
+
+    The verdict is a Verdict, or -1, 0, 1; None means "cannot tell". ``swapped`` records that the
+    pair was shown right to left (``verdict`` is already flipped back). Raises TypeError for a
+    verdict that is no code, such as True or a float, and ValueError for another number.
+    """
 
     query: Query
     verdict: Verdict | None
@@ -248,9 +252,7 @@ class _Room:
 
 
 class AnswerRow(NamedTuple):
-    """One row of ``Answers``: the difference d (k,) = left - right, what was said of it, and the
-    id.
-    """
+    """One row of ``Answers``: the difference d (k,) = left - right, the verdict, and the id."""
 
     d: Floats
     y: Verdict
@@ -259,9 +261,11 @@ class AnswerRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Answers:
-    """The answers that comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and
-    an id a row. One is ``answers[i]`` (an ``AnswerRow``), and so is each in a loop;
-    ``answers[i:j]`` are Answers again."""
+    """The answers that comparators learn from.
+
+    d (n, k) is left - right, y (n,) lies in {-1, 0, +1}, and each row has an id. One is
+    ``answers[i]`` (an ``AnswerRow``), and so is each in a loop; ``answers[i:j]`` are Answers again.
+    """
 
     d: Floats
     y: NDArray[np.int8]
@@ -343,8 +347,9 @@ class Answers:
         return Answers(*read_csv(file, k))
 
     def to_csv(self, file: File) -> None:
-        """Write the columns id, d_1, ..., d_k, answer to a path or an open text; ``from_csv`` reads
-        the same back.
+        """Write the columns id, d_1, ..., d_k, answer to a path or an open text.
+
+        ``from_csv`` reads the same back.
         """
         from elicit.model.answers_csv import write_csv
 
@@ -416,9 +421,11 @@ class Answers:
 
 
 def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, ...]:
-    """The answers, each about another one of the pending queries. Raises TypeError for anything but
-    Answers, and StaleAnswer for an unknown id, for other vectors than the query's, and for two
-    answers to one query."""
+    """The answers, each about another one of the pending queries.
+
+    Raises TypeError for anything but Answers, and StaleAnswer for an unknown id, for other vectors
+    than the query's, and for two answers to one query.
+    """
     if isinstance(answers, Answer):
         raise TypeError("tell takes a sequence of answers: put the one Answer into a list")
     told = tuple(answers)  # a generator can be read only once

@@ -62,7 +62,7 @@ def as_differences(d: ArrayLike, k: int) -> Floats:
 
 
 def tail_sums(d: Floats) -> Floats:
-    """t (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
+    """T (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
 
     Plain sequential sums from the best level down, so that every caller rounds alike. Rows whose
     sums would overflow are first scaled by a power of two, which changes no sign.

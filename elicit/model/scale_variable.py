@@ -26,8 +26,9 @@ _WAY_OUT = "add it to the programs of comparator.problems(d), which the polytope
 
 
 class LinearConstraint(NamedTuple):
-    """a (m, k), b (m,) with a e >= b, and what the constraint is called; "" where it is best told
-    by its numbers.
+    """Rows a (m, k) and b (m,) with a e >= b, and the constraint's name.
+
+    The name is "" if it is best told by its numbers.
     """
 
     a: Floats
@@ -36,8 +37,9 @@ class LinearConstraint(NamedTuple):
 
 
 def scale_variable(k: int) -> cvxpy.Variable:
-    """A cvxpy variable (k,) called e, which stands for the scale: e[0] is the worst of k levels,
-    e[k - 1] the best.
+    """Return a cvxpy variable (k,) called e, which stands for the scale.
+
+    e[0] is the worst of k levels, and e[k - 1] the best.
 
     Linear constraints over it can be a comparator's ``prior=``. That e[0] is 0 and e[k - 1] is 1
     goes without saying. Raises ValueError for k < 2.
@@ -85,15 +87,16 @@ def linear_rows(constraint: Any, k: int) -> LinearConstraint:
 
 
 def _kinds() -> Any:
-    """cvxpy's classes of constraints, which its types do not export."""
+    """Cvxpy's classes of constraints, which its types do not export."""
     import cvxpy
 
     return cvxpy.constraints
 
 
 def _check_terms(constraint: Any, k: int, called: str) -> None:
-    """Raises ValueError unless the constraint is about the scale alone and every parameter has a
-    value.
+    """Raise ValueError unless the constraint is about the scale alone.
+
+    Every parameter must have a value.
     """
     variables = constraint.variables()
     if not variables:
@@ -131,8 +134,9 @@ def _check_terms(constraint: Any, k: int, called: str) -> None:
 
 
 def _sides(constraint: Any, called: str) -> tuple[Any, Any]:
-    """The affine expressions of "more >= less" or "more == less". Raises ValueError where there are
-    none.
+    """The affine expressions of "more >= less" or "more == less".
+
+    Raises ValueError where there are none.
     """
     args, of = constraint.args, _kinds()
     linear = of.Inequality, of.Equality, of.Zero, of.NonNeg, of.NonPos
@@ -161,8 +165,9 @@ def _sides(constraint: Any, called: str) -> tuple[Any, Any]:
 def _coefficients(
     expression: Any, variable: Any, k: int, shape: tuple[int, ...]
 ) -> tuple[Floats, Floats]:
-    """Of an affine expression, stretched to a shape of m entries: coefficients (m, k) and constants
-    (m,).
+    """Return the coefficients (m, k) and constants (m,) of an affine expression.
+
+    It is stretched to a shape of m entries.
 
     By evaluating a copy of it, so that the caller's variable keeps its value, at points so far out
     that no constant is seen beside the coefficient's product; what is left of constants where that

@@ -10,8 +10,11 @@ from elicit.model.query import Answer, Query
 
 @runtime_checkable
 class Tutor(Protocol):
-    """Answers queries. It sees only the query: no comparator, no learner, no problem. Any function
-    from a Query to an Answer is one, whatever it calls the query."""
+    """Answers queries.
+
+    It sees only the query: no comparator, no learner, no problem. Any function from a Query to an
+    Answer is one, whatever it calls the query.
+    """
 
     def __call__(self, query: Query, /) -> Answer:
         """The answer to this query; its verdict is None where the tutor cannot tell."""
@@ -28,13 +31,15 @@ class KnowsLevels(Tutor, Protocol):
 
 @runtime_checkable
 class TutorOfMany(Tutor, Protocol):
-    """One that can also answer many questions at once, without queries: learners that ask millions
-    make use of it.
+    """A tutor that can also answer many questions at once, without queries.
+
+    Learners that ask millions make use of it.
     """
 
     def signs(self, d: ArrayLike) -> NDArray[np.int8]:
-        """Answers (n,) in {-1, 0, +1} to differences d (n, k), the same as to n queries in that
-        order.
+        """Return answers (n,) in {-1, 0, +1} to differences d (n, k).
+
+        They are the same as to n queries in that order.
         """
 
 
@@ -48,8 +53,10 @@ class CountsErrors(Tutor, Protocol):
 
 
 def check_tutor_made(tutor: object, k: int) -> None:
-    """Raise TypeError for anything but a tutor, such as the class of one, and ValueError for one
-    who was made for another number of levels than k."""
+    """Raise TypeError for anything but a tutor, such as the class of one.
+
+    Raises ValueError for one who was made for another number of levels than k.
+    """
     if isinstance(tutor, type):
         raise TypeError(
             f"a tutor is wanted, not the class {tutor.__name__}: make one, such as "

@@ -1,5 +1,4 @@
-"""A person as the tutor: sessions kept in a log, questions in whole numbers, and hosts that show
-them.
+"""A person as the tutor: sessions kept in a log, whole-number questions, and hosts.
 
 ``session`` is built on an asker and a log. ``showing`` words a question. ``interview`` holds the
 screens and messages of every host; in a browser the files of ``page`` draw them. ``report`` is the

@@ -138,9 +138,7 @@ class Subject:
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """Computations beside a question (``shown`` by its id) for this asker, if it could be
-    copied.
-    """
+    """Computations beside a question (``shown``: its id) for this asker, if it could be copied."""
 
     shown: str
     asker: Asker
@@ -335,9 +333,7 @@ class Interview(Closing):
         self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
 
     def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """Return the asker after an answer, if it was computed, and give up the other
-        computations.
-        """
+        """Return the asker after an answer, if computed, and give up the other computations."""
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
         self._background.stop()
@@ -375,8 +371,9 @@ class Interview(Closing):
         return self._screen("Taken back. The other answers stay.")
 
     def _outlook(self, id: str) -> dict[str, Any]:
-        """Return the notes beside a question, without taking the lock: nobody waits for it, nor it
-        for anybody.
+        """Return the notes beside a question, without taking the lock.
+
+        Nobody waits for it, nor it for anybody.
         """
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
@@ -484,9 +481,7 @@ def _shown(subject: Subject, query: Query) -> Shown:
 def _in_whole_numbers(
     subject: Subject, query: Query, answered: Callable[[Query], bool]
 ) -> Query | None:
-    """Return a query in whole numbers near one that is not, if there is one that was not asked
-    yet.
-    """
+    """Return a query in whole numbers near one that is not, if any was not asked yet."""
     if _shown(subject, query).exact:
         return None
     return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)

@@ -31,8 +31,9 @@ _NO_DIFFERENCE = 1e-12
 
 @dataclass(eq=False)
 class _Play:
-    """A session with a simulated tutor, from the present question on: its asker, tutor and answers
-    so far.
+    """A session with a simulated tutor, from the present question on.
+
+    It has its asker, tutor and answers so far.
     """
 
     asker: Asker
@@ -105,8 +106,9 @@ class Outlook:
             self._count(_FEWEST)
 
     def steps(self) -> Iterator[None]:
-        """Compute in steps, after those of ``before`` have ended; if a step fails, the rest is left
-        out.
+        """Compute in steps, after those of ``before`` have ended.
+
+        If a step fails, the rest is left out.
         """
         try:
             yield from self._steps()
@@ -191,8 +193,9 @@ def _tutor(
 
 
 def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
-    """Return a sentence on what the comparator leaves open of a question, or None if it knows
-    nothing.
+    """Return a sentence on what the comparator leaves open of a question.
+
+    None if it knows nothing.
     """
     level = trusted_share(comparator)
     sure = "" if level is None else f", with {level:.0%} probability,"
@@ -239,8 +242,9 @@ def _up(number: float) -> int:
 
 
 def _place(comparator: Comparator, low: int, level: int, high: int) -> tuple[int, int]:
-    """Return the whole numbers between which a level lies, from a lower one (0) to a higher one
-    (100).
+    """Return the whole numbers between which a level lies.
+
+    They run from a lower level (0) to a higher one (100).
     """
     shares = np.linspace(0.0, 1.0, 101)
     d = np.zeros((101, comparator.k))

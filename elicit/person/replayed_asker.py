@@ -29,7 +29,8 @@ _NOT_ITS_QUESTIONS = (
 class _Standing(NamedTuple):
     """An asker, and how many entries of the log it knows.
 
-    An interruption may come at any line, so these are replaced together."""
+    An interruption may come at any line, so these are replaced together.
+    """
 
     asker: Asker
     known: int
@@ -89,7 +90,8 @@ class ReplayedAsker:
         """Return the asker, told all that is in the log.
 
         It is another one after an answer was taken back, and after an answer that was looked ahead
-        to."""
+        to.
+        """
         if self._stands is None:
             self._know(self._resumed())
         self._mark_contradiction()
@@ -108,7 +110,8 @@ class ReplayedAsker:
         """Take back the answer to the query of this id, and go on without it.
 
         Raises ValueError if no answer of this id stands, or if a new asker would be needed and
-        cannot be made."""
+        cannot be made.
+        """
         if self._make is None:
             raise ValueError(
                 "to take back an answer the session must make a new asker: give Session a function "
@@ -135,7 +138,8 @@ class ReplayedAsker:
     def standing(self) -> tuple[list[Entry], list[Entry]]:
         """Return the entries that are not withdrawn, without repeats.
 
-        First those that the asker knew when it was made, then those that it was told since."""
+        First those that the asker knew when it was made, then those that it was told since.
+        """
         entries = list(self._log)
         n = self._log.restarted
         before, since = (
@@ -157,7 +161,8 @@ class ReplayedAsker:
         """Tell the asker the next entry of the log that it does not know.
 
         After an interruption this is called again. A query that the asker no longer waits for was
-        then told already."""
+        then told already.
+        """
         entry, asker = self._log[now.known], now.asker
         if entry.repeat or entry.retracted:
             self._stands = _Standing(asker, now.known + 1)
@@ -225,8 +230,9 @@ class ReplayedAsker:
         return True
 
     def _restarted(self) -> Asker:
-        """Return an asker that knows all that stands, except what contradicts the rest, and mark
-        that in the log.
+        """Return an asker that knows all that stands, except what contradicts the rest.
+
+        That is marked in the log.
         """
         before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
         known = [replace(entry, used=True) if counts(entry) else entry for entry in before]

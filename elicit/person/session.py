@@ -1,5 +1,6 @@
-"""A session with a person who answers, kept in an answer log: it can be left at any moment and
-picked up again.
+"""A session with a person who answers, kept in an answer log.
+
+It can be left at any moment and picked up again.
 
 A session holds no prompt, no socket and no window. Whoever shows the questions calls ``question``
 and ``answer``. The log alone says where the session stands (``elicit.person.replayed_asker``).
@@ -131,7 +132,8 @@ class Session(Closing):
         """Return the asker, told all that is in the log.
 
         It is another one after ``undo`` and ``withdraw``, and after an answer that was looked ahead
-        to."""
+        to.
+        """
         return self._replayed.current()
 
     @property
@@ -140,10 +142,12 @@ class Session(Closing):
         return self._replayed.makes_askers
 
     def twin(self) -> Asker | None:
-        """Return a copy of the asker, on which another thread may try answers; None if it cannot be
-        copied.
+        """Return a copy of the asker, on which another thread may try answers.
 
-        ``copy.deepcopy`` of an asker must share nothing with it that changes."""
+        None if it cannot be copied.
+
+        ``copy.deepcopy`` of an asker must share nothing with it that changes.
+        """
         try:
             return copy.deepcopy(self.current_asker())
         except Exception:  # whatever a part of it raises
@@ -152,7 +156,8 @@ class Session(Closing):
     def question(self) -> Query | None:
         """Return the current question, or None when there is none left.
 
-        It is the same until it is answered. Computing it may take a second."""
+        It is the same until it is answered. Computing it may take a second.
+        """
         query = self.next_told()
         if query is not None:
             query = self._repeats.due() or self._in_place_of(query) or query
@@ -162,7 +167,8 @@ class Session(Closing):
     def next_told(self) -> Query | None:
         """Return the first query that the asker waits for.
 
-        It is ``question``, unless an earlier question is put again, or another one in its place."""
+        It is ``question``, unless an earlier question is put again, or another one in its place.
+        """
         return next(iter(self._pending().values()), None)
 
     def is_repeat(self, id: str) -> bool:
@@ -199,8 +205,9 @@ class Session(Closing):
         ahead: Callable[[Asker, Answer], AfterAnswer | None] | None = None,
         **metadata: Any,
     ) -> Answer:
-        """Take the answer to the pending query of this id, and put it on the disk before it
-        returns.
+        """Take the answer to the pending query of this id.
+
+        It is on the disk before this returns.
 
         An answer that was given already has no effect, so a page may send it twice.
 
@@ -312,7 +319,8 @@ class Session(Closing):
         """Return sets of answers that contradict each other, whatever the scale.
 
         If any one of a set were withdrawn, the others of that set would be consistent. No answer is
-        in two sets. The person is taken not to err, also with a noisy comparator."""
+        in two sets. The person is taken not to err, also with a noisy comparator.
+        """
         rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
         found: list[tuple[Entry, ...]] = []
         while rest:
@@ -327,8 +335,9 @@ class Session(Closing):
         return tuple(found)
 
     def status(self) -> SessionStatus:
-        """Return where the session stands. Computing it may take a second, for it looks for the
-        next question.
+        """Return where the session stands.
+
+        Computing it may take a second, for it looks for the next question.
         """
         entries = [entry for entry in self._log if not entry.repeat]
         standing = [entry for entry in entries if not entry.retracted]

@@ -359,8 +359,9 @@ def near_in_whole_numbers(query: Query) -> Iterator[Query]:
 
 
 def _whole(both: Floats, of: int, shares: bool) -> tuple[float, Floats, bool]:
-    """Return the factor from vectors (2, k) to counts, the counts (2, k), and whether they are
-    exact.
+    """Return the factor from vectors (2, k) to counts, and the counts (2, k).
+
+    The third result says whether they are exact.
     """
     for scale in (of if shares else 1, 10, 100, *range(1, _MOST + 1), *_ROUNDED):
         counts = np.rint(both * scale)
@@ -395,8 +396,9 @@ def _to_total(parts: Floats, total: int) -> Floats:
 def _row(
     row: Row, counts: Sequence[int], k: int, label: int, number: int, room: int, column: int
 ) -> Iterator[str]:
-    """Return the lines of a level, with as many icons a line as have ``room``, in columns of this
-    width.
+    """Return the lines of a level, in columns of this width.
+
+    A line has as many icons as have ``room``.
     """
     icon = "+" if row.level == k - 1 else "x" if row.level == 0 else "o"
     names = textwrap.wrap(row.label, label) or [""]

@@ -56,8 +56,10 @@ answers.
 @dataclass(frozen=True)
 class Entry:
     """One answer of a log, whether comparators learn from it, and the caller's metadata.
+
     ``retraction`` is None while the answer stands; then the metadata of the line that took it back,
-    and ``used`` is False."""
+    and ``used`` is False.
+    """
 
     answer: Answer
     used: bool = True
@@ -71,16 +73,15 @@ class Entry:
 
     @property
     def repeat(self) -> bool:
-        """True if the question was answered before, and put again to see whether the answers
-        agree.
-        """
+        """True if the question was put again to see whether the answers agree."""
         return REPEATS in self.metadata
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A question that was put, whether it was shown right to left, and the caller's metadata, such
-    as its words.
+    """A question that was put, and whether it was shown right to left.
+
+    metadata is the caller's, such as its words.
     """
 
     query: Query
@@ -89,8 +90,9 @@ class Asked:
 
 
 class _Doing(NamedTuple):
-    """An event under way: what it changes, and the header and the lines of the file once it is on
-    the disk.
+    """An event under way, and what it changes.
+
+    It has the header and the lines of the file once it is on the disk.
     """
 
     change: Callable[[], None]
@@ -99,8 +101,11 @@ class _Doing(NamedTuple):
 
 
 def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
-    """The entries of a log, of some of its entries, or of Answers to queries. Raises TypeError for
-    anything else, such as ``Answers``, which do not say what was shown left and right."""
+    """The entries of a log, of some of its entries, or of Answers to queries.
+
+    Raises TypeError for anything else, such as ``Answers``, which do not say what was shown left
+    and right.
+    """
     entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
     for item in entries:
         if not isinstance(item, Entry):
@@ -111,8 +116,9 @@ def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
 
 
 class AnswerLog(Closing):
-    """All answers of a run, in the order in which they were told: ``log[i]`` is an ``Entry``,
-    ``log[i:j]`` several.
+    """All answers of a run, in the order in which they were told.
+
+    ``log[i]`` is an ``Entry``, ``log[i:j]`` several.
 
     path: the file to write; an existing log is continued. None keeps the log in memory. k: the
     number of levels; None takes it from the file, else from the first answer. header: further JSON
@@ -218,8 +224,10 @@ class AnswerLog(Closing):
         return self._lines.check or None
 
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
-        """Add an answer; when this returns it is on the disk, and when it raises nothing has
-        changed. Only an interruption (Ctrl+C) may come after it was added.
+        """Add an answer; when this returns it is on the disk.
+
+        When it raises, nothing has changed. Only an interruption (Ctrl+C) may come after it was
+        added.
 
         used=False records an answer that comparators are not to learn from. metadata: any JSON,
         such as a time. Raises ValueError on another number of levels or metadata that is no JSON,
@@ -229,37 +237,49 @@ class AnswerLog(Closing):
         self._put("answered", {**_fields_of(answer.query), **told}, metadata)
 
     def append_asked(self, query: Query, swapped: bool = False, **metadata: Any) -> None:
-        """Record that a question is put to the tutor, perhaps right to left. metadata: any JSON,
-        such as the words shown. Raises like ``append``."""
+        """Record that a question is put to the tutor, perhaps right to left.
+
+        metadata: any JSON, such as the words shown. Raises like ``append``.
+        """
         self._put("asked", {**_fields_of(query), "swapped": bool(swapped)}, metadata)
 
     def retract(self, id: str, **metadata: Any) -> None:
-        """Take back all answers so far to the query of this id, by adding a line: they stay in the
-        log, marked, but are no longer among ``answers()``. metadata: any JSON, such as the reason.
-        Raises ValueError where no answer of this id stands, and otherwise like ``append``."""
+        """Take back all answers so far to the query of this id, by adding a line.
+
+        They stay in the log, marked, but are no longer among ``answers()``. metadata: any JSON,
+        such as the reason. Raises ValueError if no answer of this id stands, and otherwise like
+        ``append``.
+        """
         self._put("withdrawn", {"id": id}, metadata)
 
     def mark_unused(self, id: str, **metadata: Any) -> None:
-        """Record that comparators do not learn from the last used answer to the query of this id,
-        because it contradicts others, say. metadata: any JSON, added to the answer's. Raises
-        ValueError where there is none, and otherwise like ``append``."""
+        """Record that comparators do not learn from the last used answer to this query.
+
+        It may contradict others. metadata: any JSON, added to the answer's. Raises ValueError if
+        there is none, and otherwise like ``append``.
+        """
         self._put("unused", {"id": id}, metadata)
 
     def mark_used(self, id: str, **metadata: Any) -> None:
-        """Record that comparators learn from the last answer of this id that stands unused, because
-        what it contradicted was withdrawn, say. Otherwise like ``mark_unused``."""
+        """Record that comparators learn from the last answer of this id that stands unused.
+
+        What it contradicted may have been withdrawn. Otherwise like ``mark_unused``.
+        """
         self._put("used", {"id": id}, metadata)
 
     def mark_restart(self, **metadata: Any) -> None:
-        """Record that whoever asks begins anew, knowing what stands so far. Raises like
-        ``append``.
+        """Record that whoever asks begins anew, knowing what stands so far.
+
+        Raises like ``append``.
         """
         self._put("restarted", {}, metadata)
 
     def answers(self) -> Answers:
-        """Return the answers that a comparator learns from: used, not taken back, without "cannot
-        tell", in order. Raises ValueError for an empty log that does not know its number of
-        levels."""
+        """Return the answers that a comparator learns from, in order.
+
+        These were used, not taken back, and are no "cannot tell". Raises ValueError for an empty
+        log that does not know its number of levels.
+        """
         if self.k is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
         return Answers.of([entry.answer for entry in self if entry.used], self.k)
@@ -326,9 +346,11 @@ class AnswerLog(Closing):
             self._finish()
 
     def _finish(self) -> None:
-        """Take in the event under way once it is on the disk. To do so twice comes to the same as
-        once, for an interruption may come at any line: so whoever reads what the log holds does
-        this first."""
+        """Take in the event under way once it is on the disk.
+
+        To do so twice comes to the same as once, for an interruption may come at any line: so
+        whoever reads what the log holds does this first.
+        """
         doing = self._doing
         if doing is not None and (self._file is None or self._file.kept == doing.lines.kept):
             doing.change()
@@ -368,7 +390,9 @@ class AnswerLog(Closing):
         self, event: str, fields: dict[str, Any], metadata: dict[str, Any]
     ) -> Callable[[], None]:
         """Apply a parsed event to this log, once it is on the disk; applying it twice does no harm.
-        Raises ValueError, TypeError or KeyError where it is none, or cannot come next."""
+
+        Raises ValueError, TypeError or KeyError where it is none, or cannot come next.
+        """
         if event == "restarted":
             return self._restart
         if event == "withdrawn":
@@ -405,8 +429,9 @@ class AnswerLog(Closing):
 
 
 def _as_path(path: object) -> Path:
-    """Return a path given as text or as a path. Raises TypeError that says what to write in place
-    of anything else.
+    """Return a path given as text or as a path.
+
+    Raises TypeError that says what to write in place of anything else.
     """
     try:
         return Path(path)  # type: ignore[arg-type]
@@ -452,8 +477,9 @@ def _entry(query: Query, fields: Mapping[str, Any], metadata: Mapping[str, Any])
 
 
 def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """The entries, by their place, that a withdrawal changes. Raises ValueError where it takes back
-    nothing.
+    """The entries, by their place, that a withdrawal changes.
+
+    Raises ValueError where it takes back nothing.
     """
     mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
     if all(entry.retracted for entry in mine.values()):
@@ -471,8 +497,9 @@ def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[i
 
 
 def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """The last entry of this id that is to be marked used, or unused. Raises ValueError where there
-    is none.
+    """The last entry of this id that is to be marked used, or unused.
+
+    Raises ValueError where there is none.
     """
     for i in reversed(range(len(entries))):
         entry = entries[i]

@@ -19,8 +19,9 @@ _FAR = 1 << 30  # where Windows locks a byte: there nobody reads, whom it would 
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of a regular file. Raises BadLog for any other file, FileNotFoundError and
-    other OSErrors.
+    """Return the content of a regular file.
+
+    Raises BadLog for any other file, FileNotFoundError and other OSErrors.
     """
     check_regular(path, path.stat().st_mode)
     return path.read_bytes()
@@ -38,8 +39,10 @@ def check_regular(path: Path, mode: int) -> None:
 
 
 class LogFile:
-    """A regular file, open for appending, and locked until it is closed (or let go of, or the
-    process ends). A new one can be read by its owner only.
+    """A regular file, open for appending, and locked.
+
+    The lock ends when it is closed (or let go of, or the process ends). A new file can be read by
+    its owner only.
 
     Raises BadLog for any other file; BlockingIOError, which names the process if it can, where
     another one has the lock; OSError where the file cannot be written.
@@ -86,9 +89,11 @@ class LogFile:
         return self._kept
 
     def append(self, data: bytes) -> None:
-        """Add to the end; when this returns it is on the disk, and when it raises the file ends
-        where it did. Raises ValueError where it was closed, BadLog if someone else wrote to it,
-        OSError if writing fails."""
+        """Add to the end; when this returns it is on the disk.
+
+        When it raises, the file ends where it did. Raises ValueError if it was closed, BadLog if
+        someone else wrote to it, OSError if writing fails.
+        """
         if self._file.closed:
             raise ValueError(f"the log {self._path} was closed: open it again to go on")
         self._check_mine()
@@ -112,8 +117,9 @@ class LogFile:
             raise
 
     def _check_mine(self) -> None:
-        """Raise BadLog where the file is not as it was left: not every program asks for the
-        lock.
+        """Raise BadLog if the file is not as it was left.
+
+        Not every program asks for the lock.
         """
         mine = os.fstat(self._file.fileno())
         try:
@@ -140,8 +146,10 @@ def _open_private(path: str, flags: int) -> int:
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Hold the file until it is closed, or the process is gone. On a file system without locks each
-    append still notices that another one came between."""
+    """Hold the file until it is closed, or the process is gone.
+
+    On a file system without locks each append still notices that another one came between.
+    """
     try:
         if sys.platform == "win32":
             file.seek(_FAR)

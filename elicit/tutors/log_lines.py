@@ -1,5 +1,6 @@
-"""The text of an answer log: JSON lines, each ending in a checksum that chains it to the line
-before.
+"""The text of an answer log: JSON lines, each ending in a checksum.
+
+The checksum chains it to the line before.
 
 So a bit that flips, a line that is edited, left out or moved is noticed when the log is read; not
 so whole lines that are missing at the end. A checksum is against accidents: whoever means to forge
@@ -37,8 +38,11 @@ class BadLog(ValueError):
 
 
 def json_of(fields: Mapping[str, Any], what: str) -> bytes:
-    """One line of JSON, without its end; Python writes floats so that they read back to the last
-    bit. Raises ValueError where ``what`` is no JSON."""
+    """Return one line of JSON, without its end.
+
+    Python writes floats so that they read back to the last bit. Raises ValueError if ``what`` is no
+    JSON.
+    """
     try:
         return json.dumps(fields, allow_nan=False).encode("ascii")
     except (TypeError, ValueError) as error:
@@ -46,8 +50,9 @@ def json_of(fields: Mapping[str, Any], what: str) -> bytes:
 
 
 def with_check(text: bytes, before: str) -> tuple[bytes, str]:
-    """A line of this JSON object after a line with the checksum ``before``, and its own
-    checksum.
+    """Return a line of this JSON object, and its checksum.
+
+    It follows a line with the checksum ``before``.
     """
     body = text[:-1]
     check = _digest(before.encode("latin-1") + body)
@@ -73,8 +78,9 @@ class Lines:
 
 
 def parse(data: bytes, path: Path) -> Lines:
-    """Return the lines of a file, up to the first damaged one. A last line that was never finished
-    is no damage.
+    """Return the lines of a file, up to the first damaged one.
+
+    A last line that was never finished is no damage.
 
     Raises BadLog where the header is none.
     """
@@ -126,9 +132,7 @@ def damage(
 
 
 def _check_after(line: bytes, before: str) -> str | None:
-    """Return a line's checksum if it is the one that has to stand there after the checksum
-    ``before``, else None.
-    """
+    """Return a line's checksum if it is the one that belongs after ``before``, else None."""
     text, check = with_check(line[:-_END] + b"}", before)
     return check if text[:-1] == line else None
 
@@ -138,8 +142,11 @@ def _digest(data: bytes) -> str:
 
 
 def _is_torn(line: bytes, first: bool) -> bool:
-    """Whether an unfinished last line is what a crash leaves. No proper beginning of a JSON object
-    holds a whole one: where there is one, what follows it was a line feed once."""
+    """Return whether a crash may have left an unfinished last line.
+
+    No proper beginning of a JSON object holds a whole one: where there is one, what follows it was
+    a line feed once.
+    """
     text = line.decode("utf-8", "replace")
     with suppress(ValueError):
         if isinstance(json.JSONDecoder().raw_decode(text)[0], dict):

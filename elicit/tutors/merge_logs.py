@@ -9,9 +9,10 @@ from elicit.tutors.log_lines import BadLog
 
 
 def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
-    """Write all answers of the logs to a new file, one log after the other, but once where two are
-    copies of the same; the withdrawn ones come first, so that they take back no other's. What was
-    asked is left out.
+    """Write all answers of the logs to a new file, one log after the other.
+
+    Answers of which two are copies of the same are written once. Withdrawn ones come first, so that
+    they take back no other's. What was asked is left out.
 
     Raises BadLog where the headers differ, ValueError for no logs, FileExistsError, OSError.
     """
@@ -41,7 +42,7 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
 
 
 def _name_of(entry: Entry) -> str:
-    """The same for copies of one entry, and for nothing else."""
+    """Return a name that copies of one entry share, and nothing else."""
     query = entry.answer.query
     told = (
         query.id,

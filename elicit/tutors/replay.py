@@ -16,8 +16,9 @@ class NotInLog(LookupError):
 
 
 class ReplayTutor:
-    """Answers from a log: by query id, else by pair (the same difference but for rounding, or its
-    opposite).
+    """Answers from a log, by query id, else by pair.
+
+    A pair is the same difference but for rounding, or its opposite.
 
     ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
     replayed too, what was retracted is not. A pair answered several times is replayed in the order
@@ -77,7 +78,7 @@ class ReplayTutor:
         )
 
     def _ways(self, query: Query) -> NDArray[np.int8]:
-        """Which answers (n,) are about the query's pair: 1, or -1 where it is exchanged, else 0."""
+        """Return which answers (n,) are about the query's pair: 1, -1 if exchanged, else 0."""
         found, k = np.zeros(len(self._answers), np.int8), len(query.left)
         if k in self._rows:
             found[self._rows[k]] = same_pairs(tail_sums(query.d), self._sums[k])

@@ -31,7 +31,8 @@ class _Simulated:
     """The hidden scale, the exact truth about a pair, the errors, and how many were made.
 
     An erring one draws one number in [0, 1) for each asking of a pair: an error where it is below
-    the error probability."""
+    the error probability.
+    """
 
     _kind = kernel.TRUTHFUL
     _rate_name = ""  # of the error law's parameter
@@ -66,8 +67,10 @@ class _Simulated:
 
     @property
     def realised_error_rate(self) -> float:
-        """Wrong answers as a share of all answers given so far; nan before the first. To call
-        either of two exactly equal vectors better is not wrong."""
+        """Wrong answers as a share of all answers given so far; nan before the first.
+
+        To call either of two exactly equal vectors better is not wrong.
+        """
         given, wrong = int(self._tally[kernel.GIVEN]), int(self._tally[kernel.WRONG])
         return wrong / given if given else float("nan")
 
@@ -76,8 +79,9 @@ class _Simulated:
         return Answer(query, Verdict(int(self.signs(query.d)[0])))
 
     def signs(self, d: ArrayLike) -> Signs:
-        """Answers (n,) int8 in {-1, 0, +1} to differences d (n, k), in order; each row counts as
-        one asking.
+        """Return answers (n,) int8 in {-1, 0, +1} to differences d (n, k), in order.
+
+        Each row counts as one asking.
 
         The same as n calls, but faster. Raises ValueError on a wrong shape or numbers that are not
         finite.
@@ -94,9 +98,11 @@ class _Simulated:
 
     @property
     def respondent(self) -> Respondent:
-        """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask
-        for it anew whenever it has come back UNSETTLED. Nobody, for one that answers in a way of
-        its own."""
+        """The tutor as plain arrays, for compiled loops; what it says there is counted here.
+
+        Ask for it anew whenever it has come back UNSETTLED. Nobody, for one that answers in a way
+        of its own.
+        """
         kind = type(self)
         ours = (
             kind.signs is _Simulated.signs
@@ -128,8 +134,9 @@ class _Simulated:
 
 
 class TruthfulTutor(_Simulated):
-    """Always right: answers the exact sign of d.e, and 0 (EQUAL) where |d.e| <= ``tie``, which is 0
-    by default.
+    """A tutor that never errs: it answers the exact sign of d.e.
+
+    It says 0 (EQUAL) if |d.e| <= ``tie``, which is 0 by default.
 
     values (k,) is the hidden scale, increasing, in any unit; tie a share of its range, at least 0
     and below 1. Exact means: for the float numbers ``tail_sums(d)`` and ``gaps(values)``, the sign
@@ -163,17 +170,21 @@ class FlippingTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> FlippingTutor:
-        """A tutor whose expected error rate over the differences ``reference`` (n, k) is ``rate``:
-        its error rate is just that, raised only to make up for exact ties among them. Raises
-        ValueError unless 0 < rate < 1/2 and the reference allows it."""
+        """Return a tutor of a given expected error rate over the differences ``reference`` (n, k).
+
+        Its error rate is ``rate``, raised only to make up for exact ties among them. Raises
+        ValueError unless 0 < rate < 1/2 and the reference allows it.
+        """
         size = _reference_sizes(values, rate, reference)
         return cls(values, rate / float(np.mean(size > 0)), seed)
 
 
 class BradleyTerryTutor(_Simulated):
-    """Eq. (6): says left is better with probability 1 / (1 + exp(-precision * d.e)); with a ``tie``
-    w > 0, by Rao and Kupper (1967), left with 1 / (1 + exp(-precision * (d.e - w))), right
-    likewise, and EQUAL otherwise.
+    """A tutor that errs by eq. (6).
+
+    It says left is better with probability 1 / (1 + exp(-precision * d.e)). With a ``tie`` w > 0 it
+    follows Rao and Kupper (1967): left with 1 / (1 + exp(-precision * (d.e - w))), right likewise,
+    and EQUAL otherwise.
 
     values (k,) increasing, in any unit; ``precision`` >= 0 is the paper's c in logits per unit of
     d.e, with the scale normalised to 0..1; seed an int, SeedSequence, Generator, or None for a new
@@ -194,8 +205,10 @@ class BradleyTerryTutor(_Simulated):
         super().__init__(values, seed, self.precision, tie)
 
     def expected_error_rate(self, reference: ArrayLike) -> float:
-        """The share of the differences ``reference`` (n, k) that this tutor is expected to answer
-        wrongly, if he calls none equal; exact ties count as answered rightly."""
+        """Return the expected share of wrong answers to the differences ``reference`` (n, k).
+
+        It assumes that none is called equal. Exact ties count as answered rightly.
+        """
         size = _sizes(self._g, reference)
         return float(np.where(size > 0, expit(-self.precision * size), 0.0).mean())
 
@@ -203,8 +216,7 @@ class BradleyTerryTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> BradleyTerryTutor:
-        """The tutor whose expected error rate over the differences ``reference`` (n, k) is
-        ``rate``.
+        """Return the tutor of expected error rate ``rate`` over differences ``reference`` (n, k).
 
         Exact ties in the reference count as answered rightly. Raises ValueError unless
         0 < rate < 1/2 and the reference allows it.
@@ -227,8 +239,9 @@ class BradleyTerryTutor(_Simulated):
 
 
 def _truth(t: Floats, g: Floats) -> tuple[int, float]:
-    """The exact sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g| in floats: 0 at a tie
-    and nowhere else.
+    """Return the exact sign of t.g, and |t.g| in floats.
+
+    t (p,) are tail sums and g (p,) gaps; it is 0 at a tie and nowhere else.
     """
     sign, size = kernel.truth(t, g)
     if sign != UNSETTLED:

@@ -48,8 +48,10 @@ def nobody() -> Respondent:
 
 @compiled
 def truth(t: Any, g: Any) -> tuple[int, float]:
-    """The sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g|; UNSETTLED where the sum is
-    so near to 0, or so large, that its rounding leaves the sign open."""
+    """Return the sign of t.g, of tail sums t (p,) and gaps g (p,), and its size.
+
+    The sign is UNSETTLED if the sum is so near to 0, or so large, that its rounding leaves it open.
+    """
     at, size = 0.0, 0.0
     for j in range(len(t)):
         part = t[j] * g[j]
@@ -67,7 +69,7 @@ def truth(t: Any, g: Any) -> tuple[int, float]:
 
 @compiled
 def place_of(code: Any, pairs: Any) -> int:
-    """Where a pair's hash is in the table, or the free place where it belongs."""
+    """Return the place of a pair's hash in the table, or the free place for it."""
     last = len(pairs) - 1  # the length is a power of two
     i = np.int64(code & np.uint64(last))
     while pairs[i] != code and pairs[i] != np.uint64(0):
@@ -86,16 +88,18 @@ def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
 
 @compiled
 def chance(size: float, precision: float) -> float:
-    """Of a logistic error: 1 / (1 + exp(precision |d.e|)), of |d.e| plus the width of ties where
-    there are any.
+    """Return the probability of a logistic error: 1 / (1 + exp(precision |d.e|)).
+
+    The width of ties is added to |d.e| if there are any.
     """
     return 1.0 / (1.0 + math.exp(max(min(precision * size, 700.0), -700.0)))
 
 
 @compiled
 def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
-    """What the tutor says of a pair with tail sums t (p,), of which the truth is this sign and
-    size; counted as one asking. There must be room in the table."""
+    """Return the tutor's answer on a pair with tail sums t (p,), counted as one asking.
+
+    The truth is this sign and size. There must be room in the table."""
     tutor.tally[GIVEN] += 1
     if tutor.kind == TRUTHFUL:
         return sign if size > tutor.tie else 0
@@ -125,8 +129,10 @@ def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
 
 @compiled
 def respond(t: Any, tutor: Respondent) -> int:
-    """The answer to a pair with tail sums t (p,); UNSETTLED, and nothing counted, where the truth
-    needs exact arithmetic or the table room."""
+    """Return the answer to a pair with tail sums t (p,).
+
+    It is UNSETTLED, and nothing is counted, if the truth needs exact arithmetic or the table room.
+    """
     sign, size = truth(t, tutor.gaps)
     if sign == UNSETTLED or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
         return UNSETTLED
@@ -138,8 +144,10 @@ def respond(t: Any, tutor: Respondent) -> int:
 
 @compiled
 def respond_all(t: Any, first: int, answers: Any, tutor: Respondent) -> int:
-    """Answers (n,) to pairs with tail sums t (n, p), from row ``first`` on; returns the first row
-    left UNSETTLED, or n."""
+    """Write answers (n,) to pairs with tail sums t (n, p), from row ``first`` on.
+
+    Returns the first row left UNSETTLED, or n.
+    """
     for i in range(first, len(t)):
         said = respond(t[i], tutor)
         if said == UNSETTLED:

@@ -1,3 +1,4 @@
-"""Upper bounds on what a policy can lose, over all plausible scales. Imports from ``mdp`` and
-elicit.
+"""Upper bounds on what a policy can lose, over all plausible scales.
+
+Imports from ``mdp`` and elicit.
 """

@@ -1,5 +1,6 @@
-"""Upper bounds on very many differences at once, most of which a box around the plausible scales
-settles.
+"""Upper bounds on very many differences at once.
+
+A box around the plausible scales decides most of them.
 """
 
 import numpy as np
@@ -54,7 +55,8 @@ def _bounds_by_box(axes: Floats, reach: Floats, d: Floats) -> Floats:
     """Return upper bounds (n,) on d.e over a box of scales.
 
     ``axes`` (p, p) has orthonormal columns. ``reach`` (2p,) bounds the gaps along each of them,
-    then against each."""
+    then against each.
+    """
     p, high = len(axes), np.empty(len(d))
     # the axes are orthonormal only up to rounding, and so are the products below
     rounding = (

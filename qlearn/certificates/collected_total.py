@@ -16,8 +16,9 @@ def collected(
     start: Floats | None = None,
     within: float = 0.0,
 ) -> Floats:
-    """Return upper bounds on the discounted total of advantages that any policy collects from each
-    state.
+    """Return upper bounds on the discounted total of advantages that a policy collects.
+
+    There is one for each state that it starts from.
 
     Parameters
     ----------
@@ -51,7 +52,8 @@ def _greatest_total(mdp: OrdinalMDP, gain: Floats, start: Floats | None, within:
     """Return the greatest expected discounted total (S,) of gain (S, A), rounded up.
 
     Policy iteration proposes it, and a sweep certifies it. A gain of -inf marks an action that does
-    not exist. Terminal states gain nothing."""
+    not exist. Terminal states gain nothing.
+    """
     live, ends = ~mdp.terminal, np.zeros(mdp.n_states)
     gain = np.where(live[:, None], gain, 0.0)
     if start is None:

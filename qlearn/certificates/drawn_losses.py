@@ -1,6 +1,4 @@
-"""A policy's loss under drawn scales, and the quantile of it that a comparator's confidence asks
-for.
-"""
+"""A policy's loss under drawn scales, and its quantile at a comparator's confidence."""
 
 from __future__ import annotations
 
@@ -64,7 +62,8 @@ def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
     """Return the greatest d.e, at least 0, of differences d (n, k) under scales of gaps (p, m).
 
     The maximum is over the differences for axis 0 and over the scales for axis 1. The n times m
-    products are never in memory all at once."""
+    products are never in memory all at once.
+    """
     found, step = np.zeros((gaps.shape[1], len(d))[axis]), max(1, NUMBERS // gaps.shape[1])
     for start in range(0, len(d), step):
         scores = product(tail_sums(d[start : start + step]), gaps).max(axis=axis)
@@ -74,8 +73,9 @@ def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
 
 
 def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
-    """Return the least entry of x (m,) such that the larger ones weigh at most ``spare``; 0 if x is
-    empty.
+    """Return the least entry of x (m,) such that the larger ones weigh at most ``spare``.
+
+    It is 0 if x is empty.
     """
     order = np.argsort(-x, kind="stable")
     above = np.cumsum(weights[order])
@@ -84,8 +84,9 @@ def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
 
 
 class _Game(NamedTuple):
-    """The scalar MDP whose rewards are advantages. Its rows are the alternatives of live states,
-    sorted by state.
+    """The scalar MDP whose rewards are advantages.
+
+    Its rows are the alternatives of live states, sorted by state.
     """
 
     chain: sparse.csr_array  # (n, S) transitions of the alternatives
@@ -111,12 +112,14 @@ class _Game(NamedTuple):
     def losses(
         self, gain: Floats, target: float, weights: Floats, room: float, small: float
     ) -> tuple[Floats, Floats]:
-        """Return lower and upper bounds (b,) on the greatest total of gains (n, b), over all
-        states.
+        """Return lower and upper bounds (b,) on the greatest total of gains (n, b).
+
+        The greatest is taken over all states.
 
         They come from sweeps that start at zero, with MacQueen's (1966) bounds. The sweeps end when
         each pair of bounds lies on one side of the target, or below ``small``, or within a
-        hundredth of each other, or when more weight than ``room`` certainly exceeds the target."""
+        hundredth of each other, or when more weight than ``room`` certainly exceeds the target.
+        """
         b = gain.shape[1]
         total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)
         low, high = np.zeros(b), np.full(b, np.inf)

@@ -1,5 +1,6 @@
-"""Drawn scales of a comparator: those that its bounds depend on, and those by which questions are
-chosen.
+"""Drawn scales of a comparator.
+
+Its bounds may depend on them, and questions are chosen by them.
 """
 
 import numpy as np
@@ -12,7 +13,8 @@ from elicit.model.comparator import Comparator, draws_in, trusted_share
 def drawn_set(comparator: Comparator) -> tuple[Draws, float] | None:
     """Return a comparator's draws and the share of their weight under which its bounds hold.
 
-    None if its bounds do not rest on draws."""
+    None if its bounds do not depend on draws.
+    """
     level = trusted_share(comparator)
     draws = None if level is None else draws_in(comparator)
     return None if level is None or draws is None else (Draws(*draws), level)

@@ -1,5 +1,4 @@
-"""How much a policy can still lose, whatever the plausible scale: an upper bound, and the
-confidence in it.
+"""Upper bound on a policy's loss over all plausible scales, and the confidence in it.
 
 For any V (S, k) let A(s, a) = Q(s, a) - V(s), a difference of share vectors. Under a scale e the
 optimum exceeds V.e by the greatest discounted total of A.e that a policy can collect: a scalar MDP
@@ -55,8 +54,9 @@ class Guarantee(NamedTuple):
 
 
 def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Guarantee:
-    """Return an upper bound on what a policy loses from any state, over all scales that a
-    comparator holds plausible.
+    """Return an upper bound on what a policy loses from any state.
+
+    It holds over all scales that a comparator holds plausible.
 
     It reads the MDP's transition probabilities.
 
@@ -80,9 +80,7 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
 
 
 def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
-    """Return whether no plausible scale lets ``policy`` (S,) lose more than this share of the value
-    range.
-    """
+    """Return whether no plausible scale lets ``policy`` (S,) lose more than ``max_loss``."""
     return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
 
 
@@ -92,7 +90,8 @@ def guarantee(
 ) -> Guarantee:
     """Return the loss bound of the policy that has these advantages.
 
-    If ``enough`` is given, the bound may be inf whenever it exceeds that."""
+    If ``enough`` is given, the bound may be inf whenever it exceeds that.
+    """
     drawn = drawn_set(comparator)
     if drawn is not None:
         draws, level = drawn

@@ -1,6 +1,4 @@
-"""The command ``qlearn figures``: the paper's two series, its three figures, and its claims with
-intervals.
-"""
+"""The command ``qlearn figures``: the paper's series, figures, and claims with intervals."""
 
 from __future__ import annotations
 

@@ -143,8 +143,9 @@ def export(files: list[Path], out: Path | None) -> int:
 
 
 def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
-    """Return what stands in a log before any damage, and what is wrong with it; None where it is
-    none at all.
+    """Return what stands in a log before any damage, and what is wrong with it.
+
+    None if it is no log at all.
     """
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.log_lines import BadLog

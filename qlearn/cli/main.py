@@ -10,8 +10,9 @@ from qlearn.cli.options import without
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line (default: ``sys.argv``) and return the exit code. Bad options end in
-    SystemExit(2).
+    """Run the command line (default: ``sys.argv``) and return the exit code.
+
+    Bad options end in SystemExit(2).
     """
     parser = argparse.ArgumentParser(
         "qlearn", description="Reinforcement learning with ordinal rewards and a tutor."

@@ -1,6 +1,4 @@
-"""The parts that commands share: options from settings, a progress bar, what is written, and how
-failure is said.
-"""
+"""The parts that commands share: options, a progress bar, output, and failures."""
 
 from __future__ import annotations
 
@@ -32,9 +30,11 @@ def fail(message: str) -> int:
 def add_command(
     command: Any, run: Callable[..., int], settings: type[Settings], quick: Any, folder: str
 ) -> Any:
-    """Make an argparse parser that of a command: where to, how many processes, whether to start
-    over; and the settings by their groups, left out where they are not given. Returns its group of
-    presets, which has the ``quick`` one."""
+    """Make an argparse parser that of a command, and return its group of presets.
+
+    It takes where to write, how many processes, whether to start over, and the settings by their
+    groups, left out if they are not given. The group has the ``quick`` preset.
+    """
     command.set_defaults(command=run, settings=settings, preset={})
     command.add_argument(
         "--out",
@@ -78,8 +78,9 @@ def add_preset(presets: Any, name: str, settings: dict[str, Any], text: str) -> 
 
 
 def without(error: ModuleNotFoundError) -> int:
-    """Say which package of the extra is missing; returns the exit code. Raises the error where it
-    is none of them.
+    """Say which package of the extra is missing; returns the exit code.
+
+    Raises the error where it is none of them.
     """
     if (error.name or "").split(".")[0] not in EXTRAS:
         raise error
@@ -89,9 +90,11 @@ def without(error: ModuleNotFoundError) -> int:
 def frame_of(
     name: str, runs: Callable[..., Any], keys: Sequence[str], out: Path
 ) -> tuple[Any, int]:
-    """The frame of all runs, or of those finished before Ctrl-C, and the exit code; None for the
-    frame where there is nothing to show. With a bar, and in the directory ``out`` with a journal,
-    runs.csv, and times.csv by these keys."""
+    """Return the frame of all runs, or of those finished before Ctrl-C, and the exit code.
+
+    None stands for the frame if there is nothing to show. It shows a bar, and writes into the
+    directory ``out`` a journal, runs.csv, and times.csv by these keys.
+    """
     from qlearn.experiments.parallel import Interrupted
 
     try:  # before the runs, not after minutes of them
@@ -167,8 +170,9 @@ def number_parser(check: Number) -> Callable[[str], float]:
 
 
 def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
-    """An argparse type: a name of ours, or the user's own, whose module is looked for in the
-    current directory too.
+    """Return an argparse type: a name of ours, or the user's own.
+
+    The module of the latter is looked for in the current directory too.
     """
 
     def parse(text: str) -> Any:
@@ -187,8 +191,9 @@ def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
 
 
 def _progress_bar(name: str) -> tuple[Any, Callable[[int, int], None]]:
-    """A bar that counts runs on the error stream of a terminal, and what moves it to (finished, in
-    all).
+    """Return a bar that counts runs on the error stream of a terminal, and its mover.
+
+    The mover takes (finished, in all).
     """
     from tqdm import tqdm
 

@@ -26,7 +26,7 @@ _DAYS = Number(int, lambda n: n >= 2, "a whole number of at least 2")
 
 
 class PageOptions(TypedDict):
-    """Where a browser finds the questions, if ``web`` is given."""
+    """The address at which a browser finds the questions, if ``web`` is given."""
 
     web: bool
     port: int

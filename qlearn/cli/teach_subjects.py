@@ -1,5 +1,6 @@
-"""Subjects that a person can teach: an MDP's scale, or the choice among the alternatives of a CSV
-file.
+"""Subjects that a person can teach.
+
+They are an MDP's scale, or the choice among the alternatives of a CSV file.
 """
 
 from __future__ import annotations
@@ -35,8 +36,9 @@ _MOST_STATES = 12  # that are listed
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """A subject; make: makes whoever asks, from what it is to know; header: what the log must
-    say.
+    """A subject, how its asker is made, and the header of its log.
+
+    ``make`` takes what was answered before.
     """
 
     subject: Subject
@@ -47,8 +49,11 @@ class Taught:
 def taught_by(
     problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float
 ) -> Taught:
-    """Return the subject of "icu-sepsis", "random", a function of the user's, or the path of a CSV
-    file. Raises ValueError, ImportError and OSError that say what is wrong with it."""
+    """Return the subject of a problem's name, a user's function, or the path of a CSV file.
+
+    The names are "icu-sepsis" and "random". Raises ValueError, ImportError and OSError that say
+    what is wrong with it.
+    """
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed)
     mdp, words, legend = _mdp(problem, seed)
@@ -115,8 +120,9 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
 
 
 def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Result) -> list[str]:
-    """Return sentences on what the policy can lose, and where it differs from that of equal gaps
-    between the levels.
+    """Return sentences on what the policy can lose, and where it differs.
+
+    It is compared with the policy of equal gaps between the levels.
     """
     bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
     lines = [
@@ -232,10 +238,12 @@ def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:
 
 
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
-    """The labels (k) of the levels, worst first, the names (n) and the vectors (n, k) of the
-    alternatives in a CSV file: a header of whatever stands over the names and the k labels, then a
-    row each. Raises ValueError that names the line, also where the totals differ or a number is
-    below 0; OSError."""
+    """Return labels (k), names (n) and vectors (n, k) of the alternatives in a CSV file.
+
+    The header has any word over the names, and the k labels, worst first; each row has a name and
+    its numbers. Raises ValueError that names the line, also if the totals differ or a number is
+    below 0; OSError.
+    """
     with open(path, encoding="utf-8-sig", newline="") as text:
         try:
             rows = [(n, cells) for n, cells in _rows(csv.reader(text, strict=True)) if any(cells)]

@@ -114,8 +114,9 @@ class Terminal:
         return self._read({}, "quit", _KEYS)
 
     def _why(self, screen: dict[str, Any]) -> None:
-        """Why the question is asked, and how many come after it, as far as that was computed
-        meanwhile.
+        """Say why the question is asked, and how many come after it.
+
+        It says as much as was computed meanwhile.
         """
         if screen["stage"] == "practice":
             self._say("To try the keys.")
@@ -175,8 +176,9 @@ class Terminal:
         return self._interview.handle({"do": do, **parts})
 
     def _read(self, more: dict[str, str], at_end: str, keys: str) -> str:
-        """The next line that means something; ``at_end`` where there are no more; keys: what is
-        said of others.
+        """Return the next line that means something.
+
+        ``at_end`` is returned if there are no more; keys: what is said of others.
         """
         while True:
             print("> ", end="", flush=True)
@@ -194,8 +196,9 @@ class Terminal:
                 self._say(f"{said[:40]!r} is no answer here. {keys}")
 
     def _say(self, text: str) -> None:
-        """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its
-        ends stay.
+        """Print a paragraph, wrapped.
+
+        Further lines of an item ("  - ...") are indented; empty lines at its ends stay.
         """
         before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
         item = len(text) - len(text.lstrip(" -"))
@@ -214,8 +217,9 @@ def _answers(n: int) -> str:
 
 
 def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[str]:
-    """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with
-    its interval.
+    """Return lines that say what each level is worth, with its interval.
+
+    The best level comes first, values run from 0 to 100, and lines have at most so many columns.
     """
     name = min(max(len(row.label) for row in rows), width - 20)
     bar = min(_BAR, width - name - 22)

@@ -22,8 +22,9 @@ Env = gym.Env[Any, Any]
 
 
 class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
-    """An environment whose reward is made of its steps' levels, which ``info["level"]`` then
-    holds.
+    """An environment whose reward is made of its steps' levels.
+
+    ``info["level"]`` then holds the level.
     """
 
     def __init__(self, env: Env, levels: Levels) -> None:
@@ -130,8 +131,9 @@ class ByValues:
 
 
 class OrdinalReward(ByValues, LevelRewarded[float]):
-    """An environment whose reward is the value of each step's level, so that any library can train
-    on it.
+    """An environment whose reward is the value of each step's level.
+
+    Any library can train on it.
 
     The discounted sum of an episode's rewards is its share vector times ``values``, exactly.
     ``info["level"]`` has the level. The ``values`` may be set anew at any time.
@@ -169,6 +171,7 @@ class OrdinalReward(ByValues, LevelRewarded[float]):
     def __new__(
         cls, env: Any = None, *given: Any, **settings: Any
     ) -> Any:  # copying calls it without arguments
+        """Return the wrapper for ``env``, which may be a vector of environments."""
         if isinstance(env, VectorEnv):
             return OrdinalRewardVector(env, *given, **settings)
         return super().__new__(cls)
@@ -185,8 +188,9 @@ class OrdinalRewardVector(ByValues, LevelRewardedVector):
 
 
 class LevelVector(LevelRewarded[Floats]):
-    """An environment whose reward is a vector (k,), as in MO-Gymnasium: 1 at the step's level, else
-    0.
+    """An environment whose reward is a vector (k,), as in MO-Gymnasium.
+
+    It is 1 at the step's level, else 0.
 
     With a ``discount`` the discounted sum of the vectors is the episode's share vector, which
     totals 1 when it ends. MO-Gymnasium's ``LinearReward`` with the values for weights then gives
@@ -211,6 +215,7 @@ class LevelVector(LevelRewarded[Floats]):
     def __new__(
         cls, env: Any = None, *given: Any, **settings: Any
     ) -> Any:  # copying calls it without arguments
+        """Return the wrapper for ``env``, which may be a vector of environments."""
         if isinstance(env, VectorEnv):
             return LevelVectorVector(env, *given, **settings)
         return super().__new__(cls)

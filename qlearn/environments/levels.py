@@ -77,15 +77,17 @@ class Levels:
 
     @property
     def during(self) -> Floats:
-        """The count (k, k) of a step at each level towards the shares, while the episode goes
-        on.
+        """Return the count (k, k) of a step at each level towards the shares.
+
+        The episode goes on after it.
         """
         return np.eye(self.k) * (1.0 if self.discount is None else 1.0 - self.discount)
 
     @property
     def ending(self) -> Floats | None:
-        """The count (k, k) of a step that terminates the episode, or None if no lasting level is
-        given.
+        """Return the count (k, k) of a step that terminates the episode.
+
+        None if no lasting level is given.
         """
         if self.discount is None or self.after == "last":
             return np.eye(self.k)

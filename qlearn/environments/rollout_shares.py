@@ -31,8 +31,9 @@ class RolloutShares(NamedTuple):
 
 
 def error_of_unseen(episodes: int) -> float:
-    """Return the least standard error of a share measured in so many episodes, however alike they
-    are.
+    """Return the least standard error of a share measured in so many episodes.
+
+    It holds however alike they are.
 
     An outcome of probability p shows in none of n episodes with probability (1 - p)^n. As long as
     that exceeds 0.27%, it cannot be excluded, and a share may be off by p. So ``STANDARD_ERRORS``

@@ -1,5 +1,6 @@
-"""The comparator ablation: comparators x learners x tutors x problems x seeds, every cell with the
-same random numbers.
+"""The comparator ablation: comparators x learners x tutors x problems x seeds.
+
+Every cell has the same random numbers.
 
 A seed fixes the MDP, the hidden values, the learner's exploration and transitions, the tutor's
 errors and the resamples of the comparator, so that runs of one seed differ by what is compared and
@@ -40,8 +41,9 @@ def ablate(
     progress: Callable[[int, int], None] | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Run every cell and return one row a run, in the order of ``KEYS``, with the seconds it took
-    in the last column.
+    """Run every cell and return one row a run, in the order of ``KEYS``.
+
+    The last column has the seconds that the run took.
 
     ``changes`` are fields of ``AblationSettings`` by name, in place of those of ``settings``
     (default: the defaults).
@@ -66,8 +68,8 @@ def ablate(
                   differences (n, k) of an optimal policy's choices, to set noise by. They come
                   beside the tutors of ``error_rates``, with their names in the column
                   ``error_rate``. Where a tutor does not count its errors they are counted here. Our
-                  comparators take it that she may call equal what lies within .01 (``tie``); of
-                  ours they know better
+                  comparators assume that the tutor may call equal what lies within .01 (``tie``);
+                  of ours they know better
     learners      factory(mdp, comparator, seed) -> Learner, with settings of its own, the budget
                   included. They have no audited runs and no oracle: their excess loss is that
                   beyond the best policy

@@ -1,4 +1,4 @@
-"""What a person looks at after an ablation: one table to print and one figure."""
+"""The table and the figure of an ablation."""
 
 from __future__ import annotations
 
@@ -46,9 +46,11 @@ notes        with how many seeds the question budget was spent, or the limit of 
 def table(
     summary: pd.DataFrame, names: Mapping[str, str] | None = None, seeds: int | None = None
 ) -> str:
-    """The summary of ``ablation.summarise`` as text of at most 120 columns (if names of your own
-    are short), by problem and learner; ``LEGEND`` explains the columns. ``names`` overrides
-    ``NAMES``; ``seeds``: how many each row should have; those that have fewer say so."""
+    """Return the summary of ``ablation.summarise`` as text, by problem and learner.
+
+    It has at most 120 columns, if names of your own are short; ``LEGEND`` explains them. ``names``
+    overrides ``NAMES``; ``seeds``: how many each row should have; those that have fewer say so.
+    """
     parts = []
     for (problem, learner), part in summary.groupby(["problem", "learner"], sort=False):
         conflicts = {
@@ -74,11 +76,13 @@ def plot_ablation(
     names: Mapping[str, str] | None = None,
     seeds: int | None = None,
 ) -> Figure:
-    """For each problem and learner, two panels one above the other: questions asked, and true
-    policy loss against the optimal policy under the hidden values, by the tutor's error rate. A
-    line joins the error rates of a comparator; tutors of yours stand beside them, by name, and no
-    line joins them. With 95% t-intervals where there are three seeds or more: of two they would
-    hide all else. Hollow markers: the budget was spent in at least one run.
+    """Draw questions and true policy loss for each problem and learner.
+
+    There are two panels one above the other. The loss is that against the optimal policy under the
+    hidden values, by the tutor's error rate. A line joins the error rates of a comparator; tutors
+    of yours stand beside them, by name, and no line joins them. With 95% t-intervals if there are
+    three seeds or more: of two they would hide all else. Hollow markers: the budget was spent in at
+    least one run.
 
     ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws
     the budget, ``names`` overrides ``NAMES``, and where points have fewer runs than ``seeds`` the
@@ -154,15 +158,16 @@ def plot_ablation(
 
 
 def _highest(rows: pd.DataFrame) -> float:
-    """The greatest mean loss, or upper end of an interval that is drawn, as a share of the value
-    range.
+    """Return the greatest mean loss, or upper end of an interval that is drawn.
+
+    It is a share of the value range.
     """
     half = rows.loss_half.where(rows.runs > 2).fillna(0.0)
     return float((rows.loss + half).max())
 
 
 def _called(names: Mapping[str, str] | None, column: str, name: str) -> str:
-    """What a problem, learner or comparator is called; the user's own by their names."""
+    """Return the label of a problem, learner or comparator; the user's own by their names."""
     return (names or {}).get(name, NAMES[name] if name in ORDER[column] else name)
 
 
@@ -195,8 +200,10 @@ def _paths(
     looks: Mapping[str, Mapping[str, Any]],
     tutors: list[float | str],
 ) -> None:
-    """Draw the means of each comparator, a line through those of the error rates only. Intervals
-    stand beside each other, and none reaches below 0."""
+    """Draw the means of each comparator, a line through those of the error rates only.
+
+    Intervals stand beside each other, and none reaches below 0.
+    """
     for place, name in enumerate(looks):  # the same place in every panel
         if not (part.comparator == name).any():
             continue
@@ -269,7 +276,7 @@ def _cells(row: Any, conflict: str, seeds: int | None) -> dict[str, str]:
 
 
 def _conflict(row: Any) -> str:
-    """What became of a cell's audits."""
+    """Return the outcome of a cell's audits, in words."""
     if not row.contradicted:
         return "none"
     false = f", {int(row.audit_wrong)} false" if row.audit_wrong else ""

@@ -1,5 +1,6 @@
-"""The catalogue of comparators, learners and problems: name, factory and label of each, in the
-order of tables.
+"""The catalogue of comparators, learners and problems: name, factory and label.
+
+It is in the order of tables.
 
 ``ablate``, ``figures``, ``teach``, the pictures, ``warm_up`` and the documentation take their names
 and parts from here. Imports nothing heavy.
@@ -91,8 +92,9 @@ class ProblemEntry:
     taught: bool = False
 
     def instance(self, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
-        """Return the MDP and its hidden values (k,). An MDP that no seed changes is made once a
-        process.
+        """Return the MDP and its hidden values (k,).
+
+        An MDP that no seed changes is made once a process.
         """
         from qlearn.problems.random_mdp import draw_values, random_mdp
 

@@ -1,5 +1,6 @@
-"""What a function is, as a hash: so that a journal can tell a user's factory of today from that of
-yesterday.
+"""A hash of what a function is.
+
+By it a journal tells a user's factory of today from that of yesterday.
 """
 
 from __future__ import annotations
@@ -27,11 +28,13 @@ _INSTALLED = [
 
 
 def identity(thing: Any) -> str:
-    """A hash of a function, or of anything else that can be called, the same in every process while
-    nothing changes of its code, its defaults, what it closes over, and the functions, classes and
-    constants that it names, and so on from those: all but what is installed (or of Python itself,
-    or of elicit and qlearn), which goes by its name. What else it holds counts by its pickle; where
-    that cannot be had, the hash is another each time."""
+    """Return a hash of a function, or of anything else that can be called.
+
+    It is the same in every process while nothing changes of its code, its defaults, what it closes
+    over, and the functions, classes and constants that it names, and so on from those. Only what is
+    installed (or of Python itself, or of elicit and qlearn) goes by its name. What else it holds
+    counts by its pickle; if that cannot be had, the hash is another each time.
+    """
     digest = hashlib.blake2b(digest_size=16)
     for piece in _pieces(thing, {}):
         digest.update(f"{len(piece)} {piece}".encode("utf-8", "surrogatepass"))
@@ -39,9 +42,11 @@ def identity(thing: Any) -> str:
 
 
 def _pieces(thing: Any, met: dict[int, tuple[int, Any]]) -> Iterator[str]:
-    """Texts that tell a thing from others. ``met`` numbers those that may hold themselves, and
-    keeps them, or their ids would be taken by others; constants are not among them, for when two
-    are one object is Python's affair."""
+    """Texts that tell a thing from others.
+
+    ``met`` numbers those that may hold themselves, and keeps them, or their ids would be taken by
+    others; constants are not among them, for when two are one object is Python's affair.
+    """
     if isinstance(thing, _PLAIN):
         yield f"{type(thing).__name__} {thing!r}"
         return
@@ -63,7 +68,7 @@ def _pieces(thing: Any, met: dict[int, tuple[int, Any]]) -> Iterator[str]:
 
 
 def _parts(thing: Any) -> list[Any] | None:
-    """What a thing is made of; None if nothing is known of that."""
+    """Return the parts that a thing is made of; None if they are not known."""
     match thing:
         case types.CodeType():
             return [thing.co_code, thing.co_names, thing.co_varnames, thing.co_consts]
@@ -117,8 +122,9 @@ _OF_EVERY_CLASS = {  # what Python keeps in a class beside what its author wrote
 
 
 def _named(code: types.CodeType, scope: Mapping[str, Any]) -> list[Any]:
-    """What a function's code names of its module's, and, where that is a module of the user's, what
-    it names of it.
+    """Return what a function's code names of its module's.
+
+    If that is a module of the user's, what it names of it follows.
     """
     names, found = sorted(_names(code)), []
     for name in names:
@@ -144,12 +150,12 @@ def _held(cell: types.CellType) -> Any:
 
 
 def _is_theirs(thing: Any) -> bool:
-    """Whether a function or class is the user's own."""
+    """Return whether a function or class is the user's own."""
     return not _is_installed(thing.__module__ or "__main__")
 
 
 def _is_installed(module: str) -> bool:
-    """Whether a module is one of ours, of Python's, or installed."""
+    """Return whether a module is one of ours, of Python's, or installed."""
     if module.partition(".")[0] in _OURS:
         return True
     if module == "__main__":  # a script, or a notebook

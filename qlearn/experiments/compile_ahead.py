@@ -1,7 +1,9 @@
-"""Small examples of what runs are made of, for the machine code that they leave behind: nothing but
-a moment where it is there already, else a quarter or half a minute each. Beside each other they are
-done sooner than one run after another would be, for processes that begin together compile the same
-functions."""
+"""Tiny runs that fill numba's cache before workers start.
+
+They take a moment if the machine code is there already, else a quarter or half a minute each.
+Beside each other they are done sooner than one run after another would be, because processes that
+begin together compile the same functions.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,9 @@ from qlearn.problems.random_mdp import random_mdp
 
 
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
-    """What the runs of these cells will need: with two processes, the loops take up what the proofs
-    have compiled.
+    """Return what the runs of these cells will need.
+
+    With two processes, the loops take up what the proofs have compiled.
     """
     named = {name for cell in cells for name in (cell["comparator"], cell["learner"])}
     needed = {entry.compiles for entry in COMPARATORS.values() if entry.name in named}
@@ -37,20 +40,21 @@ def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
 
 @jit.compiling()
 def proofs() -> None:
-    """What a polytope makes of answers."""
+    """Let a polytope learn answers."""
     _choose(PolytopeComparator(5))
 
 
 @jit.compiling()
 def moves() -> None:
-    """What the posterior makes of answers."""
+    """Let the posterior learn answers."""
     _choose(PosteriorComparator(5, particles=50, seed=0))
 
 
 @jit.compiling()
 def loops() -> None:
-    """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was
-    asked.
+    """Run Q-learning's loop, which holds all rules to decide by.
+
+    The tutor remembers what was asked.
     """
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(
@@ -70,7 +74,7 @@ def sweeps() -> None:
 
 @jit.compiling()
 def certificates() -> None:
-    """What policy iteration rests its guarantee on."""
+    """Bound a loss as policy iteration does."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
     drive(InteractivePolicyIteration(mdp, PolytopeComparator(5)), TruthfulTutor(values))
 

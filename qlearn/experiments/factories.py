@@ -1,5 +1,6 @@
-"""What a user brings to an ablation: a name and a factory, given as a function or as
-"package.module:factory".
+"""Names and factories that a user brings to an ablation.
+
+A factory is given as a function or as "package.module:factory".
 
 Imports nothing heavy.
 """
@@ -15,8 +16,10 @@ from typing import Any
 
 @dataclass(frozen=True, eq=False)
 class Own:
-    """A factory of the user's, and the name that it has in tables and pictures. Two are equal if
-    their names and their code are."""
+    """A factory of the user's, and the name that it has in tables and pictures.
+
+    Two are equal if their names and their code are.
+    """
 
     name: str
     factory: Callable[..., Any]
@@ -35,8 +38,9 @@ class Own:
         return hash((self.name, self.identity))
 
     def made(self, *arguments: Any, **keywords: Any) -> Any:
-        """What the factory returns. Raises ValueError, which names it, where the factory raises an
-        Exception.
+        """Return the result of the factory.
+
+        Raises ValueError, which names it, where the factory raises an Exception.
         """
         try:
             return self.factory(*arguments, **keywords)
@@ -47,9 +51,11 @@ class Own:
 
 
 def own_of(text: str) -> Own:
-    """What "package.module:factory", or "name=package.module:factory", stands for; without a name
-    the text is the name. Imports the module. Raises ValueError where there is no such module or
-    attribute, or it cannot be called."""
+    """Return what "package.module:factory", or "name=package.module:factory", stands for.
+
+    Without a name the text is the name. Imports the module. Raises ValueError if there is no such
+    module or attribute, or it cannot be called.
+    """
     name, _, where = text.rpartition("=")
     module, _, path = where.partition(":")
     if not module or not path:

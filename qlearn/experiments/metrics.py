@@ -1,5 +1,6 @@
-"""What a simulated run can be held to, once the hidden scale is known: questions, wrong verdicts,
-losses, audits.
+"""Measures of a simulated run, whose hidden scale is known.
+
+They are questions, wrong verdicts, losses, and audits.
 """
 
 from __future__ import annotations
@@ -44,14 +45,16 @@ MEASURES = (
     "excess_loss_initial",
 )
 
-# verdicts kept before they are judged: one exact judgement costs as much as thousands together
+# verdicts kept before they are checked: one exact check costs as much as thousands together
 _BUFFER = 4096
 _BY_ANSWERS = np.isin([*Tier], BY_ANSWERS)  # by tier
 
 
 class VerdictCounts(NamedTuple):
-    """Verdicts a comparator decided, and those among them that are wrong, before and after the
-    tutor's first wrong answer."""
+    """Verdicts that a comparator decided, and the wrong ones among them.
+
+    They are counted before and after the tutor's first wrong answer.
+    """
 
     judged_before: int
     wrong_before: int
@@ -115,7 +118,7 @@ def counts(result: Result) -> dict[str, Any]:
     """A run's questions and comparisons, for one row of a table.
 
     ``asked_percent_<denominator>``: questions in percent of "all" comparisons, of the "unequal"
-    (the vectors differ) and of the "open" ones, which dominance does not settle either; nan where
+    (the vectors differ) and of the "open" ones, which dominance does not decide either; nan where
     there are none. AlwaysAsk does not look for dominance: what is unequal is open for it. Then the
     comparisons by tier.
     """
@@ -139,10 +142,13 @@ def counts(result: Result) -> dict[str, Any]:
 
 
 def audits(result: Result, values: ArrayLike) -> dict[str, Any]:
-    """A run's audits: how many; the number (from 1) of the first that contradicted the answers, nan
-    if none did; and who was wrong then by the hidden scale ``values`` (k,): the "answers" given
+    """Return the measures of a run's audits.
+
+    These are how many there were; the number (from 1) of the first that contradicted the answers,
+    nan if none did; and who was wrong then by the hidden scale ``values`` (k,): the "answers" given
     before (a model's conclusion from them included), the "audit", or on an exact tie "neither"; ""
-    if none."""
+    if none.
+    """
     row: dict[str, Any] = {
         "audited": result.audited,
         "audits_to_contradiction": np.nan,
@@ -157,9 +163,11 @@ def audits(result: Result, values: ArrayLike) -> dict[str, Any]:
 
 
 def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
-    """v (S,) of figure 4: max over admissible a of sum_i Q(s, a)_i e_i, where Q is the discounted
-    counting vector, that is q (S, A, k) shares over 1 - discount, and e the hidden ``values`` (k,)
-    as they are."""
+    """Return v (S,) of figure 4: max over admissible a of sum_i Q(s, a)_i e_i.
+
+    Q is the discounted counting vector, that is q (S, A, k) shares over 1 - discount, and e the
+    hidden ``values`` (k,) as they are.
+    """
     e = np.asarray(values, dtype=np.float64)
     weighted = np.zeros(q.shape[:2])
     for i in range(mdp.k):  # summed in order: the same on every machine
@@ -169,8 +177,9 @@ def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
 
 
 def greatest_reward(mdp: OrdinalMDP, values: ArrayLike) -> float:
-    """The greatest of the hidden ``values`` (k,) that an admissible action earns: max r of figure
-    4's formula.
+    """Return the greatest of the hidden ``values`` (k,) that an admissible action earns.
+
+    It is max r of figure 4's formula.
     """
     return float(np.asarray(values, dtype=np.float64)[mdp.levels[mdp.admissible]].max())
 
@@ -186,8 +195,11 @@ def paper_loss(v: Floats, baseline: Floats | float, best: float) -> float:
 
 
 def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
-    """Differences (n, k) to set a noisy tutor's precision by: Q(s, a) - Q(s, a*) in shares under an
-    optimal policy, for every admissible a that the order of the levels alone does not settle."""
+    """Return differences (n, k) to set a noisy tutor's precision by.
+
+    They are Q(s, a) - Q(s, a*) in shares under an optimal policy, for every admissible a that the
+    order of the levels alone does not decide.
+    """
     _, policy = value_iteration(mdp, values)
     shares = evaluate_policy(mdp, policy)
     q = (1 - mdp.discount) * mdp.vector_rewards()
@@ -199,9 +211,10 @@ def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
 
 
 def summarise(frame: DataFrame) -> DataFrame:
-    """One row a cell, over its seeds: the mean of each of ``MEASURES`` and, as ``<name>_half``,
-    half the width of its 95% t-interval (nan from one seed; runs where a measure is not defined are
-    left out).
+    """Return one row a cell, over its seeds, with the mean of each of ``MEASURES``.
+
+    ``<name>_half`` is half the width of its 95% t-interval (nan from one seed). Runs for which a
+    measure is not defined are left out.
 
     ``wrong_percent`` is in percent of the verdicts that a comparator decided,
     ``wrong_percent_after`` of those after the tutor's first wrong answer. Excess losses are paired
@@ -228,8 +241,11 @@ def summarise(frame: DataFrame) -> DataFrame:
 
 
 def means(groups: Any, measures: Sequence[str]) -> DataFrame:
-    """Of a grouped frame: the mean of each measure and, as ``<name>_half``, half the width of its
-    95% t-interval, nan from one number; numbers that are nan are left out."""
+    """Return the means of a grouped frame's measures.
+
+    ``<name>_half`` is half the width of the 95% t-interval, nan from one number; numbers that are
+    nan are left out.
+    """
     mean, spread, n = (groups[list(measures)].agg(how) for how in ("mean", "std", "count"))
     table: DataFrame = mean.join(_half(spread, n).add_suffix("_half"))
     return table[[column for name in measures for column in (name, f"{name}_half")]]

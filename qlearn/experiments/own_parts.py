@@ -1,5 +1,6 @@
-"""The parts of a run that a user's factories make, each held to what a run needs of it. Errors name
-the factory.
+"""The parts of a run that a user's factories make, each held to what a run needs of it.
+
+Errors name the factory.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of a factory(seed). Raises ValueError unless it returns
-    such a pair.
+    """The MDP and the hidden values (k,) of a factory(seed).
+
+    Raises ValueError unless it returns such a pair.
     """
     made = own.made(seed)
     pair = made if isinstance(made, tuple) and len(made) == 2 else (None, None)
@@ -47,8 +49,9 @@ def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
 
 
 def comparator_of(own: Own, k: int, seed: int) -> Comparator:
-    """The comparator of a factory(k, seed). Raises ValueError for anything else, and for one of
-    other levels.
+    """The comparator of a factory(k, seed).
+
+    Raises ValueError for anything else, and for one of other levels.
     """
     made = own.made(k, seed)
     try:
@@ -77,9 +80,11 @@ def learner_of(own: Own, mdp: OrdinalMDP, comparator: Comparator, seed: int) -> 
 def tutor_of(
     own: Own, values: Floats, seed: int, reference: Callable[[], Floats]
 ) -> Counted | CountsErrors:
-    """The tutor of a factory(values, seed), which may have a third parameter by the name of
-    reference: then that of ``reference``, the differences (n, k) that its noise can be set by.
-    Raises ValueError for what is no tutor."""
+    """Return the tutor of a factory(values, seed).
+
+    The factory may have a third parameter called reference. It then gets ``reference``, the
+    differences (n, k) that its noise can be set by. Raises ValueError for what is no tutor.
+    """
     wants = "reference" in inspect.signature(own.factory).parameters
     made = own.made(values.copy(), seed, **({"reference": reference()} if wants else {}))
     if isinstance(made, type) or not callable(made):
@@ -111,8 +116,10 @@ class Counted:
 
     @property
     def realised_error_rate(self) -> float:
-        """Wrong verdicts as a share of all; nan before the first. To call either of two equal
-        vectors better is not wrong, to call two that differ equal is."""
+        """Wrong verdicts as a share of all; nan before the first.
+
+        To call either of two equal vectors better is not wrong, to call two that differ equal is.
+        """
         return self._wrong / self._given if self._given else float("nan")
 
 

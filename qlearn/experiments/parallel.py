@@ -1,5 +1,6 @@
-"""Many runs at once: one function over many cells, on all cores or on a cluster, with a journal to
-go on from.
+"""Many runs at once: one function over many cells, on all cores or on a cluster.
+
+A journal lets the same call go on from what has finished.
 
 Only the calling process writes the journal, so that workers need no common disk. A row's key is a
 hash of all that it depends on, and a journal may hold rows of other settings, which are left alone:
@@ -32,8 +33,11 @@ _START = b'{"key": "'  # of every line of a journal
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a sweep. ``rows`` has the row of each cell in its place, None where it had not
-    finished; ``frame`` is the table of those that had, where the sweep was to make one."""
+    """Ctrl-C during a sweep.
+
+    ``rows`` has the row of each cell in its place, None where it had not finished; ``frame`` is the
+    table of those that had, where the sweep was to make one.
+    """
 
     def __init__(self, rows: list[Any]) -> None:
         super().__init__(
@@ -163,7 +167,7 @@ def _plain(value: Any) -> Any:
 def _computed(
     calls: Iterator[tuple[Callable[..., Any], tuple[Any, ...]]], jobs: int | None
 ) -> Generator[Any]:
-    """What the calls return, as it comes, in any order."""
+    """Yield the results of calls, as they come, in any order."""
     import joblib
     from joblib.parallel import LokyBackend, get_active_backend
 
@@ -213,8 +217,9 @@ def _call(
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process when its parent is gone. Loky's workers would go on with rows that nobody
-    waits for.
+    """End this process when its parent is gone.
+
+    Loky's workers would go on with rows that nobody waits for.
     """
 
     def watch() -> None:
@@ -229,9 +234,11 @@ def _end_with(parent: int) -> None:
 def _journal(
     path: Path, fresh: bool
 ) -> Iterator[tuple[dict[str, Any], Callable[[str, str], None]]]:
-    """The rows of a journal by their keys, and what appends one, given as JSON on one line. A last
-    line that was cut short is removed: its row has not finished. Makes the folders that it lies
-    in."""
+    """The rows of a journal by their keys, and what appends one, given as JSON on one line.
+
+    A last line that was cut short is removed: its row has not finished. Makes the folders that it
+    lies in.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("ab+") as file:
         _lock(file, path)
@@ -261,8 +268,11 @@ def _journal(
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Hold the file until it is closed, or the process is gone. Where the system has no file locks
-    two processes append whole lines of equal rows, and only time is lost."""
+    """Hold the file until it is closed, or the process is gone.
+
+    Where the system has no file locks two processes append whole lines of equal rows, and only time
+    is lost.
+    """
     if sys.platform != "win32":
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,5 +1,8 @@
-"""One run of the ablation: a learner, a comparator, a tutor and a problem, from the few words that
-name them; and many, each beside the oracle's."""
+"""One run of the ablation, from the few words that name its parts; and many.
+
+The parts are a learner, a comparator, a tutor and a problem. Each of many runs stands beside the
+oracle's.
+"""
 
 from __future__ import annotations
 
@@ -58,8 +61,11 @@ _NO_RUNS = (
 
 
 class Run(NamedTuple):
-    """One finished run: its row of the table, v (S,) of figure 4 and the greatest reward that can
-    be had, for the comparison with the oracle, and the seconds it took."""
+    """One finished run: its row of the table, and what the oracle is compared by.
+
+    These are v (S,) of figure 4 and the greatest reward that can be had. The seconds it took come
+    last.
+    """
 
     row: dict[str, Any]
     v: Floats
@@ -76,7 +82,7 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
         values, rate, _reference(mdp, tuple(values)), seed
     ),
 }
-"""A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of his errors."""
+"""A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of the errors."""
 
 
 def run(
@@ -140,8 +146,9 @@ def _tutor(
 
 
 def of_precision(c: float, mdp: OrdinalMDP, values: Floats, seed: int) -> BradleyTerryTutor:
-    """The tutor of eq. (6) with this c where vectors are discounted counts and the hidden values
-    (k,) as they are.
+    """Return the tutor of eq. (6) with this c for discounted counts.
+
+    The hidden values (k,) are taken as they are.
     """
     return BradleyTerryTutor(values, c * (values[-1] - values[0]) / (1.0 - mdp.discount), seed)
 
@@ -187,8 +194,9 @@ def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
 
 
 def _problem_of(cell: Cell, size: Size, own: Owned) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of a cell; the user's own is made anew, for what it reads
-    may have changed.
+    """Return the MDP and the hidden values (k,) of a cell.
+
+    The user's own is made anew, because what it reads may have changed.
     """
     given = own.get("problem")
     return (
@@ -204,8 +212,9 @@ def run_all(
     shown: Callable[[pd.DataFrame], pd.DataFrame],
     **how: Unpack[SweepOptions],
 ) -> pd.DataFrame:
-    """One row a cell, in their order, beside the oracle's of the same problem and seed: always
-    asking a truthful tutor.
+    """Return one row a cell, in their order, beside the oracle's.
+
+    The oracle has the same problem and seed, and always asks a truthful tutor.
 
     A cell is as ``run`` has it, with the name of its "problem"; ``size`` has "states", "actions",
     "levels" and "discount" of the random MDPs, where the cells do not name their own. ``function``
@@ -269,9 +278,11 @@ def run_named(
     settings: Mapping[str, Any],
     own: Owned | None = None,
 ) -> Run:
-    """``run``, by a worker that makes the problem itself (once): a task is a few hundred bytes, a
-    table of ICU-Sepsis 40 MB. Raises RuntimeError if this process's ``sources`` are not those
-    ``built`` names."""
+    """Run a cell by a worker that makes the problem itself (once).
+
+    A task is a few hundred bytes, a table of ICU-Sepsis 40 MB. Raises RuntimeError if this
+    process's ``sources`` are not those ``built`` names.
+    """
     if built != sources():
         raise RuntimeError(
             "this worker has other sources or libraries than the process that started the sweep"
@@ -282,8 +293,11 @@ def run_named(
 def in_order(
     cells: Iterable[Cell], keys: Sequence[str], own: Mapping[str, Iterable[str]] | None = None
 ) -> list[Cell]:
-    """Cells in the order of their table, which goes by these keys; the user's own names, by their
-    columns, come after ours, and tutors of the user's after the error rates."""
+    """Return cells in the order of their table, which goes by these keys.
+
+    The user's own names, by their columns, come after ours, and tutors of the user's after the
+    error rates.
+    """
     order = {
         key: (*ORDER.get(key, ()), *(own or {}).get(key, ())) for key in {*ORDER, *(own or {})}
     }
@@ -299,14 +313,15 @@ def in_order(
 
 
 def is_oracle(cell: Cell) -> bool:
-    """Whether a run always asks a truthful tutor."""
+    """Return whether a run always asks a truthful tutor."""
     return bool(cell["comparator"] == ALWAYS and cell["error_rate"] == 0)
 
 
 @cache
 def sources() -> str:
-    """A hash of what a run depends on beside its settings: the sources, and the libraries that
-    compute.
+    """Return a hash of what a run depends on beside its settings.
+
+    It depends on the sources, and on the libraries that compute.
     """
     digest = hashlib.blake2b(digest_size=16)
     here = Path(__file__).parents[1]
@@ -341,7 +356,9 @@ _BESIDE = ("paper_loss_percent", "paper_abs_percent", "excess_loss", "excess_los
 
 
 def _cost(cell: Cell) -> float:
-    """The oracles first, which the others are paired with, should the sweep be interrupted; then
+    """Return the cost by which runs are ordered.
+
+    The oracles come first, which the others are paired with, should the sweep be interrupted; then
     what takes long.
     """
     if is_oracle(cell):
@@ -353,8 +370,11 @@ def _cost(cell: Cell) -> float:
 
 
 def _beside_oracles(results: Iterable[Any], best_policy: Container[str]) -> pd.DataFrame:
-    """The table of the runs that have finished. Learners in ``best_policy`` are held to it: how
-    they do with a comparator that never learns is not known."""
+    """The table of the runs that have finished.
+
+    Learners in ``best_policy`` are held to it: how they do with a comparator that never learns is
+    not known.
+    """
     runs = [Run(row, np.array(v), best, seconds) for row, v, best, seconds in filter(None, results)]
     oracles = {_problem(run.row): run for run in runs if is_oracle(run.row)}
     table = []

@@ -1,5 +1,6 @@
-"""The settings of the ablation and of the paper's figures: each with its default, what it may be
-and what it means.
+"""The settings of the ablation and of the paper's figures.
+
+Each has its default, what it may be, and what it means.
 
 The command line, its help and all checks are made from the fields of these classes. Imports nothing
 heavy.
@@ -56,8 +57,10 @@ class OneOf:
 
 @dataclass(frozen=True)
 class NameOrOwn(OneOf):
-    """One of these names, or the user's own: an ``Own``, or the text of one. ``call`` says in words
-    what a factory takes and returns."""
+    """One of these names, or the user's own: an ``Own``, or the text of one.
+
+    ``call`` says in words what a factory takes and returns.
+    """
 
     call: str
 
@@ -71,15 +74,18 @@ class NameOrOwn(OneOf):
         )
 
     def value_of(self, given: Any) -> Any:
-        """The name, or the Own, that was given; None if it is neither. Raises ValueError for the
-        text of a factory that there is not."""
+        """The name, or the Own, that was given; None if it is neither.
+
+        Raises ValueError for the text of a factory that there is not.
+        """
         if isinstance(given, Own) or (isinstance(given, str) and given in self.names):
             return given
         return own_of(given) if isinstance(given, str) and ":" in given else None
 
     def named(self, name: Any, given: Any) -> Any:
-        """The value of an item of a mapping: ours of this name (given as the same name, or ...), or
-        the user's own.
+        """Return the value of an item of a mapping.
+
+        It is ours of this name (given as the same name, or ...), or the user's own.
         """
         if not isinstance(name, str) or not name:
             return None
@@ -121,9 +127,11 @@ OWN = {
 
 
 def setting(default: Any, check: Number | OneOf, text: str, may_be_empty: bool = False) -> Any:
-    """A field of a class of settings. A tuple stands for one or more values, each of which is
-    checked, on the command line also for none where it ``may_be_empty``; None is allowed where the
-    field's type says so."""
+    """A field of a class of settings.
+
+    A tuple stands for one or more values, each of which is checked, on the command line also for
+    none where it ``may_be_empty``; None is allowed where the field's type says so.
+    """
     return field(
         default=default, metadata={"check": check, "help": text, "may_be_empty": may_be_empty}
     )
@@ -293,9 +301,11 @@ class AblationSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class FiguresSettings(Settings):
-    """The settings of the paper's figures. A run differs from those of the ablation in a tutor as
-    in eq. (6); in having no budget, or that would be what figures 2 and 3 show; and in fits only
-    when the answers have grown by a fifth."""
+    """The settings of the paper's figures.
+
+    A run differs from those of the ablation in a tutor as in eq. (6); in having no budget, or that
+    would be what figures 2 and 3 show; and in fits only when the answers have grown by a fifth.
+    """
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "the two series": (

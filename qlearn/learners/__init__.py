@@ -1,3 +1,4 @@
-"""Solvers that stop when they need the tutor, and what a policy can still lose. Imports from
-``mdp`` and elicit.
+"""Solvers that stop when they need the tutor, and what a policy can still lose.
+
+Imports from ``mdp`` and elicit.
 """

@@ -68,7 +68,7 @@ class Told(NamedTuple):
 
 
 class Judging(NamedTuple):
-    """All that a loop goes by when it judges a pair."""
+    """The arrays that a loop decides a pair by."""
 
     rule: Rule
     asking: AskingRule
@@ -119,7 +119,7 @@ class PairJudge:
         )
 
     def judging(self, rule: Rule) -> Judging:
-        """How pairs are judged now, the comparator going by this rule."""
+        """Return the arrays that pairs are decided by now, with this rule."""
         elicitation, oracle = self._elicitation, nobody()
         asks_all = isinstance(elicitation.comparator, AlwaysAsk)
         if asks_all and isinstance(elicitation.signs, MethodType):

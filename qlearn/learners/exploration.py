@@ -18,8 +18,11 @@ Start: TypeAlias = Literal["worst", "zero", "best"]
 
 @dataclass(frozen=True)
 class Decay:
-    """A chance of exploring that falls in a straight line from ``first`` to ``last`` over the first
-    ``share`` of the steps, and stays there. All three lie in 0..1, share above 0."""
+    """A probability of exploring that falls in a straight line.
+
+    It falls from ``first`` to ``last`` over the first ``share`` of the steps, and stays there. All
+    three lie in 0..1, share above 0.
+    """
 
     first: float = 1.0
     last: float = 0.05
@@ -89,8 +92,10 @@ to.
 
 
 def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
-    """An exploration itself, the one of that name, or "constant" with that epsilon; of None
-    "optimistic". Raises ValueError where there is no such name."""
+    """Return an exploration itself, the one of that name, or "constant" with that epsilon.
+
+    None is "optimistic". Raises ValueError if there is no such name.
+    """
     choice = "optimistic" if choice is None else choice
     if isinstance(choice, str):
         wanted = (
@@ -120,8 +125,10 @@ def epsilons(epsilon: Epsilon, steps: int) -> Floats:
 
 def schedule(choice: object, n: int, wanted: str, *, positive: bool = False) -> Floats:
     """A number itself, as (1,), or what a function gives for 0, 1, ... n - 1, at least for 0.
+
     Raises ValueError, which says what is ``wanted``, unless all lie in 0..1, or above 0 where they
-    are to be ``positive``."""
+    are to be ``positive``.
+    """
     if not (callable(choice) or is_number(choice)):
         raise ValueError(f"{wanted}, not {choice!r}")
     times = np.arange(max(1, n))

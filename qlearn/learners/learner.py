@@ -44,8 +44,11 @@ Answer.
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
-    """Return the names of where actions a and b are compared: the sentences that ask about them,
-    with a left and with b left, and the numbers of the state and of the actions."""
+    """Return the names of where actions a and b are compared.
+
+    They are the sentences that ask about them, with a left and with b left, and the numbers of the
+    state and of the actions.
+    """
     return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a), (state, min(a, b), max(a, b))
 
 
@@ -75,8 +78,9 @@ def state_of(pair: Pair) -> int:
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
-    """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels
-    differ in number.
+    """Raise TypeError for anything but an MDP and a comparator.
+
+    Raises ValueError if their levels differ in number.
     """
     if not isinstance(mdp, OrdinalMDP):
         raise TypeError(f"an OrdinalMDP is wanted, not {mdp!r}")
@@ -97,16 +101,18 @@ _SHARE = "a share of the value range, above 0 and below 1 (0.01: a policy may lo
 
 
 def check_tolerance(tolerance: float) -> float:
-    """Return ``tolerance`` as a float. Raises ValueError unless it is a share of the value range,
-    below 1.
+    """Return ``tolerance`` as a float.
+
+    Raises ValueError unless it is a share of the value range, below 1.
     """
     require(is_number(tolerance) and 0 < tolerance < 1, "tolerance", _SHARE, tolerance)
     return float(tolerance)
 
 
 def check_max_loss(max_loss: float | None) -> float | None:
-    """Return ``max_loss``. Raises ValueError unless it is None or a share of the value range, below
-    1.
+    """Return ``max_loss``.
+
+    Raises ValueError unless it is None or a share of the value range, below 1.
     """
     holds = max_loss is None or (is_number(max_loss) and 0 < max_loss < 1)
     require(holds, "max_loss", f"None or {_SHARE}", max_loss)
@@ -115,8 +121,9 @@ def check_max_loss(max_loss: float | None) -> float | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """A learner's policy and counts so far. ``print(result)`` says them in words, with the bound on
-    the policy's loss.
+    """A learner's policy and counts so far.
+
+    ``print(result)`` says them in words, with the bound on the policy's loss.
 
     ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted; ``decided``:
     comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes
@@ -137,8 +144,10 @@ class Result:
     discount: float
 
     def __str__(self) -> str:
-        """Return the status, the number of questions, and what the loss bound means. Computing the
-        bound may take long on a large model."""
+        """Return the status, the number of questions, and what the loss bound means.
+
+        Computing the bound may take long on a large model.
+        """
         questions = (
             "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
         )
@@ -165,8 +174,9 @@ class Result:
 
     @property
     def loss_bound(self) -> float:
-        """Upper bound on the policy's loss at the worst state, as a share of the value range; nan
-        if there is none.
+        """Upper bound on the policy's loss at the worst state, as a share of the value range.
+
+        It is nan if there is none.
 
         The loss is (1 - discount) times the loss of return against the best policy, divided by the
         value of the best level minus that of the worst. The bound is computed from the MDP's
@@ -176,8 +186,11 @@ class Result:
 
     @property
     def return_loss_bound(self) -> float:
-        """Upper bound on the policy's loss of return at the worst state, where the best level's
-        reward exceeds the worst level's by 1: ``loss_bound / (1 - discount)``."""
+        """Upper bound on the policy's loss of return at the worst state.
+
+        The best level's reward exceeds the worst level's by 1, so that it is ``loss_bound / (1 -
+        discount)``.
+        """
         return self.loss_bound / (1 - self.discount)
 
     @property
@@ -185,7 +198,8 @@ class Result:
         """The probability that ``loss_bound`` holds.
 
         1: no scale that fits the answers allows more (the answers must be right). The comparator's
-        level for a posterior. nan if none can be stated."""
+        level for a posterior. nan if none can be stated.
+        """
         return float(self._guaranteed.confidence)
 
     def _loss_in_words(self) -> str:
@@ -223,8 +237,9 @@ class Result:
 
 
 def _rounded_up(x: float) -> str:
-    """Return a number of at least 0 with three digits that count, rounded up, so that it still
-    bounds.
+    """Return a number of at least 0 with three significant digits.
+
+    It is rounded up, so that it still bounds.
     """
     if x == 0:
         return "0"
@@ -234,8 +249,9 @@ def _rounded_up(x: float) -> str:
 
 
 class Learner:
-    """A solver that stops when it needs the tutor. What all learners do alike, they leave to their
-    elicitation.
+    """A solver that stops when it needs the tutor.
+
+    What all learners do alike, they leave to their elicitation.
     """
 
     needs: ClassVar[Needs] = Elicitation.needs | BOUNDING
@@ -252,8 +268,9 @@ class Learner:
 
     @one_thread
     def ask(self) -> tuple[Query, ...]:
-        """The pending queries, the same until told; () when finished. Goes on as far as it needs no
-        tutor.
+        """The pending queries, the same until told; () when finished.
+
+        Goes on as far as it needs no tutor.
         """
         self._act()
         return self._elicitation.ask() or self._go_on()
@@ -262,25 +279,31 @@ class Learner:
     def tell(
         self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
     ) -> tuple[Answer, ...]:
-        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
-        ``on_conflict="drop"``: then such an answer settles its own pair only, and is returned.
-        Where it raises, nothing has changed; where it is interrupted (Ctrl+C), either nothing has,
-        or the answers were taken: ``ask`` then goes on from them."""
+        """Take answers to pending queries.
+
+        Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``: then such an
+        answer decides its own pair only, and is returned. Where it raises, nothing has changed;
+        where it is interrupted (Ctrl+C), either nothing has, or the answers were taken: ``ask``
+        then goes on from them.
+        """
         self._act()
         _, dropped = self._elicitation.tell(answers, on_conflict)
         self._act()
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not
-        logged. None: ask.
+        """Let ``signs`` answer from now on: counted, not logged.
+
+        It takes differences (n, k) to verdicts (n,). None: ask.
         """
         self._elicitation.signs = signs
 
     def watch(self, watcher: Watcher) -> None:
-        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on: of Q-learning
-        those that neither equality nor dominance settled, of policy iteration the questions
-        answered."""
+        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on.
+
+        Q-learning passes those that neither equality nor dominance decided, policy iteration the
+        questions answered.
+        """
         self._elicitation.watch = watcher
 
     @property
@@ -315,7 +338,8 @@ class Learner:
     ) -> bool:
         """Return whether no plausible scale lets the policy (S,) lose more than ``max_loss``.
 
-        False also if the same policy and the same answers were tried last time."""
+        False also if the same policy and the same answers were tried last time.
+        """
         comparator, last = self.comparator, self._bounded
         if max_loss is None or (
             last is not None and last[0] is comparator and (last[1] == policy).all()
@@ -335,8 +359,11 @@ class Learner:
         more: NDArray[np.int64] | int = 0,
         guarantee: Callable[[], Guarantee] | None = None,
     ) -> Result:
-        """The Result of this policy, which must stay as it is; ``more`` (len(Tier),): comparisons
-        beside those that the elicitation counted. Without a status the tutor is waited for."""
+        """Return the Result of this policy, which must stay as it is.
+
+        ``more`` (len(Tier),): comparisons beside those that the elicitation counted. Without a
+        status the tutor is waited for.
+        """
         elicitation = self._elicitation
         return Result(
             policy=policy,
@@ -398,14 +425,15 @@ def drive(
     progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
 ) -> R_co:
-    """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be
-    trained.
+    """Ask and tell until the learner asks no more.
+
+    It has then finished, or waits for a policy to be trained.
 
     The tutor returns an Answer, or a verdict on the query's left vector: a Verdict, or 1, 0, -1. To
     say "cannot tell", it returns ``Answer(query, None)``.
 
     Every answer goes to ``log`` before the learner is told. One that contradicts the others is then
-    marked unused there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles
+    marked unused there, and either raises InconsistentAnswers or (``on_conflict="drop"``) decides
     its own pair only. Where the tutor raises, or is interrupted, at one of several questions
     (``batch``), the answers to those before are logged and told all the same. ``progress`` is
     called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor
@@ -436,7 +464,8 @@ def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | Non
     """Return the tutor's way to answer many questions at once; None if it has none.
 
     None also if its way to answer a single question belongs to a derived class, or wraps the tutor
-    that has ``signs``: that way would be left out."""
+    that has ``signs``: that way would be left out.
+    """
     if isinstance(tutor, TutorOfMany):
         for place in (tutor, *type(tutor).__mro__):
             own = getattr(place, "__dict__", {})
@@ -459,7 +488,7 @@ def _driven(
         try:
             for query in queries:
                 given.append(_answer_of(tutor(query), query))
-        except BaseException as error:  # also Ctrl+C: what she said before is kept
+        except BaseException as error:  # also Ctrl+C: what the tutor said before is kept
             try:
                 _log_and_tell(learner, match(given, queries), log, on_conflict)
             except InconsistentAnswers as conflict:
@@ -472,8 +501,9 @@ def _driven(
 
 
 def _answer_of(reply: Answer | int, query: Query) -> Answer:
-    """Return the tutor's reply as an Answer to the query. ``match`` refuses what is neither an
-    Answer nor a verdict.
+    """Return the tutor's reply as an Answer to the query.
+
+    ``match`` refuses what is neither an Answer nor a verdict.
     """
     return Answer(query, as_verdict(reply)) if isinstance(reply, (int, np.integer)) else reply
 

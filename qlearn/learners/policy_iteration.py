@@ -1,6 +1,4 @@
-"""Interactive policy iteration: solve for one central scale, then ask only what could still change
-the policy.
-"""
+"""Interactive policy iteration: solve for one scale, ask what could change the policy."""
 
 from __future__ import annotations
 
@@ -59,7 +57,7 @@ from qlearn.learners.rounds.tuning import TUNING
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-LARGE = 4000  # states up to which rounds are exact, unless told otherwise
+LARGE = 4000  # states up to which rounds are exact by default
 
 
 class InteractivePolicyIteration(Learner):
@@ -203,7 +201,8 @@ class InteractivePolicyIteration(Learner):
         """Return the policy for the central scale, its loss bound, and the counts so far.
 
         ``decided`` counts the current policy's alternatives by what decided them, and the
-        questions. Asking for a result changes no later question."""
+        questions. Asking for a result changes no later question.
+        """
         rounds, over, found = self._present()
         comparator = self._elicitation.comparator
         in_full = partial(_in_full, found, self._mdp, over, comparator)
@@ -216,8 +215,9 @@ class InteractivePolicyIteration(Learner):
         )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Do nothing: each question is asked and logged, also for a comparator that never
-        learns.
+        """Do nothing: each question is asked and logged.
+
+        That is so also for a comparator that never learns.
         """
 
     def _present(self) -> tuple[ExactRounds | SampledRounds, Advantages, Guarantee]:
@@ -239,8 +239,9 @@ class InteractivePolicyIteration(Learner):
         return self._seen_between[1:]
 
     def _round(self) -> tuple[Advantages, Guarantee]:
-        """Return the advantages over the current policy, and its loss bound, inf if it exceeds what
-        is enough.
+        """Return the advantages over the current policy, and its loss bound.
+
+        The bound is inf if it exceeds what is enough.
         """
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
@@ -248,8 +249,9 @@ class InteractivePolicyIteration(Learner):
         return self._found[1:]
 
     def _look_further(self) -> tuple[Advantages, Guarantee]:
-        """Return the same after a look at more states, for when nothing seen so far may be asked
-        about.
+        """Return the same after a look at more states.
+
+        It is for when nothing seen so far may be asked about.
         """
         comparator = self._elicitation.comparator
         self._found = comparator, *self._rounds.look_further(comparator)
@@ -259,7 +261,8 @@ class InteractivePolicyIteration(Learner):
         """Return rows of the advantages that could still change the policy and may be asked about.
 
         These are the ones that some plausible scale puts above the limit. If there are none and
-        scales are drawn, all draws count, also those that the comparator leaves out."""
+        scales are drawn, all draws count, also those that the comparator leaves out.
+        """
         comparator, places = self._elicitation.comparator, partial(self._place, over)
         limit = self._elicitation.indifference
         rows = worth_asking(self._elicitation, over.d, places, limit)
@@ -278,8 +281,9 @@ class InteractivePolicyIteration(Learner):
     def _cut(
         self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates
     ) -> Pair | None:
-        """Return the question that closes most of the advantages in these rows, or None if no cut
-        is wanted.
+        """Return the question that closes most of the advantages in these rows.
+
+        None if no cut is wanted.
         """
         elicitation, scores = self._elicitation, candidates.scores
         plain = not (
@@ -306,7 +310,8 @@ class InteractivePolicyIteration(Learner):
     def _settled_by(self, over: Advantages) -> NDArray[np.int8]:
         """Return the tiers (n,) that decided that the policy's alternatives are no better.
 
-        Open ones are left out, unless the budget is spent."""
+        Open ones are left out, unless the budget is spent.
+        """
         verdicts, tiers = decide(self._elicitation.comparator, over.d)
         rows = np.flatnonzero(verdicts == Verdict.UNKNOWN)
         high = simultaneous_bounds(self._elicitation.comparator, over.d[rows])[0]

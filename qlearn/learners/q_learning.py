@@ -37,9 +37,11 @@ LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
 
 def rescaled_linear_rate(discount: float) -> Callable[[NDArray[np.int64]], Floats]:
-    """The default learning rate (H + 1) / (H + 1 + visits), visits counted before, for the
-    effective horizon H = 1 / (1 - discount) (Jin, Allen-Zhu, Bubeck and Jordan 2018): slow enough
-    to forget the start."""
+    """Return the default learning rate (H + 1) / (H + 1 + visits).
+
+    Visits are counted before, and H = 1 / (1 - discount) is the effective horizon (Jin, Allen-Zhu,
+    Bubeck and Jordan 2018). It is slow enough to forget the start.
+    """
     horizon = 1.0 / (1.0 - discount)
     return lambda visits: np.asarray((horizon + 1.0) / (horizon + 1.0 + visits), dtype=np.float64)
 
@@ -156,8 +158,10 @@ class InteractiveQLearning(Learner):
         )
 
     def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
-        """Run to this step, or to a pair that only the tutor can settle: then the query. Where
-        questions are put off, such pairs go by the best guess."""
+        """Run to this step, or to a pair that only the tutor can decide: then the query.
+
+        Where questions are put off, such pairs go by the best guess.
+        """
         elicitation, state = self._elicitation, self.state
         elicitation.puts_off = puts_off
         self._pairs.take_told()
@@ -189,13 +193,16 @@ class InteractiveQLearning(Learner):
             elicitation.commit(d, Decisions(verdicts, tiers))
 
     def ask_within(self, tutor: AnswersInLoops | None) -> None:
-        """Let the compiled loop ask this tutor by itself from now on, where that comes to the same:
-        with a comparator that is ``LearnsInSteps``, no audits and no ties. None: no more."""
+        """Let the compiled loop ask this tutor by itself from now on.
+
+        It does so if that comes to the same: with a comparator that is ``LearnsInSteps``, no audits
+        and no ties. None: no more.
+        """
         self._pairs.tutor = tutor
 
     @property
     def done(self) -> bool:
-        """Whether all steps are done."""
+        """True if all steps are done."""
         return bool(self.state.cursor[kernel.STEP] >= self.model.steps)
 
     def _go_on(self) -> tuple[Query, ...]:

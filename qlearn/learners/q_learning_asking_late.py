@@ -85,8 +85,9 @@ class LateQLearning(InteractiveQLearning):
         return self._end or Status.WAITING
 
     def _question(self) -> tuple[Query, ...]:
-        """Go by what is known now, and ask the next question of this checkpoint, if one is worth
-        it.
+        """Go by what is known now, and ask this checkpoint's next question.
+
+        It asks only what is worth it.
         """
         elicitation, state = self._elicitation, self.state
         if elicitation.signs is not None:
@@ -121,8 +122,9 @@ class LateQLearning(InteractiveQLearning):
         return elicitation.open([pair_of(self._mdp, q[s, a].copy(), q[s, b].copy(), s, a, b)])
 
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
-        """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where
-        they are as good.
+        """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,).
+
+        Its own actions are kept if they are as good.
         """
         worth = np.where(self._live, product(tail_sums(q), np.diff(values)), -np.inf)
         rows = np.flatnonzero(self._live.any(axis=1))
@@ -132,8 +134,11 @@ class LateQLearning(InteractiveQLearning):
     def _moving(
         self, states: NDArray[np.int64], actions: NDArray[np.int64], own: NDArray[np.int64]
     ) -> Floats:
-        """(n,) how far each difference is likely to move still, under the central scale: a share of
-        how far it has come since the last checkpoint; 0 at the end."""
+        """Return how far (n,) each difference is likely to move still.
+
+        It is a share of how far it has come, under the central scale, since the last checkpoint; 0
+        at the end.
+        """
         if self.done:
             return np.zeros(len(states))
         way = self.state.q - self._before

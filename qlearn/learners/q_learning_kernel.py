@@ -66,7 +66,7 @@ class Model(NamedTuple):
 
 
 class State(NamedTuple):
-    """What the loop changes."""
+    """The arrays that the loop changes."""
 
     q: NDArray[np.float64]  # (S, A, k) shares
     best: NDArray[np.int64]  # (S,) B(s)

@@ -1,5 +1,6 @@
-"""Query strategies: small functions that score candidates; the one with the greatest score is asked
-about.
+"""Strategies: small functions that score candidates for a question.
+
+The candidate with the greatest score is asked about.
 
 A strategy is any function from ``Candidates`` to scores (n,), or the name of one of those here; of
 equal scores the first is taken. Your own:
@@ -56,8 +57,11 @@ def __dir__() -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Differences d (n, k) that may be asked about: of a challenger at ``states`` (n,), ``actions``
-    (n,), left, and the incumbent, right. ``limit``: what d.e must exceed to matter."""
+    """Differences d (n, k) that may be asked about.
+
+    A challenger at ``states`` (n,), ``actions`` (n,) is left, and the incumbent right. ``limit``:
+    what d.e must exceed to matter.
+    """
 
     d: Floats
     states: NDArray[np.int64]
@@ -67,8 +71,9 @@ class Candidates:
 
     @cached_property
     def draws(self) -> Draws:
-        """Plausible scales: the comparator's ``draws``; of one that has none, scales drawn from all
-        ordered ones.
+        """Plausible scales: the comparator's ``draws``.
+
+        If it has none, they are drawn from all ordered scales.
         """
         return draws_of(self.comparator)
 
@@ -128,25 +133,31 @@ def most_even_cut(candidates: Candidates) -> Floats:
 
 @uses("draws", "lapse")
 def mutual_information(candidates: Candidates) -> Floats:
-    """Expected information of the answer on the scale, in bits, by the comparator's own model of
-    the tutor (Houlsby et al. 2011; Biyik et al. 2019): the entropy of the answer, less its mean
-    entropy were the scale known."""
+    """Score by the expected information of the answer on the scale, in bits.
+
+    It follows the comparator's own model of the tutor (Houlsby et al. 2011; Biyik et al. 2019): the
+    entropy of the answer, less its mean entropy were the scale known.
+    """
     chance, weights = candidates.agreement, candidates.weights
     return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
 
 
 @uses("draws")
 def violated_weight(candidates: Candidates) -> Floats:
-    """The probability that the difference matters: the weight of the scales with d.e beyond the
-    limit.
+    """Score by the probability that the difference matters.
+
+    It is the weight of the scales with d.e beyond the limit.
     """
     return product(candidates.scores > candidates.limit, candidates.weights)
 
 
 @uses("draws", "lapse")
 def telling_violation(candidates: Candidates) -> Floats:
-    """Mutual information times the weight of the scales under which the difference matters, one
-    draw's weight added so that there is a best question also where no draw says that it does."""
+    """Score by mutual information times the weight of scales for which it matters.
+
+    One draw's weight is added, so that there is a best question also if no draw says that it
+    matters.
+    """
     spare = 1.0 / len(candidates.weights)
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
 
@@ -167,8 +178,9 @@ STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
 
 
 def strategy_of(choice: Strategy | str) -> Strategy:
-    """The strategy itself, or the one of that name; raises ValueError where there is none, or what
-    cannot be called.
+    """Return the strategy itself, or the one of that name.
+
+    Raises ValueError if there is none, or if it cannot be called.
     """
     wanted = (
         f"a function from Candidates to scores (n,), or one of the names {', '.join(STRATEGIES)}"
@@ -181,15 +193,20 @@ def strategy_of(choice: Strategy | str) -> Strategy:
 def worth_asking(
     elicitation: Elicitation, d: Floats, places: Callable[[int], Place], limit: float | Floats
 ) -> NDArray[np.int64]:
-    """Rows of the differences d (n, k) that some plausible scale puts above the limit, one for all
-    or (n,), and that may be asked about; ``places`` gives where a row is compared."""
+    """Return rows of the differences d (n, k) that are worth a question.
+
+    Some plausible scale puts them above the limit, one for all or (n,), and they may be asked
+    about; ``places`` gives where a row is compared.
+    """
     rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > limit)
     return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]
 
 
 def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[int]:
-    """The candidates with the greatest scores, first ones first among equals. Raises ValueError for
-    scores that are no numbers (n,)."""
+    """The candidates with the greatest scores, first ones first among equals.
+
+    Raises ValueError for scores that are no numbers (n,).
+    """
     scores = np.asarray(strategy(candidates), dtype=np.float64)
     if scores.shape != (len(candidates),) or np.isnan(scores).any():
         raise ValueError(
@@ -200,8 +217,11 @@ def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[
 
 
 def _coarse(scores: Floats) -> Floats:
-    """Scores rounded to a grid that is finer than any that matter and coarser than their rounding
-    errors, so that two that are equal but for those are equal."""
+    """Return scores rounded to a grid.
+
+    It is finer than any that matter and coarser than their rounding errors, so that two that are
+    equal but for those are equal.
+    """
     some = np.isfinite(scores)
     _, exponent = np.frexp(np.abs(scores[some]).max(initial=0.0))
     unit = np.ldexp(1.0, int(exponent) - 32)
@@ -215,8 +235,10 @@ def simple_pair(
     about: Floats,
     labels: Sequence[str],
 ) -> Pair | None:
-    """A question of simple bags that tells of the signs of ``about`` (c, k); None where none tells
-    anything. Bags are about no state: the sentence alone is their place."""
+    """Return a question of simple bags that tells of the signs of ``about`` (c, k).
+
+    None if none tells anything. Bags are about no state: the sentence alone is their place.
+    """
     asked, draws = bags.questions(len(labels)), candidates.draws
     d = asked.left / bags.days - asked.right / bags.days
     may = elicitation.may_ask(d, lambda _: ())

@@ -1,5 +1,6 @@
-"""A sweep of value iteration over all states: compiled, as far as it needs neither Python nor the
-tutor.
+"""A sweep of value iteration over all states.
+
+It is compiled, as far as it needs neither Python nor the tutor.
 """
 
 from __future__ import annotations
@@ -53,8 +54,10 @@ class StateSweep:
     _waiting: States  # whose pair at the cursor is undecided, in order
 
     def proceed(self, batch: int) -> States:
-        """Compare all states' actions, up to where so many states need the tutor; returns these
-        states in order, and none at the end of the sweep."""
+        """Compare all states' actions, until so many states need the tutor.
+
+        Returns these states in order, and none at the end of the sweep.
+        """
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
             states = np.arange(
@@ -67,15 +70,17 @@ class StateSweep:
         return self._waiting[: min(batch, self._verified)]
 
     def settle(self, state: int, verdict: Verdict) -> None:
-        """The verdict on the pair at a waiting state's cursor. What waits behind it may be settled
-        by now.
+        """The verdict on the pair at a waiting state's cursor.
+
+        What waits behind it may be decided by now.
         """
         self._settle(np.array([state]), np.array([verdict], dtype=np.int8))
         self._verified = 0
 
     def pairs(self, states: States) -> tuple[Floats, Floats, NDArray[np.int32], States]:
-        """The pairs at the cursors of n states: left and right (n, k), challenger's and incumbent's
-        actions (n,).
+        """Return the pairs at the cursors of n states.
+
+        These are left and right (n, k), challenger's and incumbent's actions (n,).
         """
         rows, challengers, incumbents = (
             np.arange(len(states)),
@@ -87,14 +92,16 @@ class StateSweep:
 
     @property
     def span(self) -> float:
-        """At the end of a sweep: how far states' changes of V can lie apart under an ordered
-        scale.
+        """Upper bound on how far states' changes of V lie apart under an ordered scale.
+
+        It is known at the end of a sweep.
         """
         return float((self._change[1] - self._change[0]).max())
 
     def follow(self, within: float) -> None:
-        """Go on from what the present actions are worth, to about ``within``: swept without
-        comparing any.
+        """Go on from the value of the present actions, to about ``within``.
+
+        It is swept without comparing any.
         """
         self.v = nearly_valued(self._mdp, self.best, self.v, within)
 
@@ -115,8 +122,11 @@ class StateSweep:
         self._verified = 0  # how many of the first of them are so with all that is known
 
     def _look_again(self, batch: int) -> None:
-        """Judge waiting states anew, in order, until a batch of them is known to need the tutor:
-        twice as many each time, for few calls, and few judgements that the next answer outdates."""
+        """Decide waiting states anew, in order, until a batch of them needs the tutor.
+
+        It takes twice as many each time, for few calls, and few verdicts that the next answer
+        outdates.
+        """
         size = batch
         while self._verified < min(batch, len(self._waiting)):
             part, rest = np.split(self._waiting[self._verified :], [size])
@@ -126,8 +136,10 @@ class StateSweep:
             size *= 2
 
     def _compare(self, states: States) -> States:
-        """Compare the actions of these states until each is done or needs the tutor; returns those
-        that do, in order."""
+        """Compare the actions of these states until each is done or needs the tutor.
+
+        Returns those that need the tutor, in order.
+        """
         waiting: list[States] = []
         while len(states):
             going_on: list[States] = []
@@ -146,8 +158,10 @@ class StateSweep:
         return np.sort(np.concatenate(waiting)) if waiting else states
 
     def _swept(self, states: States) -> Iterator[tuple[States, Outcome]]:
-        """The compiled sweep over blocks of states: parts of them, and what became of each. Beside
-        each other, unless somebody looks on or answers."""
+        """The compiled sweep over blocks of states: parts of them, and what became of each.
+
+        Beside each other, unless somebody looks on or answers.
+        """
         blocks = [states[i : i + BLOCK] for i in range(0, len(states), BLOCK)]
         rules = self._rules(len(blocks))
         alone = self._elicitation.watch is not None or self._elicitation.signs is not None
@@ -180,8 +194,10 @@ class StateSweep:
         self._pairs.enter(out.tiers)
 
     def _judge(self, states: States) -> States:
-        """Have the elicitation judge the pairs at the cursors of states, all at once; returns those
-        that need the tutor."""
+        """Have the elicitation decide the pairs at the cursors of states, all at once.
+
+        Returns those that need the tutor.
+        """
         if not len(states):
             return states
         left, right, challengers, incumbents = self.pairs(states)
@@ -205,8 +221,11 @@ class StateSweep:
         self.cursor[states] += 1
 
     def _rules(self, n: int) -> Sequence[Rule]:
-        """What the comparator knows, as arrays, for each of n blocks: what they find out on the way
-        goes into copies. After an answer certificates may not hold, except what was proven."""
+        """Return what the comparator knows, as arrays, for each of n blocks.
+
+        What they find out on the way goes into copies. After an answer certificates may not hold,
+        except what was proven.
+        """
         if self._elicitation.comparator is not self._judged_by:
             self._judged_by = self._elicitation.comparator
             self._pairs.take_answers()
@@ -223,7 +242,7 @@ class StateSweep:
 
 
 def _copy(rule: Rule) -> Rule:
-    """The same proofs, in arrays of their own where walks write."""
+    """Return the same proofs, with own arrays for what walks write."""
     written = ("points", "inverses", "active", "kind", "age", "counts")
     return rule._replace(
         known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written})

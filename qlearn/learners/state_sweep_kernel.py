@@ -26,7 +26,7 @@ DONE, ANSWERED = -1, 0  # beside UNKNOWN and UNSETTLED: how a state stands
 
 
 class Work(NamedTuple):
-    """What a sweep reads and writes."""
+    """The arrays that a sweep reads and writes."""
 
     v: Floats  # (S, k) V of the last sweep
     following: Floats  # (S, k) V of this sweep, written where a state is done
@@ -35,7 +35,7 @@ class Work(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of a list of n states."""
+    """The outcome for a list of n states."""
 
     best: NDArray[np.int64]  # (n,)
     cursor: NDArray[np.int32]  # (n,)

@@ -217,7 +217,7 @@ class InteractiveValueIteration(Learner):
                 self._states.follow(_EVALUATED * self._small_span)
 
     def _settled(self) -> Status | None:
-        """How it ends where V has settled; None: it does not."""
+        """Return the final status once V has settled; None: go on."""
         if self._elicitation.counts[Tier.GUESS] > self._guessed:
             return Status.GUESSED
         if self._elicitation.unsure:
@@ -232,8 +232,9 @@ class InteractiveValueIteration(Learner):
 
 
 class LateValueIteration(InteractiveValueIteration):
-    """Value iteration on share vectors that puts its questions off (Gilbert, Spanjaard, Viappiani
-    and Weng 2015, who delay and order them).
+    """Value iteration on share vectors that puts its questions off.
+
+    Gilbert, Spanjaard, Viappiani and Weng (2015) delay and order questions so.
 
     Undecided pairs go by the comparator's central scale until V has settled; only then one of those
     that it met is asked about, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on.
@@ -293,15 +294,18 @@ class LateValueIteration(InteractiveValueIteration):
 
 
 def _followed_from(v: Floats, policy: NDArray[np.int64], mdp: OrdinalMDP, within: float) -> Floats:
-    """Q (S, A, k) where a policy (S,) is followed from the next state on, to about ``within``; v
-    (S, k): near it.
+    """Return Q (S, A, k) of a policy (S,) that is followed from the next state on.
+
+    It is right to about ``within``; v (S, k) is near it.
     """
     return q_of(np.arange(mdp.n_states), nearly_valued(mdp, policy, v, within), model_of(mdp))
 
 
 def sweeps_needed(discount: float, tolerance: float) -> int:
-    """Sweeps after which scalar value iteration has stopped: its first change is at most 1 -
-    discount, and each later one at most discount times the last."""
+    """Return the sweeps after which scalar value iteration has stopped.
+
+    Its first change is at most 1 - discount, and each later one at most discount times the last.
+    """
     if discount == 0:
         return 1
     return max(

@@ -1,5 +1,6 @@
-"""Checks of an MDP's arrays, a block of states at a time: what is checked may fill most of the
-memory there is.
+"""Checks of an MDP's arrays, a block of states at a time.
+
+The arrays may fill most of the memory there is.
 """
 
 from __future__ import annotations
@@ -23,9 +24,12 @@ _ROUNDING = 1e-12  # nearer to 1 than this, a row is kept bit for bit, so that c
 def clean(
     targets: NDArray[Any], probabilities: Floats, terminal: Flags, admissible: Flags
 ) -> tuple[NDArray[np.integer[Any]], Floats]:
-    """Successors (S, A, b) int32 and probabilities (S, A, b) as ``OrdinalMDP`` stores them: what is
-    never read overwritten, every row checked and, beyond rounding, divided by its sum. Arrays that
-    need no change come back themselves; read-only ones are never written to. Raises ValueError."""
+    """Return successors (S, A, b) int32 and probabilities (S, A, b) for ``OrdinalMDP``.
+
+    What is never read is overwritten, and every row is checked and, beyond rounding, divided by its
+    sum. Arrays that need no change come back themselves; read-only ones are never written to.
+    Raises ValueError.
+    """
     n, _, b = probabilities.shape
     step = max(1, BLOCK // max(1, probabilities[0].size))
     for start in range(0, n, step):
@@ -55,8 +59,9 @@ def clean(
 
 
 def reject(name: str, array: NDArray[Any], bad: Flags, rule: str, start: int = 0) -> None:
-    """Raise ValueError naming the first bad entry; ``start`` is the index of the array's first
-    row.
+    """Raise ValueError naming the first bad entry.
+
+    ``start`` is the index of the array's first row.
     """
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
@@ -67,9 +72,11 @@ def reject(name: str, array: NDArray[Any], bad: Flags, rule: str, start: int = 0
 def numbers(
     name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, whole: bool = False
 ) -> NDArray[Any]:
-    """A copy of ``given`` as floats; of integers (``whole``) as int32 where they fit. An array of
-    just that type that is read-only and owns its memory is taken as it is. Raises TypeError,
-    ValueError."""
+    """A copy of ``given`` as floats; of integers (``whole``) as int32 where they fit.
+
+    An array of just that type that is read-only and owns its memory is taken as it is. Raises
+    TypeError, ValueError.
+    """
     kind: Any = np.float64
     if whole and isinstance(given, np.ndarray) and given.dtype.kind in "iu":
         fits = not given.size or (given.min() >= -(2**31) and given.max() < 2**31)
@@ -109,8 +116,9 @@ def _int32(name: str, array: NDArray[Any], start: int = 0) -> Indices:
 
 
 def flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: bool) -> Flags:
-    """A copy of ``given`` as bools, everywhere ``default`` where it is None. Raises TypeError,
-    ValueError.
+    """A copy of ``given`` as bools, everywhere ``default`` where it is None.
+
+    Raises TypeError, ValueError.
     """
     if given is None:
         return np.full(shape, default)
@@ -139,7 +147,8 @@ def labels(given: Sequence[str]) -> tuple[str, ...]:
 def names(name: str, given: Sequence[str] | None, count: int) -> tuple[str, ...] | None:
     """Return the names of states or actions as plain strings; None if they have numbers only.
 
-    Raises TypeError, ValueError."""
+    Raises TypeError, ValueError.
+    """
     if given is None:
         return None
     found = _strings(name, given, "None or a sequence of strings")
@@ -179,8 +188,10 @@ def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -
 
 
 def distributions(name: str, p: Floats, needed: Flags | None = None, start: int = 0) -> Floats:
-    """p (..., b) with every row a distribution, except the rows of zeros that are not ``needed``; p
-    itself where nothing need change. Raises ValueError."""
+    """Return p (..., b) with every row a distribution, but zeros that are not ``needed``.
+
+    It is p itself if nothing need change. Raises ValueError.
+    """
     reject(name, p, ~np.isfinite(p), "must be finite", start)
     reject(name, p, p < 0, "must not be negative", start)
     total = p.sum(axis=-1)

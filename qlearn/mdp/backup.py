@@ -1,5 +1,6 @@
-"""Backing up share vectors, eq. (3), a state at a time, in code that numba can compile: Q is never
-kept for all.
+"""Backing up share vectors, eq. (3), a state at a time, in code that numba can compile.
+
+Q is never kept for all states.
 """
 
 from __future__ import annotations
@@ -28,15 +29,17 @@ class MdpArrays(NamedTuple):
     discount: float
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MdpArrays:
-        """Itself: copies of its arrays could be written to, and a copied learner would be compiled
-        for anew.
+        """Return itself.
+
+        Copies of its arrays could be written to, and a copied learner would be compiled for anew.
         """
         return self
 
 
 def model_of(mdp: OrdinalMDP) -> MdpArrays:
-    """The MDP's own arrays, to read: whether they could be written to is chance, and would be
-    compiled for anew.
+    """Return the MDP's own arrays, to read.
+
+    Whether they could be written to is chance, and would be compiled for anew.
     """
     p, levels = mdp.transitions, mdp.levels.reshape(-1)
     indices, data, ends = _to_read(p.indices), _to_read(p.data), _to_read(p.indptr)
@@ -54,7 +57,9 @@ def _to_read(array: Any) -> Any:
 @compiled
 def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
     """Q(s, .) into q (A, k), eq. (3) in shares; rows of inadmissible actions are left as they are.
-    ``arrays`` are the model's first four: to hand over all of it for every state costs more."""
+
+    ``arrays`` are the model's first four: to hand over all of it for every state costs more.
+    """
     successors, probabilities, ends, levels = arrays
     m, k = q.shape
     for a in range(m):
@@ -94,8 +99,11 @@ def back_up_together(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
 
 @compiled_beside(back_up_together)
 def back_up_all(states: Any, v: Any, model: MdpArrays, q: Any) -> None:
-    """Q (n, A, k) of n states, as ``OrdinalMDP`` has it: a terminal state's value whatever the
-    action, and all on the worst level where an action is inadmissible."""
+    """Compute Q (n, A, k) of n states, as ``OrdinalMDP`` has it.
+
+    It is a terminal state's value whatever the action, and all on the worst level if an action is
+    inadmissible.
+    """
     m, k = q.shape[1:]
     arrays = model.successors, model.probabilities, model.ends, model.levels
     for i in range(len(states)):

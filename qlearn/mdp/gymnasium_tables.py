@@ -1,5 +1,6 @@
-"""An OrdinalMDP's arrays from an environment that carries its tables, in the form of Gymnasium's
-toy texts.
+"""An OrdinalMDP's arrays from an environment that carries its tables.
+
+They have the form of Gymnasium's toy texts.
 """
 
 from __future__ import annotations
@@ -126,8 +127,11 @@ def _scale(
 
 
 def _nodes(table: Table, arrival: dict[float, int], after: int) -> list[Node]:
-    """The environment's states with the lowest level they are entered with, then with each further
-    level; then the end, entered with each level, and last with that of the time ``after`` it."""
+    """Return the environment's states with the levels they are entered with.
+
+    The lowest level comes first, then each further one; then the end, entered with each level, and
+    last with that of the time ``after`` it.
+    """
     entered: dict[int, set[int]] = {s: set() for s in range(len(table))}
     ended: set[int] = set()
     for actions in table:

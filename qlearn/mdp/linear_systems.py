@@ -1,5 +1,6 @@
-"""Discounted totals in a Markov chain: linear systems whose solutions are the same on every
-processor.
+"""Discounted totals in a Markov chain.
+
+They solve linear systems, with the same result on every processor.
 
 Libraries solve to within rounding, and round differently on another processor. So a solution is
 refined until it is the exact one, rounded once: its residual is computed without rounding, by
@@ -32,8 +33,9 @@ Solver = Callable[[Floats], Floats]
 
 
 def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """Return x (n, m) with x = inflow + discount * chain @ x, for a (sub)stochastic chain (n, n),
-    rounded once.
+    """Return x (n, m) with x = inflow + discount * chain @ x, rounded once.
+
+    The chain (n, n) is (sub)stochastic.
     """
     flows = (discount * chain).tocsr()
     solve = _dense(flows) if len(inflow) <= _DENSE else _sparse(flows, discount)
@@ -49,8 +51,9 @@ def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) 
 def _refined(
     flows: sparse.csr_array, high: Floats, inflow: Floats, solve: Solver
 ) -> tuple[Floats, Floats]:
-    """Return the solution as two numbers each, the second below the last bit of the first, from a
-    near one.
+    """Return the solution as two numbers each, from a near one.
+
+    The second lies below the last bit of the first.
     """
     low = np.zeros_like(high)
     residual = _exact_residual(flows, inflow)
@@ -69,8 +72,9 @@ def _refined(
 
 
 def _exact_residual(flows: sparse.csr_array, inflow: Floats) -> Callable[[Floats, Floats], Floats]:
-    """Return a function that gives inflow + flows @ (high + low) - (high + low) to far below the
-    last bit.
+    """Return a function that gives inflow + flows @ (high + low) - (high + low).
+
+    It is right to far below the last bit.
     """
     first = _with_data(flows, _leading(flows.data, _BITS))
     rest = flows.data - first.data
@@ -114,8 +118,11 @@ def _dense(flows: sparse.csr_array) -> Solver:
 
 
 def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
-    """Return a solver by Krylov steps, which are quick on chains that mix, where factors fill up;
-    by factors on the rest, and by sweeps where these have no room."""
+    """Return a solver by Krylov steps, by factors, or by sweeps.
+
+    Krylov steps are quick on chains that mix, for which factors fill up. Factors solve the rest,
+    and sweeps what they have no room for.
+    """
     n = flows.shape[0]
     matrix = sparse.eye_array(n, format="csr") - flows
     by_factors: list[Solver] = []
@@ -152,8 +159,9 @@ def _by_krylov_steps(matrix: sparse.csr_array, inflow: Floats) -> Floats | None:
 
 
 def _swept(flows: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """Solve by sweeps, each of which takes the error to ``discount`` times what it was: slow, but
-    in no memory.
+    """Solve by sweeps, each of which takes the error to ``discount`` times what it was.
+
+    That is slow, but takes no memory.
     """
     x = inflow.copy()
     for _ in range(int(np.ceil(np.log(_RESIDUAL) / np.log(discount))) if discount > 0 else 1):

@@ -171,8 +171,10 @@ class OrdinalMDP:
         labels: Sequence[str],
         **rest: Unpack[_AllParts],
     ) -> OrdinalMDP:
-        """Make an MDP from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``:
-        initial, terminal, admissible, state_names, action_names."""
+        """Make an MDP from a dense table ``transitions`` (S, A, S) of p(s, a, s').
+
+        ``rest``: initial, terminal, admissible, state_names, action_names.
+        """
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
     @classmethod
@@ -189,9 +191,10 @@ class OrdinalMDP:
         state_names: Sequence[str] | None = None,
         action_names: Sequence[str] | None = None,
     ) -> OrdinalMDP:
-        """Make an MDP from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a
-        belongs to (s, a), as in ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one
-        an action.
+        """Make an MDP from sparse ``transitions``.
+
+        They are one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as in
+        ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
 
         Rows are stored at the length of the longest, so one state with very many successors costs
         memory for all. Raises ValueError.
@@ -249,9 +252,9 @@ class OrdinalMDP:
         initial: ArrayLike | None = None,
         after: float = 0.0,
     ) -> OrdinalMDP:
-        """Make an MDP from an environment that carries its tables, such as Gymnasium's toy texts:
-        ``env.unwrapped.P`` with ``P[s][a]`` a list of (probability, next state, reward,
-        terminated).
+        """Make an MDP from an environment that carries its tables, as Gymnasium's toy texts do.
+
+        ``env.unwrapped.P`` has ``P[s][a]`` a list of (probability, next state, reward, terminated).
 
         ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to
         the name of its level, several rewards to one name if need be; ``labels`` then are these
@@ -296,8 +299,11 @@ class OrdinalMDP:
 
     @cached_property
     def transitions(self) -> sparse.csr_array:
-        """p as CSR (S*A, S); row s*A + a belongs to (s, a). An admissible action of a terminal
-        state loops; the row of an inadmissible action is empty. Do not write to it."""
+        """P as CSR (S*A, S); row s*A + a belongs to (s, a).
+
+        An admissible action of a terminal state loops; the row of an inadmissible action is empty.
+        Do not write to it.
+        """
         n, m, b = self.probabilities.shape
         p, column = self.probabilities.reshape(-1), self.successors.reshape(-1)
         used = p != 0
@@ -327,15 +333,16 @@ class OrdinalMDP:
         return str(action) if self.action_names is None else self.action_names[action]
 
     def normalise(self, values: ArrayLike) -> Floats:
-        """values (k,), one a level and increasing, as a scale from 0 to 1. Raises ValueError."""
+        """Values (k,), one a level and increasing, as a scale from 0 to 1. Raises ValueError."""
         scale = normalise(values)
         if scale.size != self.k:
             raise ValueError(f"values must be {self.k} numbers, one a level, not {scale.size}")
         return scale
 
     def rewards(self, values: ArrayLike) -> Floats:
-        """Numeric rewards r(s, a) (S, A) if level i were worth values[i], in the unit of
-        ``values``.
+        """Return numeric rewards r(s, a) (S, A) if level i is worth values[i].
+
+        They are in the unit of ``values``.
 
         values (k,) must increase; they are used as they are. Any solver for standard MDPs takes the
         result, together with ``transitions`` and ``discount``. Raises ValueError.
@@ -351,8 +358,9 @@ class OrdinalMDP:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash (32 hex digits) of all that is stored, but for names of states and actions: the same
-        everywhere.
+        """Hash (32 hex digits) of all that is stored, but for names of states and actions.
+
+        It is the same everywhere.
         """
         digest = hashlib.blake2b(repr((self.discount, self.labels)).encode(), digest_size=16)
         arrays = ("successors", "probabilities", "levels", "initial", "terminal", "admissible")

@@ -27,8 +27,9 @@ _FLOOR = 2.0**-50  # a sweep's change below this is rounding
 def value_iteration(
     mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
 ) -> tuple[Floats, Actions]:
-    """Optimal value v (S,) in shares and an optimal policy (S,), eq. (2), if the scale is
-    ``values`` (k,).
+    """Return the optimal value v (S,) in shares and an optimal policy (S,), eq. (2).
+
+    The scale is ``values`` (k,).
 
     v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s') over admissible a,
     with ``values`` normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal
@@ -59,8 +60,9 @@ def value_iteration(
 
 @one_thread
 def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
-    """Vector value of a policy, eq. (3), as shares (S, k): row s is how the discounted time of a
-    run from s divides among the levels, and sums to 1.
+    """Return the vector value of a policy, eq. (3), as shares (S, k).
+
+    Row s says how the discounted time of a run from s divides among the levels, and sums to 1.
 
     ``policy`` is (S,) action indices or (S, A) probabilities; its entries at terminal states are
     not read, and a terminal state's row is the unit vector of its level. By proposition 1 the
@@ -110,16 +112,15 @@ def policy_loss(
 
 
 def rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
-    """Return the gain of each action (S, A) and the value of each terminal state (S,), in
-    shares.
-    """
+    """Return the gain of each action (S, A) and each terminal state's value (S,), in shares."""
     gain: Floats = (1 - mdp.discount) * e[mdp.levels]
     return gain, np.where(mdp.terminal, e[mdp.final_level], 0.0)
 
 
 def backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
-    """Return the value of each action (S, A) if its successors have values v (S,); -inf if it is
-    inadmissible.
+    """Return the value of each action (S, A) if its successors have values v (S,).
+
+    It is -inf if the action is inadmissible.
     """
     q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(mdp.levels.shape)
     q[mdp.terminal] = ends[mdp.terminal, None]
@@ -136,10 +137,12 @@ def _first_best(q: Floats) -> Actions:
 def policy_iteration(
     mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Actions | None = None
 ) -> tuple[Floats, Actions]:
-    """The greatest discounted total v (S,) of what actions gain (S, A), a terminal state's being
-    ``ends`` (S,), and a policy (S,) for it, by Howard's algorithm; where the actions of ``start``
-    (S,) are as good, they are kept. It need not be exact, only good: whoever needs certainty
-    certifies the result."""
+    """Return the greatest discounted total v (S,) of gains (S, A), and a policy (S,) for it.
+
+    A terminal state's total is ``ends`` (S,). It is found by Howard's algorithm, and the actions of
+    ``start`` (S,) are kept if they are as good. It need not be exact, only good: whoever needs
+    certainty certifies the result.
+    """
     rows = np.arange(mdp.n_states)
     v = ends = np.where(mdp.terminal, ends, 0.0)
     policy = _first_best(backed_up(mdp, gain, ends, v)) if start is None else start
@@ -155,8 +158,9 @@ def policy_iteration(
 
 
 def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
-    """Return an optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1; of equally good
-    actions the first.
+    """Return an optimal policy (S,) for the scale ``values`` (k,), from 0 to 1.
+
+    Of equally good actions it takes the first.
 
     The search begins at ``start`` (S,), which changes how long it takes, but not what it finds.
     """
@@ -166,8 +170,10 @@ def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
 
 
 def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:
-    """Discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S); a terminal state's are its
-    ``ends`` (S, c), which are 0 at the other states."""
+    """Return discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S).
+
+    A terminal state's are its ``ends`` (S, c), which are 0 at the other states.
+    """
     total, live = ends.copy(), ~mdp.terminal
     chain = chain[live]
     total[live] = discounted_totals(

@@ -1,5 +1,6 @@
-"""Tables of other shapes as the one that ``OrdinalMDP.from_sparse`` stores: CSR (S*A, S), row s*A +
-a for (s, a).
+"""Tables of other shapes as the one that ``OrdinalMDP.from_sparse`` stores.
+
+That is CSR (S*A, S), row s*A + a for (s, a).
 """
 
 from __future__ import annotations
@@ -84,8 +85,9 @@ def from_pairs(
 
 
 def padded(matrix: sparse.csr_array, read: Flags) -> tuple[Indices, Floats]:
-    """Successors and probabilities (S, A, b) of the entries that are not zero in the rows to be
-    ``read`` (S, A).
+    """Return successors and probabilities (S, A, b) of the entries that are not zero.
+
+    Only the rows to be ``read`` (S, A) count.
     """
     p = np.where(np.repeat(read.ravel(), np.diff(matrix.indptr)), matrix.data, 0.0)
     matrix = sparse.csr_array((p, matrix.indices, matrix.indptr), shape=matrix.shape, copy=True)

@@ -30,10 +30,12 @@ _ROUNDING = 1e-14  # a width that sweeps need not get below
 def nearly_optimal(
     mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Floats, within: float
 ) -> tuple[Floats, Actions, float]:
-    """The greatest discounted total (S,) of gain (S, A), a terminal state's being ``ends`` (S,), to
-    about ``within``; a policy (S,) that is greedy for it, nearly; and how much more than that total
-    there can be at any state. By modified policy iteration (Puterman and Shin 1978) from ``start``
-    (S,)."""
+    """Return the greatest discounted total (S,) of gain (S, A), to about ``within``.
+
+    A terminal state's total is ``ends`` (S,). It comes with a policy (S,) that is nearly greedy for
+    it, and with how much more than that total there can be at any state. By modified policy
+    iteration (Puterman and Shin 1978) from ``start`` (S,).
+    """
     rows, ratio = np.arange(mdp.n_states), mdp.discount / (1 - mdp.discount)
     ends = np.where(mdp.terminal, ends, 0.0)
     v = np.where(mdp.terminal, ends, start)
@@ -56,10 +58,12 @@ def nearly_optimal(
 
 @one_thread
 def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within: float) -> Floats:
-    """Vector value of a deterministic policy (S,), as ``evaluate_policy``, but nearly: shares (S,
-    k) whose tail sums, backed up along the policy, would change by amounts that differ from state
-    to state, or from 0 where states are terminal, by little more than ``within``. From the shares
-    ``start`` (S, k), if there are any."""
+    """Return the vector value of a deterministic policy (S,), nearly.
+
+    It is as ``evaluate_policy`` gives it: shares (S, k). Their tail sums, backed up along the
+    policy, would change by amounts that differ from state to state, or from 0 if states are
+    terminal, by little more than ``within``. From the shares ``start`` (S, k), if there are any.
+    """
     levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
     ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
     gain: Floats = np.where(
@@ -85,9 +89,11 @@ def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
 def _followed(
     mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats, within: float
 ) -> Floats:
-    """Discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c), terminal states' being
-    ``ends`` (S, c), until no column's changes differ by more than ``within`` from state to state. v
-    is overwritten."""
+    """Return discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c).
+
+    Terminal states' are ``ends`` (S, c). It goes on until no column's changes differ by more than
+    ``within`` from state to state. v is overwritten.
+    """
     widths: list[float] = []
     while True:
         new = chain @ v
@@ -107,8 +113,9 @@ def _followed(
 
 
 def _range(change: Floats) -> tuple[Floats, Floats]:
-    """The least and the greatest change of each column, 0 among them where states are terminal,
-    which do not change.
+    """Return the least and the greatest change of each column.
+
+    0 is among them if states are terminal, which do not change.
     """
     return change.min(axis=0), change.max(axis=0)
 
@@ -116,7 +123,8 @@ def _range(change: Floats) -> tuple[Floats, Floats]:
 def _to_go(mdp: OrdinalMDP, low: Floats, high: Floats) -> Floats:
     """Return what to add to all values after changes between ``low`` and ``high``.
 
-    It is the middle of the way that is left; nothing if some states are terminal."""
+    It is the middle of the way that is left; nothing if some states are terminal.
+    """
     middle: Floats = mdp.discount / (1 - mdp.discount) * (low + high) / 2
     return np.zeros_like(middle) if mdp.terminal.any() else middle
 

@@ -1,5 +1,6 @@
-"""What the rows of ``figures`` say of the paper's claims, for each comparator and tutor, with
-intervals over runs.
+"""The paper's claims by the rows of ``figures``, with intervals over runs.
+
+There is one for each comparator and tutor.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ MEASURES = (
     "error_rate",
     "realised_error_rate",
 )
-HOLDS, FAILS, OPEN = "holds", "does not hold", "not told"
+HOLDS, FAILS, OPEN = "holds", "does not hold", "inconclusive"
 _ASKED = {
     "of all comparisons": "asked_percent_all",
     "of those dominance leaves open": "asked_percent_open",
@@ -36,7 +37,7 @@ READINGS = {
     4: {"the formula": "paper_loss_percent", "true policy loss": "excess_loss_percent"},
 }
 """Of each figure, the measures that its claim is answered by. The paper counts "all queries (tutor
-or model)": whether those that dominance settles are among them depends on where its section 2.2
+or model)": whether those that dominance decides are among them depends on where its section 2.2
 eliminates dominated vectors, which its Algorithm 2 does not say."""
 _ARM = ["comparator", "errs"]
 _STEP = {
@@ -47,8 +48,9 @@ _BOUND = 1.0  # percent: "the average percentage of loss is lower than 1%"
 
 
 def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The rows of the series over ``name``, "levels" or "states": those with the commonest number
-    of the other one.
+    """Return the rows of the series over ``name``, "levels" or "states".
+
+    They have the commonest number of the other one.
     """
     other = "states" if name == "levels" else "levels"
     points = frame[["states", "levels"]].drop_duplicates()
@@ -63,8 +65,11 @@ def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
-    """One row a point of a series and comparator: the mean over runs of each of ``MEASURES`` and,
-    as ``<name>_half``, half the width of its 95% t-interval (nan from one run)."""
+    """Return one row a point of a series and comparator: means over runs.
+
+    ``<name>_half`` is half the width of the 95% t-interval of one of ``MEASURES`` (nan from one
+    run).
+    """
     parts = []
     for name in ("levels", "states"):
         rows = series_of(frame, name)
@@ -76,17 +81,18 @@ def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def claims(frame: pd.DataFrame) -> pd.DataFrame:
-    """The paper's claims, one row each for every comparator and way of measuring, with a 95%
-    t-interval over seeds.
+    """Return the paper's claims, one row for every comparator and way of measuring.
+
+    Each has a 95% t-interval over seeds.
 
     Figures 2 and 3, that the percentage asked rises: ``estimate`` is the mean over seeds of its
     least squares slope, in percentage points for 5 levels, or 100 states, more; ``agreeing`` counts
     the seeds whose own slope has its sign. ``answer``: "holds" where the interval lies above 0,
-    "does not hold" where below, else "not told". Figure 4, that the loss is below 1%: the mean loss
-    over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an end of
+    "does not hold" where below, else "inconclusive". Figure 4, that the loss is below 1%: the mean
+    loss over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an end of
     the interval at one size. ``answer``: "holds" if ``worst`` is below 1; "does not hold" if the
-    interval of some size lies beyond 1% on one side; else "not told". The oracle, with nothing to
-    compare, is left out. What is not defined (one seed, one point) is nan.
+    interval of some size lies beyond 1% on one side; else "inconclusive". The oracle, with nothing
+    to compare, is left out. What is not defined (one seed, one point) is nan.
     """
     found: list[dict[str, Any]] = []
     for figure, name in ((2, "levels"), (3, "states")):
@@ -103,7 +109,7 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def answers(told: pd.DataFrame, figure: int, measure: str) -> dict[str, dict[str, Any]]:
-    """Of ``claims``, those of a figure by one measure: the rows by comparator, then by tutor."""
+    """Return the rows of ``claims`` of one figure and measure, by comparator and tutor."""
     rows = told[(told.figure == figure) & (told.measure == measure)]
     return {
         str(name): {str(row.errs): row for row in some.itertuples()}
@@ -117,8 +123,11 @@ def tutors_of(told: pd.DataFrame) -> list[str]:
 
 
 def sizes_of(frame: pd.DataFrame, figure: int, names: Mapping[str, str] | None = None) -> str:
-    """The sizes of a figure and its runs a point, and which comparators with which tutors have
-    fewer sizes, in words; ``names`` of comparators, where they are called otherwise."""
+    """Return the sizes of a figure and its runs a point, in words.
+
+    It also says which comparators with which tutors have fewer sizes; ``names`` of comparators, if
+    they are called otherwise.
+    """
     axis = "levels" if figure == 2 else "states"
     rows = series_of(frame, axis)
     ends = ((rows[name].min(), rows[name].max(), name) for name in ("states", "levels"))
@@ -143,10 +152,12 @@ def listed(arms: Mapping[str, Sequence[str]]) -> str:
 
 
 def error_rates(frame: pd.DataFrame) -> pd.DataFrame:
-    """How often tutors erred, in percent, one row a comparator and tutor who errs: ``reference``,
-    of the comparisons of an optimal policy that dominance leaves open, as expected of him, and
-    ``realised``, of the answers that he gave; means over runs and sizes, each with ``low`` and
-    ``high``, the least and the greatest mean at one size."""
+    """Return how often tutors erred, in percent, one row a comparator and erring tutor.
+
+    ``reference`` is the expected share of the comparisons of an optimal policy that dominance
+    leaves open, and ``realised`` that of the answers given. They are means over runs and sizes,
+    each with ``low`` and ``high``, the least and the greatest mean at one size.
+    """
     rows = frame[frame.error_rate > 0]
     parts = [("reference", "error_rate"), ("realised", "realised_error_rate")]
     of_sizes = (
@@ -183,12 +194,12 @@ _SAID = """
 ## Each claim at each precision
 
 - figures 2 and 3: the percentage asked rises with the levels, with the states. "Holds" where the interval of the
-  slope lies above 0, "does not hold" where it lies below, "not told" where it has 0 inside. The paper counts "all
+  slope lies above 0, "does not hold" where it lies below, "inconclusive" where it has 0 inside. The paper counts "all
   queries (tutor or model)". Its section 2.2 eliminates dominated vectors, its Algorithm 2 does not say where: if
   first, queries are the comparisons that dominance leaves open; if not at all, they are all comparisons.
 - figure 4: the loss is lower than 1%. The formula is v - V, the values learned with the model less those without it,
   so that what the model loses is negative: "holds" where the interval of every size lies within 1% of zero, "does
-  not hold" where that of some size lies wholly beyond, else "not told". The true policy loss, beyond that of
+  not hold" where that of some size lies wholly beyond, else "inconclusive". The true policy loss, beyond that of
   Q-learning which always asks, is held to the same 1%, of the value range.
 
 """  # noqa: E501
@@ -206,8 +217,9 @@ _HEAD = ("figure", "comparator", "tutor", "measured", "estimate", "95% interval"
 
 
 def claims_page(frame: pd.DataFrame) -> str:
-    """The claims of these runs as a page of Markdown of at most 120 columns, to be read as text
-    too.
+    """Return the claims of these runs as a page of Markdown.
+
+    It has at most 120 columns, to be read as text too.
     """
     told = claims(frame)
     tutors = tutors_of(told)
@@ -257,8 +269,9 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _cells(row: Any) -> tuple[str, ...]:
-    """A claim as a line of the page's last table; what is not defined (of one run, say) is
-    empty.
+    """Return a claim as a line of the page's last table.
+
+    What is not defined (of one run, say) is empty.
     """
     measure = (
         str(row.measure)
@@ -308,7 +321,7 @@ def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
 
 
 def _claim(figure: int, arm: Any, measure: str, statistic: str, by_seed: Floats) -> dict[str, Any]:
-    """What is claimed of which runs, and the mean over seeds with its interval."""
+    """Return a claim on some runs, and the mean over seeds with its interval."""
     head = {
         "figure": figure,
         "comparator": arm[0],

@@ -1,5 +1,6 @@
-"""The paper's figures 2, 3 and 4: its two series of random MDPs, over seeds that all comparators
-share.
+"""The runs of the paper's figures 2, 3 and 4.
+
+They are its two series of random MDPs, over seeds that all comparators share.
 
 The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to
 tutors of several precisions, who err as in eq. (6), for the paper does not say how precise its
@@ -43,16 +44,17 @@ def figures(
     progress: Callable[[int, int], None] | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Run both series and return one row a run, in the order of ``KEYS``, with the seconds it took
-    in the last column.
+    """Run both series and return one row a run, in the order of ``KEYS``.
+
+    The last column has the seconds that the run took.
 
     ``changes`` are fields of ``FiguresSettings`` by name, in place of those of ``settings``
     (default: the defaults).
 
     A problem in both series is run once. The comparisons by which a tutor's precision is set are
     those of ``metrics.reference_differences``: ``errs`` names the tutor (see ``settings.tutors``),
-    and ``error_rate`` is the share of them that he is expected to answer wrongly, also where his
-    precision was given. ``realised_error_rate`` is the share of the answers that he gave. The
+    and ``error_rate`` is the expected share of wrong answers to them, also if the precision was
+    given. ``realised_error_rate`` is the share of the answers that were given. The
     oracle always runs. For the time, precisions between the first and the last are run at every
     other size only, whose slopes are nearly as sure (8 of 10 parts of the spread of five sizes).
 
@@ -71,8 +73,9 @@ def figures(
 
 
 def plan_of(settings: FiguresSettings) -> list[Cell]:
-    """One dict a run, in the order of the table: what ``run`` calls a cell, with the numbers of
-    states and levels.
+    """Return one dict a run, in the order of the table.
+
+    It is what ``run`` calls a cell, with the numbers of states and levels.
     """
     same = {"problem": "random", "learner": "q-learning", "audit": 0.0}
     seeds = range(settings.seed, settings.seed + settings.seeds)
@@ -96,15 +99,18 @@ def plan_of(settings: FiguresSettings) -> list[Cell]:
 
 
 def _law(tutor: str) -> dict[str, float | None]:
-    """How a tutor errs, as a cell of ``run`` has it."""
+    """Return a tutor's errors, as a cell of ``run`` has them."""
     if tutor.startswith("c="):
         return {"error_rate": None, "c": float(tutor[2:])}
     return {"error_rate": 0.0 if tutor == TRUTHFUL else float(tutor.rstrip("%")) / 100.0, "c": None}
 
 
 def run_one(cell: Cell, **shared: Any) -> Run:
-    """``run_named``, with the number of its warnings in the row, and of a tutor whose precision is
-    given the error rate that it comes to over the reference."""
+    """Run a cell as ``run_named`` does, with more in its row.
+
+    These are the number of its warnings, and, for a tutor whose precision is given, its error rate
+    over the reference.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         done = run_named(cell, **shared)

@@ -1,6 +1,4 @@
-"""The paper's figures 2, 3 and 4, drawn from the table of
-``qlearn.paper.claims.summarise_series``.
-"""
+"""The paper's figures 2, 3 and 4, from the table of ``qlearn.paper.claims``."""
 
 from __future__ import annotations
 
@@ -44,11 +42,14 @@ def plot_asked(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_ASKED),
 ) -> Figure:
-    """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators,
-    on a log scale, with 95% t-intervals over the runs; an arrow at the axis' lower end where one
-    reaches further down. The unequal pairs, the fourth denominator, are all but a few of all
-    comparisons. ``tutors``: which, at most two for all to be seen; by default the one who never
-    errs, and the last, who errs most. ``measures``: columns of the summary, a panel each."""
+    """Draw figure 2 (``series`` "levels") or 3 ("states").
+
+    It has questions in percent of three denominators, on a log scale, with 95% t-intervals over the
+    runs; an arrow at the axis' lower end if one reaches further down. The unequal pairs, the fourth
+    denominator, are all but a few of all comparisons. ``tutors``: which, at most two for all to be
+    seen; by default the one who never errs, and the last, who errs most. ``measures``: columns of
+    the summary, a panel each.
+    """
     rows, figure, panels = _panels(
         summary, series, [_ASKED[one] for one in measures], tutors, sharey=True
     )
@@ -79,8 +80,10 @@ def plot_loss(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_LOSSES),
 ) -> Figure:
-    """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the
-    paper's bound. ``tutors`` and ``measures`` as for ``plot_asked``."""
+    """Figure 4: the paper's percentage of loss, beside what it does not show.
+
+    Lines at 1%, the paper's bound. ``tutors`` and ``measures`` as for ``plot_asked``.
+    """
     rows, figure, panels = _panels(
         summary, series, [_LOSSES[one][0] for one in measures], tutors, sharey=False
     )
@@ -119,8 +122,9 @@ def _panels(
     tutors: Sequence[str] | None,
     sharey: bool,
 ) -> tuple[pd.DataFrame, Figure, Sequence[Axes]]:
-    """The rows of a series with these tutors, without the oracle's, and an empty panel for each
-    title.
+    """Return the rows of a series with these tutors, and an empty panel for each title.
+
+    The oracle's rows are left out.
     """
     rows = summary[(summary.series == series) & (summary.comparator != "always")]
     shown = tutors or (TRUTHFUL, max(rows.errs, key=TUTORS.index))
@@ -143,8 +147,11 @@ def _panels(
 def _lines(
     axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False
 ) -> bool:
-    """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below
-    ``least``; ``arrows`` show what was cut off there. Returns whether anything was."""
+    """A line a comparator and tutor; hollow markers: a truthful tutor.
+
+    Nothing is drawn below ``least``; ``arrows`` show what was cut off there. Returns whether
+    anything was.
+    """
     cut = False
     arms: list[Any] = list(rows.groupby(["comparator", "errs"], sort=False))
     span = (rows.x.max() - rows.x.min()) or 1

@@ -1,5 +1,6 @@
-"""Two known tasks, FrozenLake and deep-sea-treasure: their packages' own dynamics, and levels in
-place of rewards.
+"""Two known tasks, FrozenLake and deep-sea-treasure.
+
+They have their packages' own dynamics, and levels in place of rewards.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ _SEA = 0.0  # on the map of deep-sea-treasure: open water; rocks are below it, t
 
 
 def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
-    """Gymnasium's FrozenLake-v1, 8 x 8 and slippery: 64 states, 4 actions, each going aside two
-    times in three.
+    """Return Gymnasium's FrozenLake-v1, 8 x 8 and slippery.
+
+    It has 64 states and 4 actions, each of which goes aside two times in three.
 
     State 8 * row + column; transitions and the initial distribution are those of
     ``env.unwrapped.P``. The holes and the goal are terminal. Levels, worst first, are those of the
@@ -47,8 +49,9 @@ def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
 
 
 def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
-    """MO-Gymnasium's deep-sea-treasure-v0 (the convex map): a submarine, 4 actions; farther
-    treasures are better.
+    """Return MO-Gymnasium's deep-sea-treasure-v0 (the convex map).
+
+    A submarine has 4 actions; farther treasures are better.
 
     States are the cells that can be reached, in the order of the map's rows; the start is the
     first. Where each action leads is found by stepping the environment from every cell. The ten
@@ -85,7 +88,7 @@ def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
 
 
 def _moves(env: Any) -> dict[tuple[int, int], list[tuple[int, int]]]:
-    """Where each action leads, for every cell that can be reached; a treasure's are to itself."""
+    """Return each action's next cell, for every cell that can be reached."""
     moves: dict[tuple[int, int], list[tuple[int, int]]] = {}
     waiting = [_cell(env.reset(seed=0)[0])]
     while waiting:

@@ -95,7 +95,7 @@ def _assets() -> Path:
 
 
 def _tables() -> list[Floats]:
-    """Those of ``_SHAPES``."""
+    """Return the tables of ``_SHAPES``."""
     path = _assets() / "dynamics.npz"
     _expect(path.is_file(), f"{path} exists")
     tables: list[Floats] = []
@@ -108,8 +108,9 @@ def _tables() -> list[Floats]:
 
 
 def _admissible() -> Flags:
-    """(715, 25). The file's first line counts each state's actions; then a line a state names
-    them.
+    """(715, 25).
+
+    The file's first line counts each state's actions; then a line a state names them.
     """
     path = _assets() / "admissible_actions.txt"
     _expect(path.is_file(), f"{path} exists")

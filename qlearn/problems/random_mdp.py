@@ -40,8 +40,9 @@ def random_mdp(
     seed: Seed | None,
     weights: Literal["dirichlet", "gaussian"] = "dirichlet",
 ) -> tuple[OrdinalMDP, Floats]:
-    """A random instance of section 5, and hidden values (k,) for its scale, by a seed as of
-    ``draw_values``.
+    """Return a random instance of section 5, and hidden values (k,) for its scale.
+
+    The seed is as for ``draw_values``.
 
     Each (s, a) has ceil(log2 |S|) distinct successors (at least 1), a uniform sample of the
     states. The paper leaves the rest open; here the probabilities are Dirichlet(1) and the level of

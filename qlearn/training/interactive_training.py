@@ -63,8 +63,9 @@ _LOOKED_AT = (
 
 
 class _Question(NamedTuple):
-    """A pair to ask about next, and whether one of its vectors is a vertex that no policy has
-    reached.
+    """A pair to ask about next.
+
+    ``at_corner`` says whether one of its vectors is a vertex that no policy has reached.
     """
 
     pair: Pair
@@ -365,8 +366,9 @@ class InteractiveTraining:
 
     @one_thread
     def result(self) -> TrainingResult:
-        """Return the best policy so far and its bound, at any time. It changes no later
-        question.
+        """Return the best policy so far and its bound, at any time.
+
+        It changes no later question.
         """
         self._advance()
         asked, comparator = self._elicitation, self._elicitation.comparator
@@ -443,8 +445,9 @@ class InteractiveTraining:
         return np.array([policy.shares for policy in self._policies])
 
     def _best(self) -> int:
-        """Return the number of the policy that is best at the central scale; the first of
-        equals.
+        """Return the number of the policy that is best at the central scale.
+
+        Of equals it takes the first.
         """
         return int(
             np.argmax(
@@ -455,8 +458,9 @@ class InteractiveTraining:
         )
 
     def _reach(self) -> ReachableSet:
-        """Return what policies can reach, if each training came to its optimum or to the best added
-        since.
+        """Return what policies can reach at most.
+
+        Each training is taken to come to its optimum, or to the best added since.
         """
         reach, done = self._everything, 0
         for policy in self._policies:
@@ -470,8 +474,9 @@ class InteractiveTraining:
         return reach
 
     def _best_pair(self, d: Floats, pair: Callable[[int], Pair]) -> Pair | None:
-        """Return the best of the differences d (n, k) that may matter and may be asked about, if
-        there is one.
+        """Return the best of the differences d (n, k) that may matter and may be asked about.
+
+        None if there is none.
         """
         elicitation = self._elicitation
         high = simultaneous_bounds(elicitation.comparator, d)[0]
@@ -483,8 +488,9 @@ class InteractiveTraining:
         return pair(int(rows[best(self._strategy, self._candidates(d[rows]))[0]]))
 
     def _simple_pair(self, d: Floats) -> Pair | None:
-        """Return a question of simple bags on the signs of some of these differences (n, k), if
-        there is one.
+        """Return a question of simple bags on the signs of some of these differences (n, k).
+
+        None if there is none.
         """
         if self._bags is None or not len(d):
             return None
@@ -506,9 +512,7 @@ class InteractiveTraining:
         return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
 
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
-        """Return the best policy against a row of vectors (n, k) that no policy is known to
-        have.
-        """
+        """Return the best policy against a vector of (n, k) that no policy is known to have."""
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
         place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)

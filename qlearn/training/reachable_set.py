@@ -1,5 +1,6 @@
-"""The vectors that policies can reach at most, as far as trainings tell: a polytope with its
-vertices.
+"""The vectors that policies can reach at most, as far as trainings tell.
+
+They are a polytope with its vertices.
 
 A training names no reachable vectors, but bounds them: a training that came within a gap of its
 optimum says that no policy is better at its own scale by more than that (outer approximation:
@@ -59,8 +60,9 @@ class ReachableSet:
 
     @staticmethod
     def box(low: ArrayLike, high: ArrayLike) -> ReachableSet:
-        """Return the set of all vectors of m objectives from ``low`` to ``high``, for
-        ``elicit.objectives``.
+        """Return the set of all vectors of m objectives from ``low`` to ``high``.
+
+        It is for ``elicit.objectives``.
 
         Parameters
         ----------

@@ -152,8 +152,9 @@ def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Return whether a policy beats a trained one, at the latter's scale, by more than gap and
-    errors.
+    """Return whether a policy beats a trained one by more than gap and errors.
+
+    It is compared at the trained one's scale.
 
     The errors are those of both policies.
     """

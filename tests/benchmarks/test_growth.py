@@ -26,10 +26,10 @@ def test_an_exponent_is_the_slope_over_the_largest_sizes():
 
 def test_a_size_that_would_take_too_long_is_left_out(monkeypatch):
     monkeypatch.setattr(growth, "measure", squared)
-    there = growth.series("levels", "certify first", (10, 20, 40, 80), 100, 15.0)
+    there = growth.series("levels", "policy iteration", (10, 20, 40, 80), 100, 15.0)
     assert list(there.found) == [10, 20]
     assert there.left_out == "40 levels: some 16 s expected"
-    assert not growth.series("levels", "certify first", (10, 20), 100, 15.0).left_out
+    assert not growth.series("levels", "policy iteration", (10, 20), 100, 15.0).left_out
 
 
 def squared(cell):
@@ -86,8 +86,8 @@ def test_the_page_has_its_tables_and_the_picture_its_lines(tmp_path, monkeypatch
         (tmp_path / "page.svg").read_text(encoding="utf-8"),
     )
     assert "](page.svg)" in text
-    assert "| certify first | 20, 40 | 1.00 | 1.00 | 1.00 |" in text
-    assert "| certify first | 40 | 1 | 40 | 40 | 80 |" in re.sub(r"(\d)\.0+ \|", r"\1 |", text)
+    assert "| policy iteration | 20, 40 | 1.00 | 1.00 | 1.00 |" in text
+    assert "| policy iteration | 40 | 1 | 40 | 40 | 80 |" in re.sub(r"(\d)\.0+ \|", r"\1 |", text)
     assert "Left out" not in text
     for label in (*growth.LEARNERS, *growth.COMPARATORS, "states", "levels", "answers"):
         assert f">{label}</text>" in drawn

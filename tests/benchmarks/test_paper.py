@@ -67,7 +67,7 @@ def test_assumptions_changes_one_choice_a_line(chosen, capsys, tmp_path, monkeyp
     assert untouched["m = 20"] == untouched["tutor never errs"] == "+0.00 ± 0.00"
     # what these seeds do not tell was given all
     told = {row[0]: (row[1], row[3]) for row in table[1:]}
-    assert {seeds for seeds, asks in told.values() if asks == "not told"} == {"3"}
+    assert {seeds for seeds, asks in told.values() if asks == "inconclusive"} == {"3"}
     assert ("2", "as much") in told.values()
 
 
@@ -123,8 +123,8 @@ def test_an_answer_is_what_the_interval_tells():
     assert paired_runs.answer(np.array([1.0, 1.2, 0.8]), 5.0) == "more"
     assert paired_runs.answer(np.array([-1.0, -1.2, -0.8]), 5.0) == "less"
     assert paired_runs.answer(np.array([0.1, -0.1, 0.0]), 1.0) == "as much"
-    assert paired_runs.answer(np.array([0.1, -0.1, 0.0]), 0.1) == "not told"
-    assert paired_runs.answer(np.array([1.0]), 5.0) == "not told"
+    assert paired_runs.answer(np.array([0.1, -0.1, 0.0]), 0.1) == "inconclusive"
+    assert paired_runs.answer(np.array([1.0]), 5.0) == "inconclusive"
 
 
 @pytest.mark.slow

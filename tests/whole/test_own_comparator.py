@@ -21,7 +21,7 @@ MDP, VALUES = qlearn.random_mdp(10, 3, 5, discount=0.9, seed=4)
 OPTIONAL = [
     name
     for name in dir(protocols)
-    if name.startswith(("BoundsAllAtOnce", "Foretells", "HasDraws", "Allows"))
+    if name.startswith(("BoundsAllAtOnce", "PredictsAnswers", "HasDraws", "Allows"))
 ]
 LEARNERS = [
     (qlearn.InteractivePolicyIteration, Status.BOUNDED),

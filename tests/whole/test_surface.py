@@ -172,3 +172,28 @@ def test_the_glossary_has_a_sentence_for_each_word_and_names_that_are_in_the_cod
     assert len(named) > 15
     assert not named - known
     assert "glossary" in (DOCS / "index.md").read_text(encoding="utf-8")
+
+
+# a sentence that begins so has no subject, or is half a question
+BAD_BEGINNING = re.compile(
+    r"(What|Of|With|Whether|Where|How|Those|The same|So|As|Which|Whom|Who|When|None|Not|All that"
+    r"|Among)\b"
+)
+OLDER = ("elicit/lp/", "elicit/decision/", "elicit/comparators/")  # to be mended with their code
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun():
+    root, checked, bad = DOCS.parent, 0, []
+    for package in ("elicit", "qlearn"):
+        for path in sorted((root / package).rglob("*.py")):
+            place = path.relative_to(root).as_posix()
+            if place.startswith(OLDER) or place.endswith("_kernel.py"):
+                continue
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Module)
+                text = ast.get_docstring(node) if isinstance(node, kinds) else None
+                checked += text is not None
+                if text and BAD_BEGINNING.match(text):
+                    bad.append((place, text.splitlines()[0]))
+    assert checked > 1000
+    assert not bad

@@ -1,1 +1,1 @@
-"""Where an interview is held: a page served on an address, and a widget in a notebook."""
+"""Hosts of an interview: a page served on an address, and a widget in a notebook."""

@@ -95,8 +95,9 @@ class WebServer(Closing):
         return f"{self._origin}/?token={self._door.new_token()}"
 
     def close(self) -> None:
-        """Stop; what is under way is finished, if that takes no more than seconds. The session
-        stays open.
+        """Stop; what is under way is finished, if that takes no more than seconds.
+
+        The session stays open.
         """
         self._server.should_exit = True
         self._thread.join()
@@ -111,9 +112,11 @@ def serve(
     *,
     let_others_in: bool = False,
 ) -> None:
-    """Serve the page of a session until Ctrl+C. Prints the address, a line of standard output, and
-    a new one for each line of standard input: each lets in one browser, once. Arguments and errors
-    as of ``WebServer``."""
+    """Serve the page of a session until Ctrl+C.
+
+    Prints the address, a line of standard output, and a new one for each line of standard input:
+    each lets in one browser, once. Arguments and errors as of ``WebServer``.
+    """
     with (
         suppress(KeyboardInterrupt),  # a second one, while the first one is heeded
         WebServer(session, subject, host, port, let_others_in=let_others_in) as server,

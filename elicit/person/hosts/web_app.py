@@ -73,10 +73,13 @@ _log = logging.getLogger(__name__)
 
 
 class Impatient(H11Protocol):
-    """HTTP/1.1, but a connection that has brought no request after some seconds is closed. Later
-    ones need no such limit: a refused request ends its connection."""
+    """HTTP/1.1, but a connection that has brought no request after some seconds is closed.
+
+    Later ones need no such limit: a refused request ends its connection.
+    """
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to wait for the first request."""
         super().connection_made(transport)
         self.loop.call_later(PATIENCE, self._give_up)
 
@@ -86,9 +89,11 @@ class Impatient(H11Protocol):
 
 
 class Door:
-    """Who is let in: the launch token that is valid now, and the cookie for which it is exchanged.
-    port: names the cookie, for a browser sends a host's cookies to all its ports. hosts: the names,
-    in lower case and with their ports, by which the page may be called."""
+    """The browsers that are let in: the valid launch token, and the cookie for it.
+
+    port: names the cookie, because a browser sends a host's cookies to all its ports. hosts: the
+    names, in lower case and with their ports, by which the page may be called.
+    """
 
     def __init__(self, port: int, hosts: Iterable[str]) -> None:
         self.cookie = f"elicit-{port}"
@@ -102,7 +107,7 @@ class Door:
         return self._token
 
     def takes(self, token: str) -> bool:
-        """Whether this is the token, which is then used up."""
+        """Return whether this is the token, which is then used up."""
         valid = self._token
         if valid is None or not _same(token, valid):
             return False
@@ -110,8 +115,9 @@ class Door:
         return True
 
     def knows(self, request: Request) -> bool:
-        """Whether a request has the cookie. Another program on this host may have set one of the
-        same name.
+        """Return whether a request has the cookie.
+
+        Another program on this host may have set one of the same name.
         """
         pairs = (
             pair.partition("=")
@@ -126,8 +132,9 @@ class Door:
 
 
 def application(interview: Interview, door: Door) -> ASGIApp:
-    """The page, and ``POST /api``, which takes a message for the interview and replies; JSON both
-    ways.
+    """Return the page, and ``POST /api``, which takes a message and replies.
+
+    The message is for the interview; both ways it is JSON.
     """
 
     async def page(request: Request) -> Response:
@@ -162,8 +169,10 @@ class _Guarded:
         await app(scope, receive, with_headers)
 
     def _elsewhere(self, request: Request) -> Response | None:
-        """The refusal of what a browser sends for another page: to another name (which now means
-        this machine), or from another origin."""
+        """Return the refusal of what a browser sends for another page.
+
+        That is to another name (which now means this machine), or from another origin.
+        """
         called = [host.lower() for host in request.headers.getlist("host")]
         if len(called) != 1 or called[0] not in self._door.hosts:
             return _error(
@@ -238,8 +247,10 @@ async def _message(request: Request) -> dict[str, Any]:
 
 
 async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
-    """What the interview replies, computed beside, so that others need not wait; or what went
-    wrong, without a word of what was answered."""
+    """Return the interview's reply, computed beside, so that others need not wait.
+
+    If something went wrong it says what, without a word of what was answered.
+    """
     try:
         reply = await run_in_threadpool(interview.handle, message)
         return Response(json.dumps(reply), media_type="application/json")
@@ -293,5 +304,5 @@ def _error(status: int, text: str, headers: Any = None) -> Response:
 
 
 def _same(one: str, other: str) -> bool:
-    """Whether two secrets are the same, in a time that does not tell how much of them is."""
+    """Return whether two secrets are the same, in a time that does not depend on them."""
     return hmac.compare_digest(one.encode(), other.encode())

@@ -71,9 +71,10 @@ export default {
 
 
 class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywidgets are untyped
-    """A session with a person, in a notebook: put it last in a cell. Each time it is displayed is
-    another window of the same interview. What was answered is in the session at once:
-    ``session.result()`` may follow in any later cell.
+    """A session with a person, in a notebook: put it last in a cell.
+
+    Each time it is displayed is another window of the same interview. What was answered is in the
+    session at once: ``session.result()`` may follow in any later cell.
 
     session: what asks, and keeps the answers; subject: how to speak of it. Needs the extra
     ``widget``.
@@ -96,9 +97,7 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
         super().close()
 
     def __repr__(self) -> str:
-        """What a notebook shows where it cannot show the widget: "a session of ICU-Sepsis: 3
-        answered".
-        """
+        """Return the text in place of the widget: "a session of ICU-Sepsis: 3 answered"."""
         answered = sum(not (entry.retracted or entry.repeat) for entry in self._session.log)
         return f"a session{f' of {self._title}' if self._title else ''}: {answered} answered"
 

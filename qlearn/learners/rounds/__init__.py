@@ -1,3 +1,4 @@
-"""Rounds of policy iteration: a policy, its advantages and its loss bound. Imports from
-``certificates``.
+"""Rounds of policy iteration: a policy, its advantages and its loss bound.
+
+Imports from ``certificates``.
 """

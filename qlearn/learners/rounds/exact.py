@@ -19,7 +19,8 @@ class ExactRounds:
     """Rounds for a model of up to some thousands of states.
 
     A round solves for a policy that is optimal for the central scale, takes all advantages over it,
-    and bounds its loss."""
+    and bounds its loss.
+    """
 
     def __init__(self, mdp: OrdinalMDP, enough: float) -> None:
         self._mdp = mdp
@@ -28,8 +29,9 @@ class ExactRounds:
         self.rounds = 0  # policies solved for so far
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return the advantages that questions may be about, and the loss bound, inf if it exceeds
-        what is enough.
+        """Return the advantages that questions may be about, and the loss bound.
+
+        The bound is inf if it exceeds what is enough.
         """
         values, over = best_guess(comparator), self._over
         if over is None or self._changes(over, values):
@@ -42,7 +44,8 @@ class ExactRounds:
     def _changes(over: Advantages, values: Floats) -> bool:
         """Return whether ``optimal_policy`` would find another policy for this scale.
 
-        It does if an action is better than the policy's, or as good and earlier in order."""
+        It does if an action is better than the policy's, or as good and earlier in order.
+        """
         gain = product(over.d, values)
         return bool(
             ((gain > _TIE) | ((gain >= -_TIE) & (over.actions < over.policy[over.states]))).any()

@@ -1,5 +1,6 @@
-"""Rounds of policy iteration that look at a sample of the states until the sample cannot refute the
-bound.
+"""Rounds of policy iteration that look at a sample of the states.
+
+They do so until the sample cannot refute the bound.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ class SampledRounds:
         self._all: Advantages | None = None
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return what ``ExactRounds.round`` does. The bound may be inf also because it was not
-        computed.
+        """Return what ``ExactRounds.round`` does.
+
+        The bound may be inf also because it was not computed.
         """
         self._asked += 1
         if (
@@ -61,9 +63,7 @@ class SampledRounds:
         return self._pool, Guarantee(np.inf, np.nan)
 
     def _in_vain(self, pool: Advantages, comparator: Comparator) -> bool:
-        """Return whether these advantages alone show that the current policy's bound is still too
-        large.
-        """
+        """Return whether these advantages alone show that the bound is still too large."""
         if self._too_much(pool, comparator):
             return True
         if self._all is None or drawn_set(comparator) is not None:
@@ -91,7 +91,8 @@ class SampledRounds:
         """Find a policy for the central scale.
 
         An action of the last policy stays if it is as good as the new one. If all stay, V stays
-        too: otherwise pairs that differ by rounding only would be asked about again."""
+        too: otherwise pairs that differ by rounding only would be asked about again.
+        """
         mdp, little = self._mdp, self._error
         gain, ends = rewarded(mdp, values)
         self._worth, policy, _ = nearly_optimal(mdp, gain, ends, self._worth, little)
@@ -115,7 +116,8 @@ class SampledRounds:
         """Return whether too many draws refute the bound.
 
         A draw does if some alternative, taken once, gains more than is enough. Then no bound can be
-        small enough, and these alternatives are what to ask about."""
+        small enough, and these alternatives are what to ask about.
+        """
         draws, trusted = draws_of(comparator), drawn_set(comparator)
         scores = product(tail_sums(over.d), draws.gaps)
         too_much = scores > self._enough
@@ -126,8 +128,9 @@ class SampledRounds:
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Bound all advantages, over a policy for the central scale, and keep those with the
-        greatest bounds.
+        """Bound all advantages, over a policy for the central scale.
+
+        Those with the greatest bounds are kept.
         """
         if self._asked:
             self._solve(best_guess(comparator))

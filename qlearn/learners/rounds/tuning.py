@@ -1,5 +1,6 @@
-"""Settings of policy iteration that trade questions for CPU time. Every loss bound holds with any
-of them.
+"""Settings of policy iteration that trade questions for CPU time.
+
+Every loss bound holds with any of them.
 """
 
 from dataclasses import dataclass
@@ -7,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tuning:
-    """Which advantages are looked at, and when.
+    """Numbers that say which advantages are looked at, and when.
 
     benchmarks/RESULTS-question-rules.md compares the rules for questions; RESULTS-scale.md and
     RESULTS-growth.md show the time that large models take.

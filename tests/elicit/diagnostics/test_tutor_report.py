@@ -183,7 +183,7 @@ def test_answers_against_the_order_of_the_levels_are_counted():
     d = [[-1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, -2.0, 1.0]]
     report = tutor_report(Answers(d, [1, 1, -1, 0, 1]), particles=FAST)
     assert (report.by_order, report.against_order) == (3, 2)
-    assert "2 of 3 answers that the order of the levels settles defy it" in str(report)
+    assert "2 of 3 answers that the order of the levels decides defy it" in str(report)
     assert dict(report.doubtful) == pytest.approx({"1": 1.0, "2": 1.0}), (
         "no scale agrees with these"
     )

@@ -20,7 +20,7 @@ from elicit.model.comparator import (
     BoundsAllAtOnce,
     Comparator,
     Decisions,
-    Foretells,
+    PredictsAnswers,
     Tier,
     TrustsDraws,
     check_levels,
@@ -303,7 +303,7 @@ GOOD_PARTS = {
 
 def test_a_comparator_with_all_optional_parts_conforms():
     full = type("Full", (OneScale,), GOOD_PARTS)()
-    for protocol in (BoundsAllAtOnce, TrustsDraws, AllowsLapses, AllowsTies, Foretells):
+    for protocol in (BoundsAllAtOnce, TrustsDraws, AllowsLapses, AllowsTies, PredictsAnswers):
         assert isinstance(full, protocol)
     check_comparator(full)
     check_comparator(type("NotYet", (OneScale,), {"draws": None})())
