@@ -51,7 +51,7 @@ bench: $(READY)  ## what learning, comparisons and fits cost, against other libr
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(BIN)/python -m benchmarks.evidence --fresh --only RESULTS RESULTS-ivi RESULTS-lp exploration RESULTS-bradley-terry
 
-bench-huge: $(READY)  ## value iteration and certify first with a million states: up to two hours, one thread, 4 GiB
+bench-huge: $(READY)  ## value iteration and policy iteration with a million states: up to two hours, one thread, 4 GiB
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[peers]'
 	$(BIN)/python -m benchmarks.evidence --fresh --only RESULTS-ivi-huge RESULTS-scale
 

@@ -1,4 +1,4 @@
-"""Certify first on large models: questions, seconds, memory, the bound, beside a scalar solver that
+"""Policy iteration on large models: questions, seconds, memory, bound; beside a scalar solver that
 knows the values.
 
     python -m benchmarks.asking.certify_at_scale [--states 1000 10000 100000] [--seeds 5] [--grids
@@ -96,7 +96,7 @@ def run(kind: str, states: int, discount: float, seed: int) -> Run:
 
 
 def certified(mdp: OrdinalMDP, values: Floats, exact: bool | None) -> Run:
-    """What certify first takes with a truthful tutor."""
+    """Run policy iteration with a truthful tutor, and return its row."""
     start = process_time()
     comparator = PolytopeComparator(mdp.k)
     learner = InteractivePolicyIteration(mdp, comparator, tolerance=TOLERANCE, exact=exact)
@@ -170,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "learners, and growth with levels and answers: [how it grows](RESULTS-growth.md)."
     )
     head = [
-        "# Certify first as models grow",
+        "# Policy iteration as models grow",
         "",
         machine("one thread a run, CPU seconds"),
         "",

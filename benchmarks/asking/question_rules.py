@@ -146,7 +146,7 @@ def _fewer(groups: dict[Key, dict[str, list[Row]]]) -> list[str]:
     head = (
         "rule",
         "questions beyond our default",
-        f"fewer / not told / more, of {len(groups)} tables",
+        f"fewer / inconclusive / more, of {len(groups)} tables",
     )
     return [
         ("Fewer questions than our default, beyond the interval: " + "; ".join(fewer) + "." if fewer else  # noqa: E501

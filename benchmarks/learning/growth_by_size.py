@@ -119,7 +119,7 @@ LEARNERS: dict[str, Method] = {
     "Q-learning, posterior": q_learning("posterior"),
     "Q-learning, box": q_learning("box"),
     "value iteration": planning(InteractiveValueIteration),
-    "certify first": planning(InteractivePolicyIteration),
+    "policy iteration": planning(InteractivePolicyIteration),
 } | {
     f"values known: {name}": knowing(name)
     for name in ("qlearn, modified policy iteration", "QuantEcon, modified policy iteration")
@@ -342,7 +342,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "tenth of the answers "
         f"and explore at random, the box with at most {MOST_ASKED:,} questions, after which it "
         "guesses; all others ask "
-        "a truthful tutor, value iteration and certify first for a polytope. The solvers are told "
+        "a truthful tutor, value and policy iteration for a polytope. The solvers are given "
         "the values: a "
         f"problem k times smaller. Against answers: a comparator of {LEVELS} levels that was given "
         "so many at once, "
@@ -362,7 +362,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "a 95% interval that "
         "holds for a straight line. A size of which one problem would take more than "
         f"{given.afford:g} CPU seconds is "
-        "left out; certify first with a million states is in [certify first at "
+        "left out; policy iteration with a million states is in [policy iteration at "
         "scale](RESULTS-scale.md), value "
         "iteration in [a million states](RESULTS-ivi-huge.md)."
     )

@@ -7,8 +7,8 @@
 Beside it stand who solves the scalar problem, k times smaller, each at its own fastest settings
 (``benchmarks.learning.scalar_solvers``), where they are installed; value iteration on the same
 share vectors with the same compiled backup, stopping rule and threads, that knows the values and
-chooses by e.Q; and certify first. Each method runs in a process of its own, one after the other, in
-as many rounds as there are repeats. ``--huge`` adds a million states, which takes a while.
+chooses by e.Q; and policy iteration. Each method runs in a process of its own, one after the
+other, in as many rounds as there are repeats. ``--huge`` adds a million states and takes a while.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def interactive(mdp: OrdinalMDP, values: Floats, jobs: int, partial_sweeps: bool
     }
 
 
-def certify_first(mdp: OrdinalMDP, values: Floats, jobs: int) -> Run:
+def policy_iteration(mdp: OrdinalMDP, values: Floats, jobs: int) -> Run:
     """Policy iteration that asks only what can still change the policy, to the same tolerance."""
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(mdp.k), tolerance=TOLERANCE)
     result = drive(learner, TruthfulTutor(values))
@@ -156,7 +156,7 @@ VECTORS: dict[str, Callable[[OrdinalMDP, Floats, int], Run]] = {
     "values known, share vectors": knowing,
     "interactive value iteration": interactive,
     "the same without partial sweeps": partial(interactive, partial_sweeps=False),
-    "certify first": certify_first,
+    "policy iteration": policy_iteration,
 }
 METHODS = (*SOLVERS, *VECTORS)
 

@@ -47,7 +47,7 @@ Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seed
 - **% of all**, **% of open**: questions in percent of all comparisons of two different actions, and of those that
   dominance, where it is looked for, leaves open.
 - **asks**: what that interval tells of % of all: "more", "less", "as much" where the change is certainly no greater
-  than a tenth of the default's, else "not told".
+  than a tenth of the default's, else "inconclusive".
 - **formula**: figure 4's percentage, signed as printed, against always asking a truthful tutor with the same settings.
 - **excess loss**: true policy loss beyond that oracle's; **oracle's loss**: its own; in percent of the value range.
 - **errors realised**: wrong answers in percent of the answers given (empty where the tutor never errs, or where nothing
@@ -148,7 +148,7 @@ def box_table(
     untold = [
         name
         for name in wanted
-        if name != "default" and _asks(found[name], found["default"]) == "not told"
+        if name != "default" and _asks(found[name], found["default"]) == "inconclusive"
     ]
     if untold and most > seeds:
         again = ["default", *untold]

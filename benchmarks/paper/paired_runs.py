@@ -195,11 +195,11 @@ def cells_of(
 
 def answer(differences: Floats, least: float) -> str:
     """What paired differences (n,) tell of a measure: "more" or "less" where their 95% interval
-    excludes 0, else "as much" where it lies within ``least`` on both sides, else "not told"."""
+    excludes 0, else "as much" where it lies within ``least`` on both sides, else "inconclusive"."""
     mean, half = float(np.mean(differences)), _half_width(differences)
     if abs(mean) > half:
         return "more" if mean > 0 else "less"
-    return "as much" if abs(mean) + half <= least else "not told"
+    return "as much" if abs(mean) + half <= least else "inconclusive"
 
 
 def _half_width(x: Floats) -> float:
