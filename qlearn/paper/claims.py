@@ -89,10 +89,10 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame:
     least squares slope, in percentage points for 5 levels, or 100 states, more; ``agreeing`` counts
     the seeds whose own slope has its sign. ``answer``: "holds" where the interval lies above 0,
     "does not hold" where below, else "inconclusive". Figure 4, that the loss is below 1%: the mean
-    loss over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an end of
-    the interval at one size. ``answer``: "holds" if ``worst`` is below 1; "does not hold" if the
-    interval of some size lies beyond 1% on one side; else "inconclusive". The oracle, with nothing
-    to compare, is left out. What is not defined (one seed, one point) is nan.
+    loss over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an
+    end of the interval at one size. ``answer``: "holds" if ``worst`` is below 1; "does not hold" if
+    the interval of some size lies beyond 1% on one side; else "inconclusive". The oracle, with
+    nothing to compare, is left out. What is not defined (one seed, one point) is nan.
     """
     found: list[dict[str, Any]] = []
     for figure, name in ((2, "levels"), (3, "states")):
