@@ -50,7 +50,7 @@ class Facts(NamedTuple):
 
     verdict: Any  # the comparator's own
     tier: Any  # of that verdict
-    unclear: Any  # 1 where she could not tell at the same place, else 0
+    unclear: Any  # 1 if the tutor could not tell at the same place, else 0
     close: Any  # EQUAL where d.e is proven to lie within the indifference, else UNKNOWN
 
 

@@ -184,8 +184,8 @@ _PAGE = """\
 
 {sizes}
 
-The paper does not say how precise its tutor was. Here he never errs (truthful), or errs as in eq. (6): with c = 1
-where vectors are discounted counts and values those of 0..99 (c=1), or with a precision that makes him err in a
+The paper does not say how precise its tutor was. Here it never errs (truthful), or errs as in eq. (6): with c = 1
+where vectors are discounted counts and values those of 0..99 (c=1), or with a precision that makes it err in a
 given share of the comparisons of an optimal policy that dominance leaves open (the reference). What is asked is
 what is close, so that far more of the *answers given* are wrong:
 

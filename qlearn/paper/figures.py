@@ -194,7 +194,7 @@ def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
     wide = len(figure.axes) > 2
     about = (
         f"mean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise "
-        "he errs as in eq. "
+        "errors are those of eq. "
         "(6), most where it is close"
     )
     figure.suptitle(

@@ -197,3 +197,25 @@ def test_docstrings_begin_with_a_verb_or_a_noun():
                     bad.append((place, text.splitlines()[0]))
     assert checked > 1000
     assert not bad
+
+
+PRIVATE = re.compile(
+    r"\b(she|her|hers|herself|he|him|his|himself|foretells?|certif(y|ies) first|slips?)\b", re.I
+)
+MADE = {"about-equal.md", "assumptions.md", "claims.md", "exploration.md", "literal.md"}
+
+
+def test_the_docs_and_the_code_use_the_words_of_the_glossary():
+    """All but pages that commands make, names of their rows, and the kernels."""
+    root, found = DOCS.parent, []
+    pages = [*DOCS.rglob("*.md"), root / "README.md", root / "CONTRIBUTING.md"]
+    code = [*(root / "elicit").rglob("*.py"), *(root / "qlearn").rglob("*.py")]
+    for path in [*pages, *code]:
+        place = path.relative_to(root).as_posix()
+        made = path.name in MADE or path.name == "glossary.md"
+        if made or place.startswith(OLDER) or place.endswith("_kernel.py"):
+            continue
+        text = re.sub(r"<!--.*?-->", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+        found += [(place, match[0]) for match in PRIVATE.finditer(text)]
+    assert len(pages) > 15
+    assert not found

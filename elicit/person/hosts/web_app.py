@@ -218,7 +218,7 @@ class _Guarded:
 
 
 async def _message(request: Request) -> dict[str, Any]:
-    """What a request's body says. Raises HTTPException."""
+    """Return the content of a request's body. Raises HTTPException."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if kind != "application/json":
         raise HTTPException(415, "A message must be application/json.")
