@@ -333,10 +333,11 @@ class Answers:
     def from_csv(file: File, k: int | None = None) -> Answers:
         """The answers in a CSV file (a path, or text opened with ``newline=""``), in its order.
 
-        The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k, answer
-        (d is left - right), in any order and case, and perhaps id; without it an id is "line 7".
-        Other columns and blank lines are passed over. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left. As
-        with ``of``, rows without an answer (empty, none, null, "cannot tell") are left out.
+        The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k,
+        answer (d is left - right), in any order and case, and perhaps id; without it an id is "line
+        7". Other columns and blank lines are passed over. An answer is -1, 0 or 1, or left, right,
+        equal (better, worse), in terms of left. As with ``of``, rows without an answer (empty,
+        none, null, "cannot tell") are left out.
 
         Raises ValueError that names the line and the column, also where there are not k levels;
         OSError.

@@ -35,7 +35,8 @@ def value_iteration(
     with ``values`` normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal
     state's v is its normalised value exactly. Policy iteration finds the solution, Bellman sweeps
     then certify it: |v - v*| <= (last change) * discount / (1 - discount). The policy is greedy for
-    v; actions within 1e-13 of the best tie, and the lowest index is taken. Raises ValueError for bad ``values``, or a ``tolerance`` that floats cannot certify.
+    v; actions within 1e-13 of the best tie, and the lowest index is taken. Raises ValueError for
+    bad ``values``, or a ``tolerance`` that floats cannot certify.
     """
     gain, ends = rewarded(mdp, mdp.normalise(values))
     holds = is_number(tolerance) and tolerance > 0
