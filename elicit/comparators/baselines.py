@@ -48,40 +48,15 @@ class _Unlearning:
         return self
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        (n,) int8 verdicts
-        """
+        """Return verdicts on differences."""
         return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the least and the greatest d.e over every ordered scale.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        lo, hi : (n,) each, in units of e_k - e_1
-        """
+        """Return the least and the greatest d.e over every ordered scale."""
         return order_bounds(tail_sums(as_differences(d, self.k)), 0.0)
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Return upper bounds on d.e over every ordered scale, and their confidence.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
 
         Returns
         -------

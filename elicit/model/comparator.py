@@ -65,17 +65,51 @@ class Comparator(Protocol):
         """(k,) best single guess at the scale, from 0 to 1."""
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
+        """Return the least and the greatest plausible d.e.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        lo, hi : (n,) each, in units of e_k - e_1
+        """
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) int8 on differences d (n, k).
+        """Return verdicts on differences.
 
-        Their totals are not checked: what two vectors differ by in total counts as time at level 1,
-        which is worth nothing.
+        Totals are not checked: what two vectors differ by in total counts as time at level 1, which
+        is worth nothing.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) int8 verdicts
         """
 
     def update(self, answers: Answers) -> "Comparator":
-        """A comparator that also knows these answers; this one still answers as before."""
+        """Return a comparator that also knows these answers; this one stays as it is.
+
+        Parameters
+        ----------
+        answers : Answers
+
+        Returns
+        -------
+        Comparator
+            Of the same class.
+
+        Raises
+        ------
+        InconsistentAnswers
+            If no scale fits the answers, and the comparator takes them as facts.
+        """
 
 
 class Decisions(NamedTuple):
@@ -93,10 +127,19 @@ class BoundsAllAtOnce(Protocol):
     """
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Return upper bounds (n,) on d.e that hold for all rows at once, and a confidence.
+        """Return upper bounds on d.e that hold for all rows at once, and their confidence.
 
-        The confidence is the probability that they hold for the rows of d (n, k): 1 if it is
-        certain as long as the answers are right, nan if none can be stated.
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        hi : (n,) in units of e_k - e_1
+        confidence : float
+            The probability that they hold: 1 if it is certain as long as the answers are right, nan
+            if none can be stated.
         """
 
 

@@ -63,6 +63,7 @@ class BradleyTerryComparator:
     The comparator is a frozen value, and a function of (answers in told order, seed, settings)
     alone. Fits are made when they are first needed. If the model is inconclusive (too few answers,
     precision 0, theta_k <= 0, no maximum), every verdict beyond dominance is UNKNOWN.
+    ``elicit.Comparator`` says what its methods take and return.
 
     Parameters
     ----------
@@ -178,14 +179,6 @@ class BradleyTerryComparator:
         """Return a comparator that also knows these answers.
 
         It makes no difference whether answers come all at once or one by one.
-
-        Parameters
-        ----------
-        answers : Answers
-
-        Returns
-        -------
-        BradleyTerryComparator
         """
         check_answers(answers, self.k)
         after = copy.copy(self)
@@ -219,15 +212,6 @@ class BradleyTerryComparator:
 
         Dominance decides first, unless it is switched off. Beyond it a verdict is BETTER or WORSE
         if the whole region agrees.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        (n,) int8 verdicts
         """
         return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
@@ -289,11 +273,6 @@ class BradleyTerryComparator:
         greatest d.e of any row is left out. If the model is inconclusive, and for the box, whose
         levels are not bounded together, the bounds are those over every ordered scale, at
         confidence 1.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
 
         Returns
         -------

@@ -80,7 +80,8 @@ class PosteriorComparator:
     """Decides a difference if one sign of d.e has posterior probability ``level``.
 
     The comparator is a frozen value, and a function of (answers in told order, seed, settings)
-    alone. n updates of one answer equal one update of n.
+    alone. n updates of one answer equal one update of n. ``elicit.Comparator`` says what its
+    methods take and return.
 
     Parameters
     ----------
@@ -183,16 +184,7 @@ class PosteriorComparator:
         thetas(self._x, self._prior, self._theta, self._slips)
 
     def update(self, answers: Answers) -> PosteriorComparator:
-        """Return a comparator that also knows these answers, learned one by one in the order told.
-
-        Parameters
-        ----------
-        answers : Answers
-
-        Returns
-        -------
-        PosteriorComparator
-        """
+        """Return a comparator that also knows these answers, learned one by one in the order told."""
         check_answers(answers, self.k)
         new = copy.copy(self)
         for name in ("_gaps_and_weights", "values"):
@@ -268,15 +260,6 @@ class PosteriorComparator:
         """Return verdicts on differences.
 
         Dominance comes first, then the sign that has probability ``level``.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        (n,) int8 verdicts
         """
         return decide_by(self.rule, as_differences(d, self.k)).verdicts
 
@@ -302,17 +285,7 @@ class PosteriorComparator:
         return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may exceed 1 by rounding
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the (1 - level) and the level quantile of d.e, so that lo > 0 goes with BETTER.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        lo, hi : (n,) each, in units of e_k - e_1
-        """
+        """Return the (1 - level) and the level quantile of d.e, so that lo > 0 goes with BETTER."""
         gaps, weights = self._gaps_and_weights
         t = tail_sums(as_differences(d, self.k))
         low, high = np.empty(len(t)), np.empty(len(t))
@@ -332,11 +305,6 @@ class PosteriorComparator:
         """Return upper bounds on d.e that hold for all rows at once, and the probability of that.
 
         The particles with the greatest d.e of any row are left out, up to the weight 1 - ``level``.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
 
         Returns
         -------

@@ -47,7 +47,8 @@ class PolytopeComparator:
 
     A scale in K_t has at least ``margin`` (eta) between neighbouring levels and satisfies the prior
     inequalities A e >= b. It also satisfies each answer: d.e >= 0, d.e <= 0 or, for "equal", |d.e|
-    <= ``tie``. The comparator is a frozen value.
+    <= ``tie``. The comparator is a frozen value. ``elicit.Comparator`` says what its methods take
+    and return.
 
     Parameters
     ----------
@@ -116,14 +117,6 @@ class PolytopeComparator:
     def update(self, answers: Answers) -> PolytopeComparator:
         """Return the comparator whose K_t is also cut by these answers.
 
-        Parameters
-        ----------
-        answers : Answers
-
-        Returns
-        -------
-        PolytopeComparator
-
         Raises
         ------
         InconsistentAnswers
@@ -148,14 +141,6 @@ class PolytopeComparator:
     def retract(self, *ids: str) -> PolytopeComparator:
         """Return a comparator without the answers of these ids.
 
-        Parameters
-        ----------
-        *ids : str
-
-        Returns
-        -------
-        PolytopeComparator
-
         Raises
         ------
         ValueError
@@ -165,17 +150,7 @@ class PolytopeComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences: the sign of the exact optimum over K_t.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        (n,) int8 verdicts
-        """
+        """Return verdicts on differences: the sign of the exact optimum over K_t."""
         return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
@@ -185,33 +160,12 @@ class PolytopeComparator:
 
     @one_thread
     def settle(self, d: Floats) -> Decisions:
-        """Decide by linear programs the differences that the rule leaves open.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        Decisions
-            Verdicts (n,) and tiers (n,).
-        """
+        """Decide by linear programs the differences that the rule leaves open."""
         return self._set.settle(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return outer bounds on d.e over K_t, tight to 1e-9 |d|_1.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        lo, hi : (n,) each, in units of e_k - e_1
-        """
+        """Return outer bounds on d.e over K_t, tight to 1e-9 |d|_1."""
         return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
@@ -220,11 +174,6 @@ class PolytopeComparator:
 
         They are proven for every scale in K_t, by its support function, with its ties taken twice
         as wide. They are far cheaper than ``bounds``.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
 
         Returns
         -------

@@ -66,7 +66,7 @@ class RelaxedPolytopeComparator:
 
     Its scales have at least ``margin`` between neighbouring levels, satisfy the prior, and violate
     the answers in total by at most ``slack`` more than the least possible. The comparator is a
-    frozen value.
+    frozen value. ``elicit.Comparator`` says what its methods take and return.
 
     BETTER, WORSE and EQUAL are proven. UNKNOWN may also be said if the exact optimum is within
     about 1e-9 |d|_1 of zero. With slack 0 and consistent answers it equals ``PolytopeComparator``.
@@ -121,16 +121,7 @@ class RelaxedPolytopeComparator:
 
     @one_thread
     def update(self, answers: Answers) -> RelaxedPolytopeComparator:
-        """Return a comparator that also knows these answers, consistent or not.
-
-        Parameters
-        ----------
-        answers : Answers
-
-        Returns
-        -------
-        RelaxedPolytopeComparator
-        """
+        """Return a comparator that also knows these answers, consistent or not."""
         new = object.__new__(RelaxedPolytopeComparator)
         new.slack, new.k, new.margin, new.prior, new.tie = (
             self.slack,
@@ -151,14 +142,6 @@ class RelaxedPolytopeComparator:
     def retract(self, *ids: str) -> RelaxedPolytopeComparator:
         """Return a comparator without the answers of these ids.
 
-        Parameters
-        ----------
-        *ids : str
-
-        Returns
-        -------
-        RelaxedPolytopeComparator
-
         Raises
         ------
         ValueError
@@ -168,17 +151,7 @@ class RelaxedPolytopeComparator:
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Return verdicts on differences, on which every plausible scale agrees.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        (n,) int8 verdicts
-        """
+        """Return verdicts on differences, on which every plausible scale agrees."""
         return decide_by(self.rule, as_differences(d, self.k), self.settle).verdicts
 
     @property
@@ -188,44 +161,18 @@ class RelaxedPolytopeComparator:
 
     @one_thread
     def settle(self, d: Floats) -> Decisions:
-        """Decide by linear programs the differences that the rule leaves open.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        Decisions
-            Verdicts (n,) and tiers (n,).
-        """
+        """Decide by linear programs the differences that the rule leaves open."""
         return self._set.settle(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
-        """Return outer bounds on d.e over the plausible scales, tight to 1e-9 |d|_1.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
-
-        Returns
-        -------
-        lo, hi : (n,) each, in units of e_k - e_1
-        """
+        """Return outer bounds on d.e over the plausible scales, tight to 1e-9 |d|_1."""
         return self._set.bounds(as_differences(d, self.k))
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
         """Return upper bounds on d.e over the plausible scales, for all rows at once, and their
         confidence.
-
-        Parameters
-        ----------
-        d : (n, k)
-            Differences left - right.
 
         Returns
         -------
