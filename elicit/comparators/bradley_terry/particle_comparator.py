@@ -184,7 +184,7 @@ class PosteriorComparator:
         thetas(self._x, self._prior, self._theta, self._slips)
 
     def update(self, answers: Answers) -> PosteriorComparator:
-        """Return a comparator that also knows these answers, learned one by one in the order told."""
+        """Return a comparator that also knows these answers, learned one by one, in told order."""
         check_answers(answers, self.k)
         new = copy.copy(self)
         for name in ("_gaps_and_weights", "values"):
