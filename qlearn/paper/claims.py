@@ -219,7 +219,7 @@ _HEAD = ("figure", "comparator", "tutor", "measured", "estimate", "95% interval"
 def claims_page(frame: pd.DataFrame) -> str:
     """Return the claims of these runs as a page of Markdown.
 
-    It has at most 120 columns, to be read as text too.
+    It has at most 140 columns, to be read as text too.
     """
     told = claims(frame)
     tutors = tutors_of(told)
