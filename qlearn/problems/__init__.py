@@ -1,1 +1,8 @@
-"""Problems to learn on: random MDPs, ICU-Sepsis, Gymnasium's known tasks. Imports from ``mdp`` and elicit."""
+"""Problems to learn on: random MDPs, ICU-Sepsis, Gymnasium's known tasks, families in which asking matters.
+
+Imports from ``mdp`` and elicit.
+"""
+
+from qlearn.problems.families.catalogue import FAMILIES
+
+__all__ = ["FAMILIES"]
