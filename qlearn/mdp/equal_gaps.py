@@ -16,7 +16,7 @@ from elicit.model.scale import Floats
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, backed_up, policy_loss, rewarded, value_iteration
 
-_TIE = 1e-9  # far above the error of a computed value, 1e-10 at most, and far below any loss that matters
+_TIE = 1e-9  # ten times the greatest error of a computed value; no loss of this size matters
 
 
 class UnaskedLoss(NamedTuple):

@@ -1,4 +1,4 @@
-"""Problems to learn on: random MDPs, ICU-Sepsis, Gymnasium's known tasks, families in which asking matters.
+"""Problems to learn on: random MDPs, ICU-Sepsis, Gymnasium's known tasks, families of problems.
 
 Imports from ``mdp`` and elicit.
 """

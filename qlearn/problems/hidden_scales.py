@@ -13,8 +13,8 @@ from elicit.model.scale import Floats
 KINDS = ("equal", "even", "skewed", "convex", "concave")
 """The kinds of hidden scales."""
 _MOST_LEVELS = 100
-_LEAST_GAP = 1e-5  # ten times the margin that a polytope takes for granted between two levels
-_BENT = (1.5, 5.0)  # the power of the most gently and of the most sharply bent scale
+_LEAST_GAP = 1e-5  # ten times the default margin of a polytope between two levels
+_POWERS = (1.5, 5.0)  # of the most gently and of the most sharply bent scale
 
 
 def hidden_scales(kind: str, k: int, seed: Seed | None = None) -> Floats:
@@ -36,15 +36,15 @@ def hidden_scales(kind: str, k: int, seed: Seed | None = None) -> Floats:
     Returns
     -------
     ndarray
-        (k,) increasing values, the first 0 and the last 1. No gap is below 1e-5: to each gap as
-        drawn that much is added, and the total scaled back to 1.
+        (k,) increasing values, the first 0 and the last 1. To each gap as drawn 1e-5 is added
+        before they are scaled to a total of 1, so that none is too small for a comparator's margin.
 
     Raises
     ------
     ValueError
         If the kind is unknown, or k is no whole number from 2 to 100.
     TypeError
-        If the seed is none.
+        If the seed is neither None nor a whole number of at least 0.
 
     Examples
     --------
@@ -60,9 +60,8 @@ def hidden_scales(kind: str, k: int, seed: Seed | None = None) -> Floats:
     gaps = _gaps(kind, int(k), np.random.default_rng(int(key)))
     gaps = gaps / gaps.sum() + _LEAST_GAP
     values = np.concatenate([[0.0], np.cumsum(gaps)])
-    scaled: Floats = np.round(
-        values / values[-1], 12
-    )  # processors differ in the last bits of powers
+    # rounded, because processors differ in the last bits of powers
+    scaled: Floats = np.round(values / values[-1], 12)
     return scaled
 
 
@@ -72,7 +71,7 @@ def _gaps(kind: str, k: int, generator: np.random.Generator) -> Floats:
         return np.ones(k - 1)
     if kind in ("even", "skewed"):
         return np.asarray(generator.dirichlet(np.full(k - 1, 1.0 if kind == "even" else 0.3)))
-    low, high = _BENT
+    low, high = _POWERS
     power = low * (high / low) ** float(generator.random())
     gaps = np.diff([(i / (k - 1)) ** power for i in range(k)])
     return gaps if kind == "convex" else gaps[::-1]

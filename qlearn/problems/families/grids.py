@@ -1,4 +1,4 @@
-"""Walks over a square of cells: a rover's survey, a way home over a marsh, a delivery among vases."""
+"""Walks over a square of cells: a survey, a way home over a marsh, a delivery among vases."""
 
 from __future__ import annotations
 

@@ -72,9 +72,9 @@ def reservoir(seed: Seed | None = None, size: int = 20) -> OrdinalMDP:
 
     Every season some water is let out to the town. Inflow changes with the season and from year to
     year. A full reservoir cannot hold back a flood, whose damage takes two years to repair. An
-    empty one leaves taps dry. Water in store guards against dry seasons, and invites floods. So it matters
-    how much worse than dry taps a flood is, and how much better plenty is than rations. A wrong
-    scale empties the reservoir for fear of floods, or fills it for fear of thirst.
+    empty one leaves taps dry. Water in store guards against dry seasons, and invites floods. So it
+    matters how much worse than dry taps a flood is, and how much better plenty is than rations. A
+    wrong scale empties the reservoir for fear of floods, or fills it for fear of thirst.
 
     Parameters
     ----------

@@ -6,65 +6,74 @@ from collections.abc import Mapping
 
 from elicit.person.showing import Words
 
-_NO_RIGHT = "There is no right or wrong answer."
-_MEDICAL = f"{_NO_RIGHT} The numbers are made up; this is not medical advice."
+_PERSONAL = "There is no right or wrong answer."
+_MEDICAL = f"{_PERSONAL} The numbers are made up; this is not medical advice."
+
+
+def _words(unit: str, title: str, levels: str, note: str = _PERSONAL) -> Words:
+    """Return the words of a family: what is counted, and a sentence on what the levels mean."""
+    return Words(
+        unit, title=title, preamble=f"{levels} Choose the {unit} you would rather see. {note}"
+    )
+
 
 WORDS: Mapping[str, Words] = {
-    "rover": Words(
-        unit="days",
-        title="A rover on soils that trap it",
-        preamble="You direct a rover. A day is one of: lost (the rover was trapped before, and does nothing any "
-        "more), no finds, some finds, many finds. Choose the days that you would rather have from the mission. "
-        + _NO_RIGHT,
+    "rover": _words(
+        "days",
+        "A rover on soils that trap it",
+        "You direct a rover. On a day it has no finds, some finds or many finds, or it is "
+        "lost: it was trapped before, and never moves again.",
     ),
-    "hazards": Words(
-        unit="hours",
-        title="A walk home over a marsh",
-        preamble="You direct a walker. An hour is spent on the path, in the mud, at home, or drowned (after a fall "
-        f"into a hole). Choose the hours that you would rather see. {_NO_RIGHT}",
+    "hazards": _words(
+        "hours",
+        "A walk home over a marsh",
+        "You guide a walker. An hour is spent at home, on the path or in the mud, or the "
+        "walker has drowned.",
     ),
-    "side-effects": Words(
-        unit="deliveries",
-        title="A delivery between vases",
-        preamble="A carrier brings parcels through rooms full of other people's vases. Late means that the parcel is "
-        "not there yet; broken vases stay broken. You look at all carriers at one moment. Choose the carriers that "
-        f"you would rather have. {_NO_RIGHT}",
+    "side-effects": _words(
+        "hours",
+        "A delivery among vases",
+        "A carrier brings a parcel through rooms full of other people's vases. In an hour the"
+        " parcel is late or delivered, and none, one or two of the vases are broken. They "
+        "stay broken.",
     ),
-    "surgery": Words(
-        unit="months",
-        title="To operate or to wait",
-        preamble="A patient's months are spent dead, with severe, moderate or mild complaints, or cured. Choose the "
-        f"months that you would rather have. {_MEDICAL}",
+    "surgery": _words(
+        "months",
+        "To operate or to wait",
+        "You decide for a patient. In a month the illness is severe, moderate or mild, or the"
+        " patient is cured or dead.",
+        _MEDICAL,
     ),
-    "care": Words(
-        unit="months",
-        title="How hard to treat an illness",
-        preamble="A patient's months are spent dead, in hospital, ill at home, well at home, or cured. Choose the "
-        f"months that you would rather have. {_MEDICAL}",
+    "care": _words(
+        "months",
+        "How hard to treat an illness",
+        "You decide for a patient. In a month the patient is in hospital, ill at home, well "
+        "at home, cured or dead.",
+        _MEDICAL,
     ),
-    "career": Words(
-        unit="years",
-        title="A steady post or a venture",
-        preamble="Years of a working life are spent ruined, in training, in a steady post, or famous. Choose the "
-        f"years that you would rather have. {_NO_RIGHT}",
+    "career": _words(
+        "years",
+        "A steady post or a venture",
+        "You decide about a working life. In a year one is in training, in a steady post, "
+        "famous or ruined.",
     ),
-    "plant": Words(
-        unit="days",
-        title="A power plant in bad weather",
-        preamble="On a day the plant has an outage, is off on purpose, or runs at half or full load. Choose the days "
-        f"that you would rather see. {_NO_RIGHT}",
+    "plant": _words(
+        "days",
+        "A power plant in bad weather",
+        "You run a power plant. On a day it runs at full or at half load, is off, or has an "
+        "outage.",
     ),
-    "fishery": Words(
-        unit="years",
-        title="A fishery that can collapse",
-        preamble="In a year the stock is collapsed, or there is no catch, a small, a fair or a rich one. Choose the "
-        f"years that you would rather see. {_NO_RIGHT}",
+    "fishery": _words(
+        "years",
+        "A fishery that can collapse",
+        "You set the quota of a fishery. In a year the catch is rich, fair or small, there is"
+        " none, or the stock has collapsed.",
     ),
-    "reservoir": Words(
-        unit="seasons",
-        title="A reservoir between drought and flood",
-        preamble="In a season the town is flooded, its taps are dry, or its water is rationed, enough, or plenty. "
-        f"Choose the seasons that you would rather see. {_NO_RIGHT}",
+    "reservoir": _words(
+        "seasons",
+        "A reservoir between drought and flood",
+        "You run a reservoir. In a season the town has plenty of water, enough, rations or "
+        "dry taps, or it is flooded.",
     ),
 }
 """The words of each of ``FAMILIES``, by name."""
