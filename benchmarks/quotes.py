@@ -21,7 +21,10 @@ from benchmarks.reporting import markdown
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (
     ROOT / "README.md",
-    *(ROOT / "docs" / f"{name}.md" for name in ("before-you-ask", "choosing", "evidence", "options", "paper")),
+    *(
+        ROOT / "docs" / f"{name}.md"
+        for name in ("before-you-ask", "choosing", "evidence", "families", "options", "paper")
+    ),
 )
 ALL = "all lines"
 QUOTE = re.compile(r'<!-- (\S+?\.md)(#"[^"]+"|#[^:]+)?: (.+?): ([^:]+?) -->(.*?)<!-- -->', re.DOTALL)

@@ -104,7 +104,7 @@ def care(seed: Seed | None = None, size: int = 30) -> OrdinalMDP:
     n = checked_size(size, 6, _STAGES)
     draws = Draws("care", seed)
     toxic = draws.between(0.01, 0.06)
-    hardest = draws.between(0.15, 0.35)
+    hardest = draws.between(0.05, 0.2)
     cure = draws.between(0.02, 0.15)
     died, cured = 3 * n, 3 * n + 1
     frailty = {"robust": 0.4, "average": 1.0, "frail": 2.5}

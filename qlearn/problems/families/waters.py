@@ -49,7 +49,7 @@ def fishery(seed: Seed | None = None, size: int = 40) -> OrdinalMDP:
     collapsed = (n - 1) // 10
     for s in range(n):
         stock = s / (n - 1)
-        for a, quota in enumerate((0.0, 0.08, 0.16, 0.28)):
+        for a, quota in enumerate((0.0, 0.1, 0.2, 0.3)):
             # from few fish the same effort catches less
             level = 0 if s <= collapsed else max(1, a + 1 - (stock < 0.4 and a > 0))
             grown = stock + growth * stock * (1.0 - stock) * (stock - threshold)
@@ -112,7 +112,7 @@ def reservoir(seed: Seed | None = None, size: int = 20) -> OrdinalMDP:
     for season, inflow in enumerate(inflows):
         for v in range(n):
             stored = v / (n - 1)
-            for a, wanted in enumerate((0.0, 0.08, 0.16, 0.3)):
+            for a, wanted in enumerate((0.0, 0.1, 0.2, 0.3)):
                 short = wanted > stored
                 level = 1 if short or a == 0 else a + 1
                 left = max(stored - wanted, 0.0)
