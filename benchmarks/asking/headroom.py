@@ -89,7 +89,7 @@ def sized(name: str) -> list[str]:
 HEAD = [
     "problem",
     *(
-        f"{place}: {measure}"
+        f"{place} {measure}"
         for place in ("worst", "start")
         for measure in ("mean", "90%", "most", "within 1%")
     ),

@@ -18,6 +18,7 @@ from elicit.person.showing import Words
 from qlearn import InteractivePolicyIteration, OrdinalMDP, draw_values, icu_sepsis, policy_loss, random_mdp
 from qlearn.cli.main import main
 from qlearn.cli.teach_subjects import read_alternatives, taught_by
+from qlearn.problems import FAMILIES
 from tests.interpreter import run
 from tests.scripted_person import Teach, Typing, answer_all, truthful
 
@@ -520,3 +521,16 @@ def test_help_imports_nothing_heavy() -> None:
     *shown, heavy = run(code)
     assert "[answers-PROBLEM.jsonl, here]" in " ".join(" ".join(shown).split())
     assert heavy == "heavy: []"
+
+
+def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
+    lets_answer: Callable[..., str], tmp_path: Path
+) -> None:
+    hidden = {"ruined": 0.0, "in training": 0.1, "in a steady post": 0.3, "famous": 1.0}
+    shown = lets_answer(hidden, "--problem", "career", "--seed", "4", "--log", "log.jsonl")
+    mdp = FAMILIES["career"](4)
+    header = AnswerLog.read(tmp_path / "log.jsonl").header
+    assert (header["problem"], header["unit"], header["labels"]) == (mdp.fingerprint, "years", [*mdp.labels])
+    assert "A steady post or a venture" in shown
+    assert "Two groups of 10 years" in shown
+    assert "falls short of your best plan by at most" in report(shown)
