@@ -502,7 +502,7 @@ def test_a_csv_with_a_byte_order_mark_is_read_and_one_that_is_not_there_is_said(
 
 def test_bad_options_end_in_2(capsys: pytest.CaptureFixture[str]) -> None:
     for options, said in (
-        ("--problem nothing", "invalid choice: 'nothing' (choose from 'random', 'icu-sepsis', or your own"),
+        ("--problem nothing", "invalid choice: 'nothing' (choose from 'random', 'icu-sepsis', 'rover', 'hazards', "),
         ("--problem nowhere:f", "there is no module 'nowhere'"),
         ("--days 1", "'1' is not a whole number of at least 2"),
         ("--comparator box", "invalid choice: 'box'"),

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -129,7 +130,10 @@ def test_the_seed_decides(make: Any, least: int) -> None:
 
 
 def test_an_older_processor_makes_the_same() -> None:
-    code = "from qlearn.problems import FAMILIES; print(*(make(s).fingerprint for make in FAMILIES.values() for s in (0, 1)))"
+    code = (
+        "from qlearn.problems import FAMILIES\n"
+        "print(*(make(s).fingerprint for make in FAMILIES.values() for s in (0, 1)))"
+    )
     there = run(code, **older_processor.environment())
     assert there[0].split() == [make(s).fingerprint for make in FAMILIES.values() for s in (0, 1)]
 
@@ -149,7 +153,7 @@ def test_only_the_plain_is_safe_for_a_rover_and_scree_is_worst() -> None:
     lost = table_of(mdp)[:, :, states(mdp, "trapped")[0]]
     risks = [lost[states(mdp, soil)] for soil in ("plain", "sand", "rock", "scree")]
     assert (risks[0] == 0).all()
-    assert all((low.max() < high.min()) for low, high in zip(risks, risks[1:], strict=False))
+    assert all(low.max() < high.min() for low, high in pairwise(risks))
     assert mdp.initial[states(mdp, "plain")].sum() == pytest.approx(1)
     assert [len(risk) for risk in risks] == [69, 49, 39, 39]
 
