@@ -1,13 +1,18 @@
-"""Every page of results, the command that makes it, and whether it is of the code of today: ``make evidence``.
+"""Every page of results, the command that makes it, and whether it is of the code of today: ``make
+evidence``.
 
-    python -m benchmarks.evidence                        all pages: state, minutes, what they need, command
-    python -m benchmarks.evidence --all                  make what is stale again, page by page, in this order: hours
+    python -m benchmarks.evidence                        all pages: state, minutes, what they need,
+                                                         command
+    python -m benchmarks.evidence --all                  make what is stale again, page by page, in
+                                                         this order: hours
     python -m benchmarks.evidence --only claims RESULTS  of these pages only
-    python -m benchmarks.evidence --stale                say which pages are stale; the exit code is 1 if any is
+    python -m benchmarks.evidence --stale                say which pages are stale; the exit code is
+                                                         1 if any is
 
-A page is stale if its stamp (``stamps``) names other sources than those its program would run now, or none. Stopped,
-the same command goes on, for pages that are done are current then. Within a page the figures, the ablation and the
-programs with a journal keep their finished runs; the others begin their page again.
+A page is stale if its stamp (``stamps``) names other sources than those its program would run now,
+or none. Stopped, the same command goes on, for pages that are done are current then. Within a page
+the figures, the ablation and the programs with a journal keep their finished runs; the others begin
+their page again.
 """
 
 from __future__ import annotations
@@ -24,12 +29,17 @@ from typing import NamedTuple
 from benchmarks import quotes, stamps
 
 ROOT = stamps.ROOT
-NEEDS = {"peers": "quantecon", "sb3": "stable_baselines3", "browser": "playwright"}  # an extra, and a package of it
+NEEDS = {
+    "peers": "quantecon",
+    "sb3": "stable_baselines3",
+    "browser": "playwright",
+}  # an extra, and a package of it
 
 
 class Page(NamedTuple):
-    """A page or table: where it lies; what follows ``python -m`` to make it; about how many minutes on two cores; the
-    extras that takes beside ``dev``. Where the command writes elsewhere: what the page is a copy of, and its seeds."""
+    """A page or table: where it lies; what follows ``python -m`` to make it; about how many minutes
+    on two cores; the extras that takes beside ``dev``. Where the command writes elsewhere: what the
+    page is a copy of, and its seeds."""
 
     path: str
     command: str
@@ -46,7 +56,9 @@ class Page(NamedTuple):
     @property
     def sources(self) -> str:
         """The hash of what its program would run now."""
-        return stamps.sources(self.path if self.path.endswith(".ipynb") else self.command.split()[0])
+        return stamps.sources(
+            self.path if self.path.endswith(".ipynb") else self.command.split()[0]
+        )
 
     @property
     def state(self) -> str:
@@ -79,10 +91,14 @@ PAGES = (  # a notebook after the tables that it reads
     Page("docs/claims.md", "benchmarks.paper.figure_pages", 0.1),
     Page(
         "docs/assumptions.md",
-        "benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md",
+        "benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md",  # noqa: E501
         60,
     ),
-    Page("docs/literal.md", "benchmarks.paper.literal --journal results/literal.jsonl --out docs/literal.md", 25),
+    Page(
+        "docs/literal.md",
+        "benchmarks.paper.literal --journal results/literal.jsonl --out docs/literal.md",
+        25,
+    ),
     Page("docs/exploration.md", "benchmarks.paper.exploration --out docs/exploration.md", 5),
     Page(
         "notebooks/data/ablation.csv",
@@ -90,20 +106,36 @@ PAGES = (  # a notebook after the tables that it reads
         30,
     ),
     results("RESULTS-certified", "asking.certificates --journal results/certificates.jsonl", 25),
-    results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 70),
-    results("RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 10),
+    results(
+        "RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 70
+    ),
+    results(
+        "RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 10
+    ),
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
     results("RESULTS-headroom", "asking.headroom", 3),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
-    results("RESULTS-growth", "learning.growth_by_size --journal results/growth.jsonl", 15, "peers"),
+    results(
+        "RESULTS-growth", "learning.growth_by_size --journal results/growth.jsonl", 15, "peers"
+    ),
     results("RESULTS-calibration", "fitting.calibration --journal results/calibration.jsonl", 35),
     results("RESULTS-lapse", "fitting.calibration_questions --flips 0 0.1 0.2", 8),
     results("RESULTS-bradley-terry", "fitting.fit_cost", 15),
-    results("RESULTS-posteriors", "posteriors.preference_posteriors --journal results/posteriors.jsonl", 10, "peers"),
+    results(
+        "RESULTS-posteriors",
+        "posteriors.preference_posteriors --journal results/posteriors.jsonl",
+        10,
+        "peers",
+    ),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
-    results("RESULTS-ivi-huge", "learning.value_iteration_cost --states 1000000 --repeats 1 --limit 1200", 60, "peers"),
+    results(
+        "RESULTS-ivi-huge",
+        "learning.value_iteration_cost --states 1000000 --repeats 1 --limit 1200",
+        60,
+        "peers",
+    ),
     results("RESULTS-lp", "comparing.comparison_cost", 3),
     results("RESULTS-training", "training.training_questions", 15),
     Page(
@@ -125,14 +157,17 @@ PAGES = (  # a notebook after the tables that it reads
 
 
 def make(page: Page) -> bool:
-    """Run a page's command, stamp what the command itself does not stamp, and renew what prose quotes of the page;
-    whether the page is current then."""
+    """Run a page's command, stamp what the command itself does not stamp, and renew what prose
+    quotes of the page; whether the page is current then."""
     command = f"python -m {page.command}"
     print(f"{page.path}, about {page.minutes:g} minutes: {command}", flush=True)
     begun = stamps.made_now(command, page.seeds, page.command.split()[0])
     done = subprocess.run([sys.executable, "-m", *page.command.split()], cwd=ROOT)
     if done.returncode:
-        print(f"{page.path} stays as it was: its command ended with {done.returncode}", file=sys.stderr)
+        print(
+            f"{page.path} stays as it was: its command ended with {done.returncode}",
+            file=sys.stderr,
+        )
         return False
     if page.copy_of:
         shutil.copyfile(ROOT / page.copy_of, ROOT / page.path)
@@ -148,14 +183,30 @@ def missing(page: Page) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command; returns 1 if a page is, or is left, stale."""
-    parser = argparse.ArgumentParser("python -m benchmarks.evidence", description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(
+        "python -m benchmarks.evidence", description=(__doc__ or "").splitlines()[0]
+    )
     names = [page.name for page in PAGES]
-    parser.add_argument("--only", nargs="+", choices=names, metavar="NAME", help="these pages only: make what is stale")
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=names,
+        metavar="NAME",
+        help="these pages only: make what is stale",
+    )
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--all", action="store_true", help="make all that is stale: hours")
-    what.add_argument("--stale", action="store_true", help="say which pages are stale, and make none")
-    what.add_argument("--list", action="store_true", help="say what there is, and make nothing, as without an option")
-    parser.add_argument("--fresh", action="store_true", help="with --all or --only: make those that are current too")
+    what.add_argument(
+        "--stale", action="store_true", help="say which pages are stale, and make none"
+    )
+    what.add_argument(
+        "--list",
+        action="store_true",
+        help="say what there is, and make nothing, as without an option",
+    )
+    parser.add_argument(
+        "--fresh", action="store_true", help="with --all or --only: make those that are current too"
+    )
     given = parser.parse_args(arguments)
     makes = (given.all or given.only) and not given.stale and not given.list
     if given.fresh and not makes:
@@ -164,11 +215,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not makes and not given.stale:
         for page in chosen:
             needs = f" (needs {', '.join(page.needs)})" if page.needs else ""
-            print(f"{page.name}: {page.state}; {page.minutes:g} min{needs}: python -m {page.command}")
+            print(
+                f"{page.name}: {page.state}; {page.minutes:g} min{needs}: python -m {page.command}"
+            )
         stale = [page for page in chosen if page.state != "current"]
         hours = sum(page.minutes for page in stale) / 60
         print(
-            f"--all makes the {len(stale)} that are stale again, in about {hours:.0f} hours; --only NAME some of them"
+            f"--all makes the {len(stale)} that are stale again, in about {hours:.0f} hours; "
+            "--only NAME some of them"
         )
         return 0
     if given.stale:

@@ -1,4 +1,6 @@
-"""A measurement in a process of its own, one thread: ``apart`` starts it; this module, run as a script, is it."""
+"""A measurement in a process of its own, one thread: ``apart`` starts it; this module, run as a
+script, is it.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,11 @@ class Failed(RuntimeError):
 
 
 def apart(task: Callable[..., T], *arguments: Any, limit: float | None = None) -> T:
-    """What ``task(*arguments)`` finds in a new process, a function of a module. Raises Failed where it does not end
-    well, or not within ``limit`` seconds."""
-    spec = sys.modules[task.__module__].__spec__  # whose name is the module's also where it runs as __main__
+    """What ``task(*arguments)`` finds in a new process, a function of a module. Raises Failed where
+    it does not end well, or not within ``limit`` seconds."""
+    spec = sys.modules[
+        task.__module__
+    ].__spec__  # whose name is the module's also where it runs as __main__
     module = spec.name if spec else task.__module__
     given = pickle.dumps((module, task.__name__, arguments), protocol=5)
     command = [sys.executable, "-m", "benchmarks.own_process"]
@@ -35,19 +39,24 @@ def apart(task: Callable[..., T], *arguments: Any, limit: float | None = None) -
     except subprocess.TimeoutExpired:
         raise Failed(f"not done after {limit:g} s") from None
     if done.returncode:
-        raise Failed((done.stderr.decode().strip().splitlines() or [f"it ended with {done.returncode}"])[-1])
+        raise Failed(
+            (done.stderr.decode().strip().splitlines() or [f"it ended with {done.returncode}"])[-1]
+        )
     found: T = pickle.loads(done.stdout)
     return found
 
 
 def memory(field: str) -> int:
-    """Bytes of this process in use now (VmRSS) or at most so far (VmHWM). Elsewhere than on Linux only the latter is
-    known; there, and on Linux rather not, it includes the peak of the parent process."""
+    """Bytes of this process in use now (VmRSS) or at most so far (VmHWM). Elsewhere than on Linux
+    only the latter is known; there, and on Linux rather not, it includes the peak of the parent
+    process."""
     status = Path("/proc/self/status")
     if status.exists():
         line = next(line for line in status.read_text().splitlines() if line.startswith(field))
         return 1024 * int(line.split()[1])
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+        1 if sys.platform == "darwin" else 1024
+    )
 
 
 def main() -> None:

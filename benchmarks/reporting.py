@@ -1,4 +1,6 @@
-"""What all reports share: the line on the machine, tables in Markdown, means with intervals, printing, writing."""
+"""What all reports share: the line on the machine, tables in Markdown, means with intervals,
+printing, writing.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ PACKAGES = ("numpy", "scipy", "cvxpy", "clarabel", "highspy", "numba")
 
 
 def machine(threads: str | None = None) -> str:
-    """The processor, its cores or how many threads were used, Python, and the versions of the libraries."""
+    """The processor, its cores or how many threads were used, Python, and the versions of the
+    libraries.
+    """
     versions = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
     used = threads or f"{os.cpu_count()} cores"
     return f"{_processor()}, {used}; Python {platform.python_version()}, {versions}."
@@ -39,13 +43,21 @@ def _version(name: str) -> str:
 
 
 def markdown(head: Sequence[str], rows: Iterable[Sequence[str]], words: int) -> list[str]:
-    """A Markdown table; the first ``words`` columns and the remarks are set left, the others right."""
+    """A Markdown table; the first ``words`` columns and the remarks are set left, the others
+    right.
+    """
     rules = ["---" if i < words or name == "remark" else "---:" for i, name in enumerate(head)]
-    return [f"| {' | '.join(head)} |", f"|{'|'.join(rules)}|", *(f"| {' | '.join(row)} |" for row in rows)]
+    return [
+        f"| {' | '.join(head)} |",
+        f"|{'|'.join(rules)}|",
+        *(f"| {' | '.join(row)} |" for row in rows),
+    ]
 
 
 def with_interval(x: ArrayLike, digits: int, signed: bool = False) -> str:
-    """The mean of x (n,) and half the width of its 95% t-interval; of one number there is no interval."""
+    """The mean of x (n,) and half the width of its 95% t-interval; of one number there is no
+    interval.
+    """
     given = np.asarray(x, dtype=np.float64)
     mean = round(float(given.mean()), digits) + 0.0  # which makes -0.0 a plain 0
     text, n = f"{mean:{'+' if signed else ''},.{digits}f}", len(given)
@@ -53,7 +65,9 @@ def with_interval(x: ArrayLike, digits: int, signed: bool = False) -> str:
 
 
 def publish(parts: Iterable[list[str]], out: Path | None, seeds: str = "") -> None:
-    """Print the parts of a report as they come, an empty line after each; at the end ``save`` them."""
+    """Print the parts of a report as they come, an empty line after each; at the end ``save``
+    them.
+    """
     lines: list[str] = []
     for part in parts:
         print("\n".join(part), end="\n\n", flush=True)
@@ -62,8 +76,8 @@ def publish(parts: Iterable[list[str]], out: Path | None, seeds: str = "") -> No
 
 
 def save(text: str, out: Path | None, seeds: str = "") -> None:
-    """Write a report to the file that ``--out`` names, if any, and make its folder. The file is stamped (``stamps``);
-    ``seeds`` says which the numbers are of, such as "0-19"."""
+    """Write a report to the file that ``--out`` names, if any, and make its folder. The file is
+    stamped (``stamps``); ``seeds`` says which the numbers are of, such as "0-19"."""
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")

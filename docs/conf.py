@@ -1,7 +1,8 @@
-"""The site, made from the root of the repository by ``make docs``: so a link leads to the same page here and there.
+"""The site, made from the root of the repository by ``make docs``: so a link leads to the same page
+here and there.
 
-Docstrings are plain text with ``code``, and parameters in numpydoc's sections or in two columns: ``as_rst`` says so to
-Sphinx.
+Docstrings are plain text with ``code``, and parameters in numpydoc's sections or in two columns:
+``as_rst`` says so to Sphinx.
 """
 
 import re
@@ -15,7 +16,17 @@ version = release = version_of("elicit-qlearn")
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 root_doc = "docs/index"
 include_patterns = ["docs/**.md", "benchmarks/*.md", "CHANGELOG.md", "CONTRIBUTING.md"]
-exclude_patterns = [".venv", ".git", ".*_cache", ".hypothesis", "build", "dist", "results", "notebooks", "tests"]
+exclude_patterns = [
+    ".venv",
+    ".git",
+    ".*_cache",
+    ".hypothesis",
+    "build",
+    "dist",
+    "results",
+    "notebooks",
+    "tests",
+]
 source_suffix = {".md": "markdown"}
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 3
@@ -55,7 +66,8 @@ _COLUMNS = re.compile(r"(\S(?:.*?\S)?) {2,}(?=\S)")
 def as_rst(lines: list[str]) -> list[str]:
     """Return a docstring's lines as reStructuredText: text that is no ``code`` means itself.
 
-    Numpydoc's sections, and parameters in one column with their meaning in another, become lists of definitions."""
+    Numpydoc's sections, and parameters in one column with their meaning in another, become lists of
+    definitions."""
     out: list[str] = []
     in_section = False
     for paragraph in "\n".join(lines).strip("\n").split("\n\n"):
@@ -75,7 +87,9 @@ def as_rst(lines: list[str]) -> list[str]:
             continue
         first = _COLUMNS.match(rows[0])
         width = first.end() if first else 0
-        if width and all(row[:width].rstrip() != row[:width] and row[width:].strip() for row in rows):
+        if width and all(
+            row[:width].rstrip() != row[:width] and row[width:].strip() for row in rows
+        ):
             for row in rows:
                 if name := row[:width].strip():
                     out.append(f"``{name}``")
@@ -87,7 +101,9 @@ def as_rst(lines: list[str]) -> list[str]:
 
 
 def _definitions(rows: list[str]) -> list[str]:
-    """Return names, and the text set in below each, as a list of definitions; a name without text is a paragraph."""
+    """Return names, and the text set in below each, as a list of definitions; a name without text
+    is a paragraph.
+    """
     out: list[str] = []
     for i, row in enumerate(rows):
         if row.startswith("    "):
@@ -101,12 +117,16 @@ def _definitions(rows: list[str]) -> list[str]:
 
 def _plain(text: str) -> str:
     parts = _CODE.split(text)
-    return "".join(part if part.startswith("``") else re.sub(r"([\\*|`]|_(?=\W|$))", r"\\\1", part) for part in parts)
+    return "".join(
+        part if part.startswith("``") else re.sub(r"([\\*|`]|_(?=\W|$))", r"\\\1", part)
+        for part in parts
+    )
 
 
 _WHERE = r"~?(?:\w+\.)*"  # the module of a name
 _ARRAY = rf"{_WHERE}ndarray\[tuple\[{_WHERE}Any, \.\.\.\], {_WHERE}dtype\[{_WHERE}"
-_LONG = {  # what Sphinx makes of aliases within other types, and of types that are no text where they stand
+# what Sphinx makes of aliases within other types, and of types that are no text where they stand
+_LONG = {
     rf"{_WHERE}TypeAliasForwardRef\('(\w+)'\)": r"\1",
     rf"{_WHERE}_Buffer \| [^=]*?{_WHERE}_NestedSequence\[complex \| bytes \| str\]": "ArrayLike",
     rf"{_ARRAY}float64\]\]": "Floats",
@@ -125,8 +145,14 @@ def setup(app: Any) -> None:
     def process(app: Any, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
         lines[:] = as_rst(lines)
 
-    def skip(app: Any, what: str, name: str, found: Any, skipped: bool, options: Any) -> bool | None:
-        return True if str(getattr(found, "__doc__", "")).startswith("Alias for field number") else None
+    def skip(
+        app: Any, what: str, name: str, found: Any, skipped: bool, options: Any
+    ) -> bool | None:
+        return (
+            True
+            if str(getattr(found, "__doc__", "")).startswith("Alias for field number")
+            else None
+        )
 
     def shorten(*found: Any) -> tuple[str | None, str | None]:
         signature, returned = found[-2:]

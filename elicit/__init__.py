@@ -1,4 +1,6 @@
-"""elicit: learn the values of an ordinal scale by asking which of two bags of outcomes is better."""
+"""elicit: learn the values of an ordinal scale by asking which of two bags of outcomes is
+better.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -47,7 +49,14 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.tutors.answer_log": ["AnswerLog"],
     "elicit.model.comparator": ["Comparator", "Tier", "simultaneous_bounds"],
     "elicit.model.outcomes": ["Status"],
-    "elicit.model.query": ["Answer", "Answers", "InconsistentAnswers", "Query", "StaleAnswer", "Verdict"],
+    "elicit.model.query": [
+        "Answer",
+        "Answers",
+        "InconsistentAnswers",
+        "Query",
+        "StaleAnswer",
+        "Verdict",
+    ],
     "elicit.model.scale": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
@@ -55,7 +64,9 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
 _LATER = {name: place for place, names in _PLACES.items() for name in names}
-_LATER["InterviewWidget"] = "elicit.person.hosts.widget"  # needs an extra, so `from elicit import *` leaves it out
+_LATER["InterviewWidget"] = (
+    "elicit.person.hosts.widget"  # needs an extra, so `from elicit import *` leaves it out
+)
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
     "objectives": "elicit.objectives",

@@ -1,6 +1,8 @@
-"""The catalogue of comparators: name, factory, label and look of each, in the order of tables and legends.
+"""The catalogue of comparators: name, factory, label and look of each, in the order of tables and
+legends.
 
-Tables, pictures and commands take from here what they call a comparator and how they draw it. Imports nothing heavy.
+Tables, pictures and commands take from here what they call a comparator and how they draw it.
+Imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -56,9 +58,11 @@ class ComparatorEntry:
     fixed        keywords that make it this comparator and no other of its class
     options      further keywords that it takes, where they are given
     learns       whether answers teach it anything
-    proves       whether it bounds the loss of a whole policy tightly enough for policy iteration to end
+    proves       whether it bounds the loss of a whole policy tightly enough for policy iteration to
+                 end
     trusts       whether it takes each answer as a fact, so that a later answer can contradict it
-    indifferent  whether the learner treats close pairs as equal; otherwise the comparator is the one of the same class
+    indifferent  whether the learner treats close pairs as equal; otherwise the comparator is the
+                 one of the same class
     cost         CPU time of a run, relative to the cheapest (rough; orders the runs of a sweep)
     compiles     the small run of ``qlearn.experiments.compile_ahead`` that compiles what it needs
     """
@@ -85,7 +89,9 @@ class ComparatorEntry:
         return {"color": self.color, "marker": self.marker, "linestyle": self.linestyle}
 
     def make(self, k: int, seed: Seed, settings: Mapping[str, Any] | None = None) -> Comparator:
-        """Return the comparator of k levels; of ``settings`` it takes its ``options``, and ignores the rest."""
+        """Return the comparator of k levels; of ``settings`` it takes its ``options``, and ignores
+        the rest.
+        """
         given = {name: value for name, value in (settings or {}).items() if name in self.options}
         return self.factory(k, seed, **self.fixed, **given)
 

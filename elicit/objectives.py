@@ -1,19 +1,22 @@
 """Objectives beside levels: weights for m objectives that have no order, by the same comparators.
 
-A vector of objectives v (m,), each to be had more of, is worth w.v by hidden weights w >= 0 that total 1. Those weights
-are the gaps of a scale of m + 1 levels, and v the tail sums of ``as_levels(v)``: for two such vectors d.e is w.(v - u).
+A vector of objectives v (m,), each to be had more of, is worth w.v by hidden weights w >= 0 that
+total 1. Those weights are the gaps of a scale of m + 1 levels, and v the tail sums of
+``as_levels(v)``: for two such vectors d.e is w.(v - u).
 
-    vectors = as_levels(v)                                # (n, m) objectives, say profit and minus the waste
+    vectors = as_levels(v)                                # (n, m) objectives, say profit and minus
+                                                          the waste
     choice = elicit.choose(vectors, elicit.PolytopeComparator(m + 1))
     ...
     weights(choice.comparator.values)                     # (m,)
 
-Everything that looks at differences carries over: comparators, their bounds and proofs, ``choose``, the learners'
-loop, tutors (``TruthfulTutor(values(w))``), ``qlearn.InteractiveTraining``. What changes: dominance is componentwise,
-"as much of every objective". Vectors are no shares (entries may be negative), so bags of days and pictures of them mean
-nothing; show people v itself, ``of_levels(query.left)``. Losses come in the unit of w.v: bring the objectives to like
-ranges, 0 to 1 say, or one that is counted in thousands is all that a tolerance sees. No weight is less than the margin
-of a polytope, 1e-6 unless told otherwise.
+Everything that looks at differences carries over: comparators, their bounds and proofs, ``choose``,
+the learners' loop, tutors (``TruthfulTutor(values(w))``), ``qlearn.InteractiveTraining``. What
+changes: dominance is componentwise, "as much of every objective". Vectors are no shares (entries
+may be negative), so bags of days and pictures of them mean nothing; show people v itself,
+``of_levels(query.left)``. Losses come in the unit of w.v: bring the objectives to like ranges, 0 to
+1 say, or one that is counted in thousands is all that a tolerance sees. No weight is less than the
+margin of a polytope, 1e-6 unless told otherwise.
 """
 
 import numpy as np
@@ -23,8 +26,8 @@ from elicit.model.scale import Floats
 
 
 def as_levels(v: ArrayLike) -> Floats:
-    """Vectors (n, m + 1), of total 1, whose tail sums are the objectives v (n, m); of one vector (m,), one (m + 1,).
-    Raises ValueError for what is not finite."""
+    """Vectors (n, m + 1), of total 1, whose tail sums are the objectives v (n, m); of one vector
+    (m,), one (m + 1,). Raises ValueError for what is not finite."""
     t = _numbers(v, "objectives")
     first, last = np.ones((*t.shape[:-1], 1)), np.zeros((*t.shape[:-1], 1))
     return np.asarray(np.concatenate([first, t], axis=-1) - np.concatenate([t, last], axis=-1))
@@ -37,7 +40,9 @@ def of_levels(vectors: ArrayLike) -> Floats:
 
 
 def weights(values: ArrayLike) -> Floats:
-    """The weights (m,), which total 1, of a scale (m + 1,), such as a comparator's ``values``. Raises ValueError."""
+    """The weights (m,), which total 1, of a scale (m + 1,), such as a comparator's ``values``.
+    Raises ValueError.
+    """
     e = _numbers(values, "values")
     gaps = np.diff(e)
     if e.ndim != 1 or not len(gaps) or not (gaps >= 0).all() or not gaps.any():
@@ -46,7 +51,9 @@ def weights(values: ArrayLike) -> Floats:
 
 
 def values(w: ArrayLike) -> Floats:
-    """The scale (m + 1,), from 0 to 1, whose gaps are these weights (m,) over their total. Raises ValueError."""
+    """The scale (m + 1,), from 0 to 1, whose gaps are these weights (m,) over their total. Raises
+    ValueError.
+    """
     given = _numbers(w, "weights")
     if given.ndim != 1 or not len(given) or not (given >= 0).all() or not given.any():
         raise ValueError(f"weights must be m numbers of at least 0, not all 0, not {given}")

@@ -7,15 +7,20 @@
 
 Each raises an AssertionError that names the input, the result, and the contract's demand.
 
-A comparator must have five members. With these it works in every learner, in ``choose`` and in every report.
-``elicit.as_differences(d, k)`` turns the argument of its methods into an array, or raises an error if it is none.
+A comparator must have five members. With these it works in every learner, in ``choose`` and in
+every report. ``elicit.as_differences(d, k)`` turns the argument of its methods into an array, or
+raises an error if it is none.
 
     k                       the number of levels
-    values                  (k,) the best single guess at the scale, from 0 to 1, not decreasing, the same each time
-    bounds(d)               lo (n,), hi (n,) of d.e, of differences d (n, k) = left - right; -inf, inf: nothing known
-    compare(d)              (n,) int8 verdicts: 1 left is better, -1 right is, 0 equal, 2 only the tutor can tell. A
-                            verdict by dominance (eq. 4) comes first; level 1 and the length of d do not matter
-    update(answers)         a new comparator that also knows these ``elicit.Answers``; the old one stays as it was
+    values                  (k,) the best single guess at the scale, from 0 to 1, not decreasing,
+                            the same each time
+    bounds(d)               lo (n,), hi (n,) of d.e, of differences d (n, k) = left - right; -inf,
+                            inf: nothing known
+    compare(d)              (n,) int8 verdicts: 1 left is better, -1 right is, 0 equal, 2 only the
+                            tutor can tell. A verdict by dominance (eq. 4) comes first; level 1 and
+                            the length of d do not matter
+    update(answers)         a new comparator that also knows these ``elicit.Answers``; the old one
+                            stays as it was
 
 These further members are optional, and are used if they exist:
 
@@ -51,7 +56,12 @@ from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_mad
 
 if __doc__ is not None:  # python -OO leaves it out
     __doc__ += "".join(
-        fill(f"{part.gives}. {part.use}", 120, initial_indent=f"    {part.signature:24}", subsequent_indent=" " * 28)
+        fill(
+            f"{part.gives}. {part.use}",
+            120,
+            initial_indent=f"    {part.signature:24}",
+            subsequent_indent=" " * 28,
+        )
         + "\n"
         for part in OPTIONAL_PARTS
     )
@@ -79,7 +89,10 @@ def check_comparator(comparator: Comparator, seed: Seed | None = 0) -> None:
     """
     _say(is_comparator(comparator), "it must have k, values, bounds, compare and update")
     k = comparator.k
-    _say(isinstance(k, (int, np.integer)) and k >= 2, f"k must be a whole number of at least 2, not {k!r}")
+    _say(
+        isinstance(k, (int, np.integer)) and k >= 2,
+        f"k must be a whole number of at least 2, not {k!r}",
+    )
     d = sample_differences(k, seed)
     _check_shapes(comparator, d)
     _check_errors(comparator, d)
@@ -113,27 +126,45 @@ def check_tutor(tutor: Tutor, k: int, truthful: bool = False, seed: Seed | None 
     codes = [_ask(tutor, query) for query in queries]
     same = Query.make("check_tutor", -1, pairs[-1][0], pairs[-1][0])
     verdict = _ask(tutor, same)
-    _say(verdict in (None, Verdict.EQUAL), f"two identical vectors are EQUAL, but it says {verdict!r}")
+    _say(
+        verdict in (None, Verdict.EQUAL),
+        f"two identical vectors are EQUAL, but it says {verdict!r}",
+    )
     if truthful:
         plain = dominance(tail_sums(d))
         for i, (query, code) in enumerate(zip(queries, codes, strict=True)):
             again = _ask(tutor, query)
-            _say(again == code, f"a truthful tutor repeats itself, but on {query.d} it says {code!r}, then {again!r}")
+            _say(
+                again == code,
+                f"a truthful tutor repeats itself, but on {query.d} it says {code!r}, then "
+                f"{again!r}",
+            )
             mirrored = _ask(tutor, Query.make("mirrored", i, query.right, query.left))
             want = None if code is None else code.flipped
             what = f"left and right exchanged, {code!r} on {query.d} must become {want!r}"
             _say(mirrored == want, f"{what}: {mirrored!r}")
             right = code is None or plain[i] not in (-1, 1) or code == plain[i]
-            _say(right, f"every scale ranks {query.d} as {Verdict(plain[i])!r}, but it says {code!r}")
+            _say(
+                right, f"every scale ranks {query.d} as {Verdict(plain[i])!r}, but it says {code!r}"
+            )
     if isinstance(tutor, TutorOfMany):
         many = tutor.signs(d)
         right = many.shape == (len(d),) and many.dtype == np.int8
         _say(right, f"signs must be (n,) int8, not {many.shape} {many.dtype}")
         _say(np.isin(many, (-1, 0, 1)).all(), f"signs must be -1, 0 or 1, not {many}")
         if truthful:
-            _same("signs(d)", many, "asking one by one", np.array([0 if c is None else c for c in codes]), d)
+            _same(
+                "signs(d)",
+                many,
+                "asking one by one",
+                np.array([0 if c is None else c for c in codes]),
+                d,
+            )
     rate = tutor.realised_error_rate if isinstance(tutor, CountsErrors) else 0.0
-    _say(0 <= rate <= 1, f"after some answers realised_error_rate must lie between 0 and 1, not {rate}")
+    _say(
+        0 <= rate <= 1,
+        f"after some answers realised_error_rate must lie between 0 and 1, not {rate}",
+    )
 
 
 def sample_differences(k: int, seed: Seed | None = 0) -> Floats:
@@ -162,7 +193,9 @@ def sample_differences(k: int, seed: Seed | None = 0) -> Floats:
     better = np.sort(rng.random((4, k)), axis=1)
     better -= better.mean(axis=1, keepdims=True)
     shares = [pairs(12), pairs(6, 0.2), counts[:8] - counts[8:]]
-    return np.concatenate([*shares, steps, -steps, better, 1e-9 * pairs(3), 1e4 * pairs(3), np.zeros((1, k))])
+    return np.concatenate(
+        [*shares, steps, -steps, better, 1e-9 * pairs(3), 1e4 * pairs(3), np.zeros((1, k))]
+    )
 
 
 def _say(condition: Any, message: str) -> None:
@@ -195,7 +228,10 @@ def _check_all(comparator: Comparator, d: Floats) -> None:
 def _check_values(comparator: Comparator) -> None:
     values, k = np.asarray(comparator.values), comparator.k
     _say(values.shape == (k,), f"values must have shape ({k},), not {values.shape}")
-    _say(abs(values[0]) <= 1e-9 and abs(values[-1] - 1) <= 1e-9, f"values must run from 0 to 1, not {values}")
+    _say(
+        abs(values[0]) <= 1e-9 and abs(values[-1] - 1) <= 1e-9,
+        f"values must run from 0 to 1, not {values}",
+    )
     _say((np.diff(values) >= 0).all(), f"values must not decrease: {values}")
     _say((comparator.values == values).all(), "values must be the same each time")
 
@@ -207,8 +243,15 @@ def _check_shapes(comparator: Comparator, d: Floats) -> None:
         found += [("bounds", "float64", bound) for bound in comparator.bounds(rows)]
         for what, dtype, given in found:
             right = given.shape == (len(rows),) and given.dtype == dtype
-            _say(right, f"{what} of d {rows.shape} must be ({len(rows)},) {dtype}, not {given.shape} {given.dtype}")
-    _say(comparator.compare(d[0]).shape == (1,), f"compare must take one difference ({k},) as (1, {k})")
+            _say(
+                right,
+                f"{what} of d {rows.shape} must be ({len(rows)},) {dtype}, not {given.shape} "
+                f"{given.dtype}",
+            )
+    _say(
+        comparator.compare(d[0]).shape == (1,),
+        f"compare must take one difference ({k},) as (1, {k})",
+    )
 
 
 def _check_errors(comparator: Comparator, d: Floats) -> None:
@@ -220,7 +263,10 @@ def _check_errors(comparator: Comparator, d: Floats) -> None:
         for method in (comparator.compare, comparator.bounds)
         for what, rows in bad.items()
     ]
-    for method, argument, what in (*calls, (comparator.update, Answers.none(k + 1), f"update with {k + 1} levels")):
+    for method, argument, what in (
+        *calls,
+        (comparator.update, Answers.none(k + 1), f"update with {k + 1} levels"),
+    ):
         try:
             method(argument)
         except (ValueError, TypeError):
@@ -231,7 +277,8 @@ def _check_errors(comparator: Comparator, d: Floats) -> None:
                 "elicit.as_differences(d, k) checks differences for you"
             ) from error
         raise AssertionError(
-            f"{what} must raise ValueError or TypeError; elicit.as_differences(d, k) checks differences for you"
+            f"{what} must raise ValueError or TypeError; elicit.as_differences(d, k) checks "
+            "differences for you"
         )
 
 
@@ -243,11 +290,19 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     _say(known.all(), f"verdicts must be those of elicit.Verdict, not {verdicts[~known]}")
     plain = dominance(tail_sums(d))
     rule = rule_of(comparator)
-    alone = isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance  # with NOTHING ``settle`` decides
+    alone = (
+        isinstance(rule, Rule) and rule.kind != NOTHING and not rule.dominance
+    )  # with NOTHING ``settle`` decides
     if alone:
         plain = np.where(plain == Verdict.EQUAL, plain, np.int8(Verdict.UNKNOWN))
     settled = plain != Verdict.UNKNOWN
-    _same("a verdict", verdicts[settled], "dominance, which holds for every scale", plain[settled], d[settled])
+    _same(
+        "a verdict",
+        verdicts[settled],
+        "dominance, which holds for every scale",
+        plain[settled],
+        d[settled],
+    )
     _same("compare", comparator.compare(d), "the same call before", verdicts, d)
     mirrored = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
     _same("compare(-d)", comparator.compare(-d), "-compare(d)", mirrored, d)
@@ -257,15 +312,30 @@ def _check_verdicts(comparator: Comparator, d: Floats) -> None:
     single = np.concatenate([comparator.compare(row) for row in d])
     _same("a row compared alone", single, "the same row in a batch", verdicts, d)
     shuffled = np.random.default_rng(1).permutation(len(d))
-    _same("a shuffled batch", comparator.compare(d[shuffled]), "the batch", verdicts[shuffled], d[shuffled])
+    _same(
+        "a shuffled batch",
+        comparator.compare(d[shuffled]),
+        "the batch",
+        verdicts[shuffled],
+        d[shuffled],
+    )
     moved = d.copy()
     moved[:, 0] += 1.0
-    _same("compare with another level 1", comparator.compare(moved), "compare(d), for e_1 = 0,", verdicts, d)
+    _same(
+        "compare with another level 1",
+        comparator.compare(moved),
+        "compare(d), for e_1 = 0,",
+        verdicts,
+        d,
+    )
 
 
 def _check_bounds(comparator: Comparator, d: Floats) -> None:
     low, high = comparator.bounds(d)
-    _say(not (np.isnan(low) | np.isnan(high)).any(), "bounds must not be nan; nothing known is -inf and inf")
+    _say(
+        not (np.isnan(low) | np.isnan(high)).any(),
+        "bounds must not be nan; nothing known is -inf and inf",
+    )
     room = _TOLERANCE * np.abs(d).sum(axis=1)
     zero = (tail_sums(d) == 0).all(axis=1)
     _say(((low == 0) & (high == 0))[zero].all(), "bounds of two identical vectors must be 0 and 0")
@@ -274,18 +344,26 @@ def _check_bounds(comparator: Comparator, d: Floats) -> None:
         "lo <= hi": low > high + room,
         "BETTER goes with lo >= 0": (verdicts == Verdict.BETTER) & (low < -room),
         "WORSE goes with hi <= 0": (verdicts == Verdict.WORSE) & (high > room),
-        "EQUAL goes with bounds of 0": (verdicts == Verdict.EQUAL) & ((low < -room) | (high > room)),
+        "EQUAL goes with bounds of 0": (verdicts == Verdict.EQUAL)
+        & ((low < -room) | (high > room)),
     }
     if not isinstance(comparator, AlwaysAsk):
-        wrong["UNKNOWN goes with lo <= 0 <= hi"] = (verdicts == Verdict.UNKNOWN) & ((low > room) | (high < -room))
+        wrong["UNKNOWN goes with lo <= 0 <= hi"] = (verdicts == Verdict.UNKNOWN) & (
+            (low > room) | (high < -room)
+        )
     for rule, rows in wrong.items():
         i = int(np.argmax(rows))
-        said = f"on d = {d[i]} bounds are {low[i]}, {high[i]} and compare says {Verdict(verdicts[i])!r}"
+        said = (
+            f"on d = {d[i]} bounds are {low[i]}, {high[i]} and compare says "
+            f"{Verdict(verdicts[i])!r}"
+        )
         _say(not rows.any(), f"{rule}, but {said}")
     alone = np.array([np.concatenate(comparator.bounds(row)) for row in d]).T
     mirrored, doubled = comparator.bounds(-d), comparator.bounds(2 * d)
     for j, (name, bound) in enumerate((("lower", low), ("upper", high))):
-        _near(f"the {name} bound of d must be minus the other one of -d", bound, -mirrored[1 - j], d)
+        _near(
+            f"the {name} bound of d must be minus the other one of -d", bound, -mirrored[1 - j], d
+        )
         _near(f"the {name} bound of a row alone must be that in a batch", alone[j], bound, d)
         _near(f"the {name} bound of 2d must be twice that of d", doubled[j], 2 * bound, d)
 
@@ -294,22 +372,40 @@ def _check_settings(comparator: Comparator) -> None:
     """Check the settings: numbers and the answers."""
     known: Any = comparator
     if offers(known, "lapse"):
-        _say(is_number(known.lapse, 0, 1), f"lapse, a share of the answers, must be in 0..1, not {known.lapse!r}")
+        _say(
+            is_number(known.lapse, 0, 1),
+            f"lapse, a share of the answers, must be in 0..1, not {known.lapse!r}",
+        )
     if offers(known, "tie"):
         right = is_number(known.tie, 0) and known.tie < 1
-        _say(right, f"tie, a share of the value range, must be at least 0 and below 1, not {known.tie!r}")
+        _say(
+            right,
+            f"tie, a share of the value range, must be at least 0 and below 1, not {known.tie!r}",
+        )
     if offers(known, "level") and offers(known, "draws"):
         right = is_number(known.level) and 0 < known.level < 1
-        _say(right, f"level, a share of the draws' weight, must lie between 0 and 1, not {known.level!r}")
+        _say(
+            right,
+            f"level, a share of the draws' weight, must lie between 0 and 1, not {known.level!r}",
+        )
     if offers(known, "confidence"):
         right = is_number(known.confidence, 0, 1) or np.isnan(known.confidence)
-        _say(right, f"confidence, a probability, must be in 0..1, or nan for none, not {known.confidence!r}")
+        _say(
+            right,
+            f"confidence, a probability, must be in 0..1, or nan for none, not {known.confidence!r}",  # noqa: E501
+        )
     if offers(known, "answers_to_next_step"):
         more = known.answers_to_next_step
-        _say(is_whole(more, 1), f"answers_to_next_step must be a whole number of at least 1, not {more!r}")
+        _say(
+            is_whole(more, 1),
+            f"answers_to_next_step must be a whole number of at least 1, not {more!r}",
+        )
     if offers(known, "answers"):
         right = isinstance(known.answers, Answers) and known.answers.k == comparator.k
-        _say(right, f"answers must be elicit.Answers over k = {comparator.k} levels, not {known.answers!r}")
+        _say(
+            right,
+            f"answers must be elicit.Answers over k = {comparator.k} levels, not {known.answers!r}",
+        )
 
 
 def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
@@ -317,12 +413,22 @@ def _check_all_at_once(comparator: Comparator, d: Floats) -> None:
         return
     high, confidence = _wanted(lambda: simultaneous_bounds(comparator, np.concatenate([d, -d])))
     right = is_number(confidence, 0, 1) or np.isnan(confidence)
-    _say(right, f"the confidence of simultaneous_bounds must be in 0..1, or nan for none, not {confidence!r}")
+    _say(
+        right,
+        "the confidence of simultaneous_bounds must be in 0..1, or nan for none, not "
+        f"{confidence!r}",
+    )
     upper, lower = high[: len(d)], -high[len(d) :]
     crossed = lower > upper + _TOLERANCE * np.abs(d).sum(axis=1)
     i = int(np.argmax(crossed))
-    said = f"on d = {d[i]} simultaneous_bounds of d and -d say that d.e is at most {upper[i]} and at least {lower[i]}"
-    _say(not crossed.any(), f"bounds that hold for all rows at once leave room for some scale, but {said}")
+    said = (
+        f"on d = {d[i]} simultaneous_bounds of d and -d say that d.e is at most {upper[i]} and at "
+        f"least {lower[i]}"
+    )
+    _say(
+        not crossed.any(),
+        f"bounds that hold for all rows at once leave room for some scale, but {said}",
+    )
     if offers(comparator, "rough_bounds"):
         _check_rough_bounds(cast(RoughBounds, comparator), d, upper)
 
@@ -338,14 +444,21 @@ def _check_rough_bounds(comparator: RoughBounds, d: Floats, tight: Floats) -> No
         wrong = (high < tight - room) | (high > np.maximum(tight, 0.0) + given + room)
         i = int(np.argmax(wrong))
         said = f"on d = {d[i]} rough_bounds is {high[i]}, and simultaneous_bounds {tight[i]}"
-        _say(not wrong.any(), f"a rough bound lies above the least there is, by the slack at most, but {said}")
+        _say(
+            not wrong.any(),
+            f"a rough bound lies above the least there is, by the slack at most, but {said}",
+        )
 
 
 def _check_draws(comparator: Comparator) -> None:
     draws = _wanted(lambda: draws_in(comparator))
     if draws is not None:
         least = float(draws[0].min())
-        _say(least >= -1e-9, f"the gaps of draws must not be negative, for the scales are ordered, but one is {least}")
+        _say(
+            least >= -1e-9,
+            "the gaps of draws must not be negative, for the scales are ordered, but one is "
+            f"{least}",
+        )
 
 
 def _check_probability(comparator: Comparator, d: Floats) -> None:
@@ -354,29 +467,45 @@ def _check_probability(comparator: Comparator, d: Floats) -> None:
     probability = cast(Foretells, comparator).probability
     ends = [found if isinstance(found, tuple) else (found,) for found in map(probability, (d, -d))]
     for part in ends[0]:
-        right = np.shape(part) == (len(d),) and ((np.asarray(part) >= 0) & (np.asarray(part) <= 1)).all()
-        _say(right, f"probability of d {d.shape} must be ({len(d)},) numbers in 0..1, or a tuple of such, not {part}")
+        right = (
+            np.shape(part) == (len(d),)
+            and ((np.asarray(part) >= 0) & (np.asarray(part) <= 1)).all()
+        )
+        _say(
+            right,
+            f"probability of d {d.shape} must be ({len(d)},) numbers in 0..1, or a tuple of such, "
+            f"not {part}",
+        )
     both = ends[0][-1] + ends[1][-1]
     i = int(np.argmax(both))
     said = f"on d = {d[i]} they total {both[i]}"
     _say(
         both[i] <= 1 + 1e-9,
-        f"the probabilities that left and that right is said to be better total 1 at most, but {said}",
+        "the probabilities that left and that right is said to be better total 1 at most, but "
+        f"{said}",
     )
 
 
 def _check_rule(comparator: Comparator, d: Floats) -> None:
     if compares_by_rule(type(comparator)):
         rule = rule_of(comparator)
-        _say(isinstance(rule, Rule), f"rule must be an elicit.decision.comparator_rule.Rule, not {type(rule).__name__}")
+        _say(
+            isinstance(rule, Rule),
+            f"rule must be an elicit.decision.comparator_rule.Rule, not {type(rule).__name__}",
+        )
     verdicts, tiers = _wanted(lambda: decide(comparator, d))
     _same("what rule and settle decide", verdicts, "compare(d)", comparator.compare(d), d)
     right = np.shape(tiers) == (len(d),) and np.isin(tiers, list(Tier)).all()
-    _say(right, f"settle must return a tier, of elicit.Tier, for each of the differences, not {tiers}")
+    _say(
+        right,
+        f"settle must return a tier, of elicit.Tier, for each of the differences, not {tiers}",
+    )
 
 
 def _wanted(call: Callable[[], _T]) -> _T:
-    """Return what a part of the comparator returns; a wrong shape fails with the contract's own message."""
+    """Return what a part of the comparator returns; a wrong shape fails with the contract's own
+    message.
+    """
     try:
         return call()
     except (TypeError, ValueError) as error:
@@ -384,22 +513,37 @@ def _wanted(call: Callable[[], _T]) -> _T:
 
 
 def _check_update(comparator: Comparator, d: Floats) -> Comparator:
-    """Return a comparator that has learned answers of a tutor by its best guess, after checks against the old."""
+    """Return a comparator that has learned answers of a tutor by its best guess, after checks
+    against the old.
+    """
     before, bounds, values = comparator.compare(d), comparator.bounds(d), comparator.values.copy()
     kept = cast(KeepsAnswers, comparator).answers.ids if offers(comparator, "answers") else ()
     told = d[before == Verdict.UNKNOWN][:12]
     y = np.sign(tail_sums(told) @ np.diff(values)).astype(np.int8)
     told, y = told[y != 0], y[y != 0]
-    answers = Answers(told, y, [f"check {i}" for i in range(len(y))]) if len(y) else Answers.none(comparator.k)
+    answers = (
+        Answers(told, y, [f"check {i}" for i in range(len(y))])
+        if len(y)
+        else Answers.none(comparator.k)
+    )
     learned = comparator.update(answers)
     _say(is_comparator(learned), f"update must return a comparator, not {type(learned).__name__}")
     _say(learned.k == comparator.k, f"update must keep k = {comparator.k}, not make it {learned.k}")
-    _same("after update, the old comparator's compare", comparator.compare(d), "what it said before", before, d)
+    _same(
+        "after update, the old comparator's compare",
+        comparator.compare(d),
+        "what it said before",
+        before,
+        d,
+    )
     for old, new in zip(bounds, comparator.bounds(d), strict=True):
         _near("after update, the old comparator's bounds must be what they were", new, old, d)
     _say((comparator.values == values).all(), "update must not change the old comparator's values")
     if offers(comparator, "answers") and offers(learned, "answers"):
-        told_before, told_now = cast(KeepsAnswers, comparator).answers, cast(KeepsAnswers, learned).answers
+        told_before, told_now = (
+            cast(KeepsAnswers, comparator).answers,
+            cast(KeepsAnswers, learned).answers,
+        )
         _say(told_now.ids == kept + answers.ids, "answers must be all that it was told, in order")
         _say(told_before.ids == kept, "update must not change the old comparator's answers")
     one_by_one = comparator
@@ -407,15 +551,27 @@ def _check_update(comparator: Comparator, d: Floats) -> Comparator:
         one_by_one = one_by_one.update(answers[i : i + 1])
     after = learned.compare(d)
     _same("answers told one by one", one_by_one.compare(d), "the same told together", after, d)
-    _same("compare after no answers", learned.update(Answers.none(comparator.k)).compare(d), "before", after, d)
+    _same(
+        "compare after no answers",
+        learned.update(Answers.none(comparator.k)).compare(d),
+        "before",
+        after,
+        d,
+    )
     return learned
 
 
 def _ask(tutor: Tutor, query: Query) -> Verdict | None:
     before = query.left.copy(), query.right.copy()
     answer = tutor(query)
-    _say(isinstance(answer, Answer), f"a tutor must return an elicit.Answer, not {type(answer).__name__}")
-    _say(answer.query.id == query.id, f"the answer to query {query.id} names another one: {answer.query.id}")
+    _say(
+        isinstance(answer, Answer),
+        f"a tutor must return an elicit.Answer, not {type(answer).__name__}",
+    )
+    _say(
+        answer.query.id == query.id,
+        f"the answer to query {query.id} names another one: {answer.query.id}",
+    )
     kept = (query.left == before[0]).all() and (query.right == before[1]).all()
     _say(kept, f"a tutor must not change the query's vectors, but it did in {query.id}")
     return answer.verdict

@@ -2,9 +2,9 @@
 
     python examples/one_log_three_comparators.py [answers.jsonl]
 
-The same person is asked three times to order a list: for the polytope, which takes each answer for right; for
-the relaxed polytope, which bears with contradictions; and for a posterior, which allows for slips. The later ones know
-what was said before and ask only what is still open to them.
+The same person is asked three times to order a list: for the polytope, which takes each answer for
+right; for the relaxed polytope, which bears with contradictions; and for a posterior, which allows
+for slips. The later ones know what was said before and ask only what is still open to them.
 """
 
 import sys
@@ -49,7 +49,10 @@ def main(path):
             ask_all(session)
             result = session.result()
             print(f"\n{name}: knew {before} answers and asked for {len(log) - before} more.")
-            print(f"Best first: {result.order}; the best is so to within {result.loss_bound:.1%} of the value range.")
+            print(
+                f"Best first: {result.order}; the best is so to within {result.loss_bound:.1%} of "
+                "the value range."
+            )
             for conflict in session.conflicts():
                 print(f"{len(conflict)} of the answers do not go together.")
 

@@ -2,8 +2,9 @@
 
     python examples/resume_a_session.py [answers.jsonl]
 
-Answer a few questions about six courses of treatment, leave (Ctrl+D), and start the program again: it goes on where you
-were, and asks nothing twice. It shows that a session stands on its log alone: a function that makes who asks, a file.
+Answer a few questions about six courses of treatment, leave (Ctrl+D), and start the program again:
+it goes on where you were, and asks nothing twice. It shows that a session stands on its log alone:
+a function that makes who asks, a file.
 """
 
 import sys
@@ -29,12 +30,16 @@ def make(known):
     """Who asks, knowing these answers."""
     vectors = np.array(list(COURSES.values())) / 10
     comparator = elicit.PolytopeComparator(k=len(LEVELS))
-    return elicit.choose(vectors, comparator, order=True, names=list(COURSES), labels=LEVELS, known=known)
+    return elicit.choose(
+        vectors, comparator, order=True, names=list(COURSES), labels=LEVELS, known=known
+    )
 
 
 def main(path):
     """Ask until there are no more questions, or the person leaves."""
-    with elicit.Session(make, elicit.AnswerLog(path, header={"labels": LEVELS}), who="me") as session:
+    with elicit.Session(
+        make, elicit.AnswerLog(path, header={"labels": LEVELS}), who="me"
+    ) as session:
         print(session.status())
         try:
             while query := session.question():
@@ -45,7 +50,9 @@ def main(path):
                 if said == "u" and len(session.log):
                     session.undo()
                 elif said in MEANS:
-                    session.answer(query.id, shown.verdict(MEANS[said]))  # on the disk when this returns
+                    session.answer(
+                        query.id, shown.verdict(MEANS[said])
+                    )  # on the disk when this returns
         except (EOFError, KeyboardInterrupt):
             print(f"\nLeft. {session.status()}. Start again to go on.")
             return

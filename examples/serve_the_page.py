@@ -2,9 +2,10 @@
 
     python examples/serve_the_page.py [answers.jsonl [port]]
 
-A machine runs well, runs slowly, stands still, or is being repaired; when to repair it depends on how bad these days
-are, which a person says in the browser. The program prints an address that lets in one browser, waits for Enter, and
-goes on with what was learned. Needs the extra: pip install 'elicit-qlearn[web]'.
+A machine runs well, runs slowly, stands still, or is being repaired; when to repair it depends on
+how bad these days are, which a person says in the browser. The program prints an address that lets
+in one browser, waits for Enter, and goes on with what was learned. Needs the extra: pip install
+'elicit-qlearn[web]'.
 """
 
 import sys
@@ -27,19 +28,28 @@ TRANSITIONS = np.array(  # from a state, by an action, to a state
 )
 LEVEL_OF = np.array([[3, 1], [2, 1], [0, 1]])  # in a state, by an action
 MDP = qlearn.OrdinalMDP.from_dense(TRANSITIONS, LEVEL_OF, 0.9, LEVELS)
-WORDS = elicit.Words("days", "are", "A machine", "Choose the ten days that you would rather have.", side="plan")
+WORDS = elicit.Words(
+    "days", "are", "A machine", "Choose the ten days that you would rather have.", side="plan"
+)
 
 
 def make(known):
     """Who asks, knowing these answers."""
     comparator = elicit.PolytopeComparator(k=len(LEVELS))
-    return qlearn.InteractivePolicyIteration(MDP, comparator, bags=elicit.Bags(days=10), known=known)
+    return qlearn.InteractivePolicyIteration(
+        MDP, comparator, bags=elicit.Bags(days=10), known=known
+    )
 
 
 def report(result):
     """Sentences for the last screen."""
-    plan = [f"{state}: {ACTIONS[action]}" for state, action in zip(STATES, result.policy, strict=True)]
-    return [f"The plan: {', '.join(plan)}.", f"It loses at most {result.loss_bound:.2%} of the value range."]
+    plan = [
+        f"{state}: {ACTIONS[action]}" for state, action in zip(STATES, result.policy, strict=True)
+    ]
+    return [
+        f"The plan: {', '.join(plan)}.",
+        f"It loses at most {result.loss_bound:.2%} of the value range.",
+    ]
 
 
 def main(path, port):
@@ -55,4 +65,7 @@ def main(path, port):
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "answers.jsonl", int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    main(
+        sys.argv[1] if len(sys.argv) > 1 else "answers.jsonl",
+        int(sys.argv[2]) if len(sys.argv) > 2 else 0,
+    )

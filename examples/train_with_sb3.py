@@ -1,12 +1,13 @@
-"""A mountain car whose outcomes are only ordered, trained by Stable-Baselines3's DQN, with the questions put to you.
+"""Trains Stable-Baselines3's DQN on a mountain car whose outcomes are only ordered; you are asked.
 
-    python examples/train_with_sb3.py              # you answer: l, r, = or nothing for "cannot tell"
+    python examples/train_with_sb3.py              # answer l, r, = or nothing for "cannot tell"
     python examples/train_with_sb3.py --simulated  # a simulated tutor answers
 
 It needs the extra: pip install 'elicit-qlearn[sb3]'.
 
-What is better, a car that rests in the valley for ever, or one that wears itself out and is at the top sooner? The
-levels say only that racing about is worst, then going gently, then resting, then being at the top.
+What is better, a car that rests in the valley for ever, or one that wears itself out and is at the
+top sooner? The levels say only that racing about is worst, then going gently, then resting, then
+being at the top.
 """
 
 import sys
@@ -35,11 +36,17 @@ def you(query):
 
 
 def main(tutor, steps=60_000, episodes=50, tolerance=0.02, max_trainings=8):
-    """Train and ask until nothing is left that would matter; the best model, and what is known of it."""
+    """Train and ask until nothing is left that would matter; the best model, and what is known of
+    it.
+    """
     comparator, car = elicit.PolytopeComparator(4), gym.make("MountainCar-v0")
     env = qlearn.OrdinalReward(car, comparator, level, after=3, discount=DISCOUNT)
     training = qlearn.InteractiveTraining(
-        comparator, discount=DISCOUNT, tolerance=tolerance, labels=LABELS, max_trainings=max_trainings
+        comparator,
+        discount=DISCOUNT,
+        tolerance=tolerance,
+        labels=LABELS,
+        max_trainings=max_trainings,
     )
     while not training.finished:
         if (values := training.to_train()) is not None:

@@ -1,12 +1,14 @@
-"""Algorithms 1 and 2 of the paper, line by line: slow, for reading beside it and for testing the real learners.
+"""Algorithms 1 and 2 of the paper, line by line: slow, for reading beside it and for testing the
+real learners.
 
-A comment "Alg. 1, l. 9" stands on the very line that does what line 9 of Algorithm 1 says. Where the
-paper leaves something open, the choice is that of the whole package:
+A comment "Alg. 1, l. 9" stands on the very line that does what line 9 of Algorithm 1 says. Where
+the paper leaves something open, the choice is that of the whole package:
 
 - vectors are shares: counting vectors times 1 - discount. Line 4 starts from all mass on the worst
-  level (``start="best"``: on the best; "zero" is the paper's), and a reward is 1 - discount at the level obtained;
-- the model M is a comparator: BETTER, WORSE and EQUAL are confident forecasts, UNKNOWN is an interval
-  [g - c, g + c] that contains 1/2. An empty B needs no case of its own;
+  level (``start="best"``: on the best; "zero" is the paper's), and a reward is 1 - discount at the
+  level obtained;
+- the model M is a comparator: BETTER, WORSE and EQUAL are confident forecasts, UNKNOWN is an
+  interval [g - c, g + c] that contains 1/2. An empty B needs no case of its own;
 - where neither vector is better, the best action so far stays;
 - no pair is asked twice, and one that the tutor called equal stays equal, whatever M learns later
   (only AlwaysAsk asks again, being the oracle);
@@ -35,8 +37,8 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 class Learned(NamedTuple):
-    """Q-bar (S, A, k), or Q (S, A) where the scale is known; B(s) of each state; and every comparison of two
-    different actions as (state, challenger, best so far, best now)."""
+    """Q-bar (S, A, k), or Q (S, A) where the scale is known; B(s) of each state; and every
+    comparison of two different actions as (state, challenger, best so far, best now)."""
 
     q: Floats
     best: list[int]
@@ -45,13 +47,17 @@ class Learned(NamedTuple):
 
 @dataclass
 class Told:
-    """The set B of the paper: the answers so far, and the verdict on each pair, known by its tail sums."""
+    """The set B of the paper: the answers so far, and the verdict on each pair, known by its tail
+    sums.
+    """
 
     answers: list[Answer] = field(default_factory=list)
     pairs: list[tuple[Floats, Verdict]] = field(default_factory=list)
 
     def add(self, answer: Answer) -> None:
-        """One more answer. A tutor who cannot tell leaves the pair as it is, which is what EQUAL does."""
+        """One more answer. A tutor who cannot tell leaves the pair as it is, which is what EQUAL
+        does.
+        """
         self.answers.append(answer)
         self.pairs.append((tail_sums(answer.query.d), answer.verdict or Verdict.EQUAL))
 
@@ -74,7 +80,9 @@ def get_best(
     tutor: Tutor,
     indifference: float = 0.0,
 ) -> tuple[int, Comparator, Told]:
-    """Algorithm 2: the action with the better vector, a if that is ``beta`` and else a'; M and B after it."""
+    """Algorithm 2: the action with the better vector, a if that is ``beta`` and else a'; M and B
+    after it.
+    """
     verdict = forecast(beta - beta_prime, model, told, indifference)  # Alg. 2, l. 1 to 4
     if verdict is not Verdict.UNKNOWN:  # Alg. 2, l. 5
         if verdict is Verdict.BETTER:  # Alg. 2, l. 6
@@ -89,7 +97,9 @@ def get_best(
 
 
 def forecast(d: Floats, model: Comparator, told: Told, indifference: float) -> Verdict:
-    """M of Algorithm 2: BETTER, WORSE or EQUAL where that can be said without the tutor, else UNKNOWN."""
+    """M of Algorithm 2: BETTER, WORSE or EQUAL where that can be said without the tutor, else
+    UNKNOWN.
+    """
     verdict = Verdict(int(model.compare(d)[0]))
     if isinstance(model, AlwaysAsk):
         return verdict
@@ -100,7 +110,11 @@ def forecast(d: Floats, model: Comparator, told: Told, indifference: float) -> V
         return verdict
     if before is None and indifference > 0:
         low, high = model.bounds(d)
-        return Verdict.EQUAL if low[0] >= -indifference and high[0] <= indifference else Verdict.UNKNOWN
+        return (
+            Verdict.EQUAL
+            if low[0] >= -indifference and high[0] <= indifference
+            else Verdict.UNKNOWN
+        )
     return Verdict.UNKNOWN if before is None else before
 
 
@@ -116,8 +130,9 @@ def interactive_q_learning(
     start: str = "worst",
     episode_length: int | None = None,
 ) -> tuple[Learned, Comparator, Told]:
-    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came before; ``epsilon`` is one
-    for all steps or one for each; ``key`` is ``hashing.key_of`` of a seed. Returns Q-bar and B(s), then M and B."""
+    """Algorithm 1. ``rates[n]`` is the learning rate at a visit of (s, a) that n others came
+    before; ``epsilon`` is one for all steps or one for each; ``key`` is ``hashing.key_of`` of a
+    seed. Returns Q-bar and B(s), then M and B."""
     one, discount = np.eye(mdp.k), mdp.discount
     model, told = comparator, Told()  # Alg. 1, l. 3
     q = np.zeros((mdp.n_states, mdp.n_actions, mdp.k))  # Alg. 1, l. 4
@@ -146,10 +161,16 @@ def interactive_q_learning(
 
 
 def interactive_value_iteration(
-    mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, *, tolerance: float, indifference: float | None = None
+    mdp: OrdinalMDP,
+    comparator: Comparator,
+    tutor: Tutor,
+    *,
+    tolerance: float,
+    indifference: float | None = None,
 ) -> tuple[Learned, Comparator, Told]:
-    """Value iteration on vectors, with getBest for the maximum of eq. (2) (Weng and Zanuttini 2013), one
-    comparison at a time. Returns the last sweep's Q-bar and best actions, then M and B."""
+    """Value iteration on vectors, with getBest for the maximum of eq. (2) (Weng and Zanuttini
+    2013), one comparison at a time. Returns the last sweep's Q-bar and best actions, then M and
+    B."""
     if indifference is None:
         indifference = tolerance * (1 - mdp.discount) / 2
     model, told = comparator, Told()
@@ -170,7 +191,9 @@ def interactive_value_iteration(
                     comparisons.append((s, a, incumbent, best[s]))
         before, v = v, q[np.arange(mdp.n_states), best]
         change = tail_sums(v - before)
-        span = np.ptp(change, axis=0).max()  # the most by which changes can differ under an ordered scale
+        span = np.ptp(
+            change, axis=0
+        ).max()  # the most by which changes can differ under an ordered scale
         if mdp.discount * span < tolerance * (1 - mdp.discount) / 2:
             return Learned(q, best, comparisons), model, told
 
@@ -178,7 +201,9 @@ def interactive_value_iteration(
 class Walk:
     """Where the agent is, and the generative model of line 8."""
 
-    def __init__(self, mdp: OrdinalMDP, key: int, epsilon: float | Floats, episode_length: int | None) -> None:
+    def __init__(
+        self, mdp: OrdinalMDP, key: int, epsilon: float | Floats, episode_length: int | None
+    ) -> None:
         self._mdp, self._key, self._episode_length = mdp, key, episode_length
         self._epsilons = np.atleast_1d(epsilon)
         self._visits = np.zeros((mdp.n_states, mdp.n_actions), dtype=int)
@@ -187,15 +212,21 @@ class Walk:
 
     def choose(self, best: int, t: int) -> int:
         """The epsilon-greedy action in step t."""
-        explore = uniform(fold(self._key, EXPLORE, t)) < self._epsilons[min(t, len(self._epsilons) - 1)]
+        explore = (
+            uniform(fold(self._key, EXPLORE, t)) < self._epsilons[min(t, len(self._epsilons) - 1)]
+        )
         return pick(actions(self._mdp, self.state), self._key, ACTION, t) if explore else best
 
     def simulate(self, a: int) -> tuple[int, int]:
-        """Take action a: its successor, and how often a was taken here before. Moves on, or restarts."""
+        """Take action a: its successor, and how often a was taken here before. Moves on, or
+        restarts.
+        """
         s, visit = self.state, int(self._visits[self.state, a])
         self._visits[s, a] += 1
         following = int(
-            self._mdp.successors[s, a, draw(self._mdp.probabilities[s, a], self._key, TRANSITION, s, a, visit)]
+            self._mdp.successors[
+                s, a, draw(self._mdp.probabilities[s, a], self._key, TRANSITION, s, a, visit)
+            ]
         )
         self.state, self._age = following, self._age + 1
         if self._mdp.terminal[following] or self._age == self._episode_length:

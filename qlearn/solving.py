@@ -1,4 +1,6 @@
-"""Solve an MDP in one call: make a comparator and a learner by name, and drive them with the tutor."""
+"""Solve an MDP in one call: make a comparator and a learner by name, and drive them with the
+tutor.
+"""
 
 from __future__ import annotations
 
@@ -34,44 +36,48 @@ def solve(
     mdp
         The problem, whose rewards are levels of an ordinal scale.
     tutor
-        Any function from a ``Query`` to an ``Answer``, or to a verdict on the query's left vector: a ``Verdict``, or
-        1, 0, -1. To say "cannot tell", return ``Answer(query, None)``.
+        Any function from a ``Query`` to an ``Answer``, or to a verdict on the query's left vector:
+        a ``Verdict``, or 1, 0, -1. To say "cannot tell", return ``Answer(query, None)``.
     comparator
-        Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err. ``"polytope"`` is for a
-        tutor who never errs: it proves what it says. ``"ensemble"``, ``"box-rescaled"`` and ``"box"`` are the paper's
-        fits; ``elicit.catalogue`` has all names. A ``Comparator`` for ``mdp.k`` levels is used as it is.
+        Decides comparisons from the answers so far. ``"posterior"`` is for a tutor who may err.
+        ``"polytope"`` is for a tutor who never errs: it proves what it says. ``"ensemble"``,
+        ``"box-rescaled"`` and ``"box"`` are the paper's fits; ``elicit.catalogue`` has all names. A
+        ``Comparator`` for ``mdp.k`` levels is used as it is.
     tolerance
-        Largest acceptable loss of the policy, a share of the value range: see ``Result.loss_bound``. Q-learning does
-        not stop by it.
+        Largest acceptable loss of the policy, a share of the value range: see
+        ``Result.loss_bound``. Q-learning does not stop by it.
     seed
-        An int, a NumPy ``SeedSequence`` or a ``Generator``. The same int gives the same run. ``None`` draws a new one.
-        A comparator that is given as an object keeps its own.
+        An int, a NumPy ``SeedSequence`` or a ``Generator``. The same int gives the same run.
+        ``None`` draws a new one. A comparator that is given as an object keeps its own.
     learner
-        ``"policy-iteration"`` asks the fewest questions. ``"value-iteration"`` and ``"q-learning"`` run with their
-        default settings.
+        ``"policy-iteration"`` asks the fewest questions. ``"value-iteration"`` and ``"q-learning"``
+        run with their default settings.
     max_queries
-        Largest number of questions. Comparisons still open after it follow the best guess at the scale, and the
-        result's status says so. ``None``: no limit.
+        Largest number of questions. Comparisons still open after it follow the best guess at the
+        scale, and the result's status says so. ``None``: no limit.
     log
-        Receives every answer before the learner does. Answers that it already holds are used, and not asked again.
+        Receives every answer before the learner does. Answers that it already holds are used, and
+        not asked again.
     progress
         Called with the result so far after every round of questions.
 
     Returns
     -------
     Result
-        The policy, a bound on its loss, and the number of questions. ``print(result)`` says it in words.
+        The policy, a bound on its loss, and the number of questions. ``print(result)`` says it in
+        words.
 
     Raises
     ------
     TypeError
-        If ``mdp`` is no ``OrdinalMDP``, ``tutor`` cannot be called, or ``tutor`` returns neither an answer nor a
-        verdict.
+        If ``mdp`` is no ``OrdinalMDP``, ``tutor`` cannot be called, or ``tutor`` returns neither an
+        answer nor a verdict.
     ValueError
-        If a name is unknown, a number is out of range, or the comparator or the tutor was made for another number of
-        levels than the MDP has.
+        If a name is unknown, a number is out of range, or the comparator or the tutor was made for
+        another number of levels than the MDP has.
     InconsistentAnswers
-        If no scale agrees with the answers. Only the polytope raises it. ``"posterior"`` allows for errors.
+        If no scale agrees with the answers. Only the polytope raises it. ``"posterior"`` allows for
+        errors.
 
     Notes
     -----
@@ -89,7 +95,10 @@ def solve(
     if not isinstance(learner, str) or learner not in LEARNERS:
         raise ValueError(f"learner must be one of {_listed(LEARNERS)}, not {learner!r}")
     if log is not None and not isinstance(log, AnswerLog):
-        raise TypeError(f"log must be None or an elicit.AnswerLog, such as AnswerLog('answers.jsonl'), not {log!r}")
+        raise TypeError(
+            "log must be None or an elicit.AnswerLog, such as AnswerLog('answers.jsonl'), not "
+            f"{log!r}"
+        )
     chosen = LEARNERS[learner]
     settings: dict[str, Any] = {"tolerance": tolerance} if chosen.has_tolerance else {}
     known: Any = () if log is None else log
@@ -108,7 +117,9 @@ def _named(comparator: str | Comparator, seed: Seed, k: int) -> Comparator:
     if not isinstance(comparator, str):
         return comparator
     if comparator not in COMPARATORS:
-        raise ValueError(f"comparator must be one of {_listed(COMPARATORS)}, or a Comparator, not {comparator!r}")
+        raise ValueError(
+            f"comparator must be one of {_listed(COMPARATORS)}, or a Comparator, not {comparator!r}"
+        )
     return COMPARATORS[comparator].make(k, seed)
 
 

@@ -1,5 +1,5 @@
-"""Compile now all that learners and comparators need, as a step of setting up: ``python -m qlearn.warm_up``. Without it
-the first calls do, once on a machine."""
+"""Compile now all that learners and comparators need, as a step of setting up: ``python -m
+qlearn.warm_up``. Without it the first calls do, once on a machine."""
 
 from __future__ import annotations
 
@@ -14,11 +14,15 @@ from qlearn.experiments.compile_ahead import ALL
 
 
 def main() -> None:
-    """Run the small examples that leave the machine code behind, as many at once as there are cores; a moment where it
-    is there already."""
+    """Run the small examples that leave the machine code behind, as many at once as there are
+    cores; a moment where it is there already."""
     jobs, begun = min(len(ALL), _cores()), monotonic()
     jit.first_on_this_machine()  # so that the processes leave it to this one to say what they do
-    print(f"qlearn: compiling with {jobs} processes, some two minutes of computing ...", file=sys.stderr, flush=True)
+    print(
+        f"qlearn: compiling with {jobs} processes, some two minutes of computing ...",
+        file=sys.stderr,
+        flush=True,
+    )
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
         for part in [pool.submit(each) for each in ALL]:
             part.result()

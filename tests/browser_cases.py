@@ -15,7 +15,8 @@ from elicit.person.interview import Subject
 
 LABELS = ("died", "moderate", "recovered")
 PREAMBLE = (
-    "The patients are alike at the start. Choose the group that you would rather see, as a whole. There is no right or "
+    "The patients are alike at the start. Choose the group that you would rather see, as a whole. "
+    "There is no right or "
     "wrong answer. For research on algorithms; not medical advice."
 )
 WORDS = Words("patients", "fare", "ICU-Sepsis", PREAMBLE, "which is better off?")
@@ -51,7 +52,9 @@ class Listed:
         """The next one."""
         return [query for query in self._questions if query.id not in self._told][:1]
 
-    def tell(self, answers: Sequence[Answer], on_conflict: Literal["raise", "drop"] = "raise") -> None:
+    def tell(
+        self, answers: Sequence[Answer], on_conflict: Literal["raise", "drop"] = "raise"
+    ) -> None:
         """Learn from these."""
         try:
             self._learn(answers)

@@ -1,4 +1,6 @@
-"""What users do first, each small: README's example, an ICU-Sepsis session, every learner with every comparator."""
+"""What users do first, each small: README's example, an ICU-Sepsis session, every learner with
+every comparator.
+"""
 
 import re
 from collections.abc import Iterator
@@ -62,10 +64,17 @@ def icu() -> None:
     if find_spec("icu_sepsis") is not None:
         mdp = qlearn.icu_sepsis()
         values = qlearn.draw_values(mdp.k, rng=0)
-        for comparator in (elicit.PolytopeComparator(mdp.k), elicit.PosteriorComparator(mdp.k, seed=0)):
-            learner = qlearn.InteractivePolicyIteration(mdp, comparator, tolerance=0.05, max_queries=5)
+        for comparator in (
+            elicit.PolytopeComparator(mdp.k),
+            elicit.PosteriorComparator(mdp.k, seed=0),
+        ):
+            learner = qlearn.InteractivePolicyIteration(
+                mdp, comparator, tolerance=0.05, max_queries=5
+            )
             assert qlearn.drive(learner, elicit.TruthfulTutor(values)).loss_bound <= 1
-        sweeps = qlearn.InteractiveValueIteration(mdp, elicit.PolytopeComparator(mdp.k), max_sweeps=2, max_queries=5)
+        sweeps = qlearn.InteractiveValueIteration(
+            mdp, elicit.PolytopeComparator(mdp.k), max_sweeps=2, max_queries=5
+        )
         assert qlearn.drive(sweeps, elicit.TruthfulTutor(values)).compared
 
 
@@ -77,7 +86,10 @@ def choices() -> None:
             while queries := choice.ask():
                 choice.tell([tutor(query) for query in queries])
             knows = choice.result().comparator
-            assert knows.compare(rows[:5] - rows[5:10]).shape == knows.bounds(rows[:5] - rows[5:10])[0].shape
+            assert (
+                knows.compare(rows[:5] - rows[5:10]).shape
+                == knows.bounds(rows[:5] - rows[5:10])[0].shape
+            )
             if "polytope" in name:
                 assert str(knows.explain(rows[0] - rows[1]))
 
@@ -95,8 +107,12 @@ def sessions() -> None:
                 assert result.loss_bound >= 0
     assert (qlearn.policy_loss(mdp, result.policy, values) >= 0).all()
     log = elicit.AnswerLog(k=5)
-    qlearn.drive(qlearn.InteractivePolicyIteration(mdp, elicit.PolytopeComparator(5)), tutor, log=log)
-    again = qlearn.InteractivePolicyIteration(mdp, elicit.PosteriorComparator(5), known=log, max_queries=1)
+    qlearn.drive(
+        qlearn.InteractivePolicyIteration(mdp, elicit.PolytopeComparator(5)), tutor, log=log
+    )
+    again = qlearn.InteractivePolicyIteration(
+        mdp, elicit.PosteriorComparator(5), known=log, max_queries=1
+    )
     assert qlearn.drive(again, tutor).asked <= 1
 
 

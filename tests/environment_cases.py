@@ -7,8 +7,8 @@ import numpy as np
 
 
 class Gamble(gym.Env[Any, Any]):
-    """One step to one of three levels: action 0 leads to the middle one; action 1 to the best, or with ``chance`` to
-    the worst."""
+    """One step to one of three levels: action 0 leads to the middle one; action 1 to the best, or
+    with ``chance`` to the worst."""
 
     metadata = {"render_modes": []}  # noqa: RUF012
 
@@ -27,7 +27,9 @@ class Gamble(gym.Env[Any, Any]):
 
 
 class Walk(gym.Env[Any, Any]):
-    """A random walk over the levels 0 to k - 1, its reward 10 times the level; it ends, by chance, with ``chance``."""
+    """A random walk over the levels 0 to k - 1, its reward 10 times the level; it ends, by chance,
+    with ``chance``.
+    """
 
     metadata = {"render_modes": []}  # noqa: RUF012
 
@@ -43,7 +45,13 @@ class Walk(gym.Env[Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self.at = int(np.clip(self.at + int(action) - 1, 0, self.k - 1))
-        return self._seen(), 10.0 * self.at, bool(self.np_random.random() < self.chance), False, {"level": self.at}
+        return (
+            self._seen(),
+            10.0 * self.at,
+            bool(self.np_random.random() < self.chance),
+            False,
+            {"level": self.at},
+        )
 
     def _seen(self) -> Any:
         return np.array([self.at], np.float32)

@@ -9,11 +9,19 @@ ROOT = Path(__file__).parents[1]
 
 
 def run(code: str, folder: Path | None = None, **environment: str) -> list[str]:
-    """The lines that it prints, in a folder whose modules it can import; its warnings are errors."""
+    """The lines that it prints, in a folder whose modules it can import; its warnings are
+    errors.
+    """
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1", **environment},
+        env={
+            **os.environ,
+            "NUMBA_DISABLE_JIT": "0",
+            "PYTHONPATH": path,
+            "OPENBLAS_NUM_THREADS": "1",
+            **environment,
+        },
         cwd=folder,
         capture_output=True,
         text=True,

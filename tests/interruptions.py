@@ -18,9 +18,9 @@ _ROOT = Path(__file__).parents[1]
 def interrupted_at_each_line(
     make: Callable[[], T], act: Callable[[T], Any], folders: Sequence[str] = ("elicit", "qlearn")
 ) -> Iterator[T]:
-    """Yield what ``make`` returns after a KeyboardInterrupt broke off ``act`` on it, for each line of the code in these
-    folders that ``act`` runs: before that line runs for the first time, and before it runs for the last time. In a
-    quick run, at every twelfth of these moments."""
+    """Yield what ``make`` returns after a KeyboardInterrupt broke off ``act`` on it, for each line
+    of the code in these folders that ``act`` runs: before that line runs for the first time, and
+    before it runs for the last time. In a quick run, at every twelfth of these moments."""
     code = tuple(str(_ROOT / folder) + "/" for folder in folders)
     _traced(make(), act, code, None)  # so that nothing is loaded or made for the first time below
     lines = _traced(make(), act, code, None)
@@ -36,9 +36,11 @@ def interrupted_at_each_line(
             yield made
 
 
-def _traced(made: T, act: Callable[[T], Any], code: tuple[str, ...], at: int | None) -> list[tuple[str, int]]:
-    """Call ``act``, to be interrupted at the line of this number; the lines that it ran of files whose paths begin with
-    one of ``code``."""
+def _traced(
+    made: T, act: Callable[[T], Any], code: tuple[str, ...], at: int | None
+) -> list[tuple[str, int]]:
+    """Call ``act``, to be interrupted at the line of this number; the lines that it ran of files
+    whose paths begin with one of ``code``."""
     lines: list[tuple[str, int]] = []
 
     def trace(frame: FrameType, event: str, _: Any) -> Any:
@@ -61,7 +63,10 @@ def _traced(made: T, act: Callable[[T], Any], code: tuple[str, ...], at: int | N
 
 
 def _leaves_a_block(frame: FrameType) -> bool:
-    """Whether the next thing is the end of a with statement, whose body is over: Python looks for signals where
-    something is called, not there."""
+    """Whether the next thing is the end of a with statement, whose body is over: Python looks for
+    signals where something is called, not there."""
     line = linecache.getline(frame.f_code.co_filename, frame.f_lineno)
-    return line.lstrip().startswith("with ") and frame.f_code.co_code[frame.f_lasti] == opmap["LOAD_CONST"]
+    return (
+        line.lstrip().startswith("with ")
+        and frame.f_code.co_code[frame.f_lasti] == opmap["LOAD_CONST"]
+    )

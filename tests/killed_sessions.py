@@ -1,5 +1,5 @@
-"""Sessions killed at random moments while a scripted person answers. Run as a program, which forks a process for each
-try, so that nothing needs to be imported again: FOLDER KILLS SEED."""
+"""Sessions killed at random moments while a scripted person answers. Run as a program, which forks
+a process for each try, so that nothing needs to be imported again: FOLDER KILLS SEED."""
 
 import json
 import os
@@ -65,15 +65,19 @@ def told(log: Path) -> list[Any]:
 
 
 def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
-    """How often it was killed, how many answers there were in all, how many of them marked unused, and what was wrong,
-    which should be nothing."""
+    """How often it was killed, how many answers there were in all, how many of them marked unused,
+    and what was wrong, which should be nothing."""
     chance, wrong, done, answers, unused, round_ = random.Random(seed), [], 0, 0, 0, 0
     undisturbed = []
     for case, (make, says, outcome) in enumerate(cases()):
         for name in ("cold", "undisturbed"):  # the first one compiles
             start = time.monotonic()
-            result = answer_all(make, says, folder / f"{name}-{case}", folder / f"{name}-{case}.said")
-        undisturbed.append((told(folder / f"undisturbed-{case}"), outcome(result), time.monotonic() - start))
+            result = answer_all(
+                make, says, folder / f"{name}-{case}", folder / f"{name}-{case}.said"
+            )
+        undisturbed.append(
+            (told(folder / f"undisturbed-{case}"), outcome(result), time.monotonic() - start)
+        )
     while done < kills or round_ < 2:
         case = round_ % 2
         make, says, outcome = cases()[case]
@@ -93,7 +97,11 @@ def killed(folder: Path, kills: int, seed: int) -> dict[str, Any]:
             acknowledged, kept = said.read_text().split() if said.exists() else [], []
             if log.exists():
                 kept = [row[0] for row in told(log)]
-            if not set(acknowledged) <= set(kept) or len(set(kept)) != len(kept) or len(acknowledged) > len(kept):
+            if (
+                not set(acknowledged) <= set(kept)
+                or len(set(kept)) != len(kept)
+                or len(acknowledged) > len(kept)
+            ):
                 wrong.append(f"{log}: acknowledged {acknowledged}, kept {kept}")
         if told(log) != expected or outcome(answer_all(make, says, log, said)) != best:
             wrong.append(f"{log}: ended otherwise than the undisturbed session")

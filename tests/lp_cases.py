@@ -1,9 +1,11 @@
-"""Random and adversarial polytopes, and an exact second opinion on them that shares no code with elicit's methods.
+"""Random and adversarial polytopes, and an exact second opinion on them that shares no code with
+elicit's methods.
 
-A ``Case`` is a set of answers that some hidden scale satisfies exactly, with differences to ask about. ``Region``
-states its polytope in rationals, from the tail sums of the float differences. ``Oracle`` gives least t.g over it:
-elicit's simplex method in floats proposes a basis, which is verified in rationals (primal and dual feasibility);
-where that fails, a primal simplex method on the dual program, in exact integers, decides.
+A ``Case`` is a set of answers that some hidden scale satisfies exactly, with differences to ask
+about. ``Region`` states its polytope in rationals, from the tail sums of the float differences.
+``Oracle`` gives least t.g over it: elicit's simplex method in floats proposes a basis, which is
+verified in rationals (primal and dual feasibility); where that fails, a primal simplex method on
+the dual program, in exact integers, decides.
 """
 
 import math
@@ -28,8 +30,8 @@ TIE_BAND = Fraction(1e-9)
 
 
 def tails(d: Sequence[float]) -> tuple[list[float], int]:
-    """The float tail sums (k-1,) of d (k,), best level first to be added, and the power of two that they were
-    divided by to keep sums of numbers beyond 2^960 from overflowing."""
+    """The float tail sums (k-1,) of d (k,), best level first to be added, and the power of two that
+    they were divided by to keep sums of numbers beyond 2^960 from overflowing."""
     top = [float(x) for x in d[1:]]
     shift = 64 if max((abs(x) for x in top), default=0.0) > 2.0**960 else 0
     total, out = 0.0, []
@@ -49,7 +51,9 @@ def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 @dataclass
 class Region:
-    """{g : g >= margin, sum g = 1, rows g >= rhs} in Fractions; each row's largest entry is of order 1."""
+    """{g : g >= margin, sum g = 1, rows g >= rhs} in Fractions; each row's largest entry is of
+    order 1.
+    """
 
     p: int
     margin: Fraction
@@ -58,7 +62,11 @@ class Region:
 
     def add(self, row: Rationals, limit: Fraction) -> None:
         size = max(map(abs, row), default=Fraction(0))
-        unit = Fraction(2) ** math.frexp(float(size))[1] if float(size) > 2.0**-1000 else (size or Fraction(1))
+        unit = (
+            Fraction(2) ** math.frexp(float(size))[1]
+            if float(size) > 2.0**-1000
+            else (size or Fraction(1))
+        )
         self.rows.append([x / unit for x in row])
         self.rhs.append(limit / unit)
 
@@ -87,7 +95,11 @@ def region_of(
         t, shift = tails(d[i])
         if not any(t):
             continue
-        band = max(TIE_BAND * sum(map(abs, exact(d[i]))), Fraction(tie)) / 2**shift if y[i] == 0 else Fraction(0)
+        band = (
+            max(TIE_BAND * sum(map(abs, exact(d[i]))), Fraction(tie)) / 2**shift
+            if y[i] == 0
+            else Fraction(0)
+        )
         for sign in (1, -1) if y[i] == 0 else (int(y[i]),):
             region.add([sign * x for x in exact(t)], -band)
     return region
@@ -99,9 +111,13 @@ class Oracle:
     def __init__(self, region: Region) -> None:
         self.region = region
         self.verified = 0
-        self._rows = np.array([[float(x) for x in row] for row in region.rows]).reshape(-1, region.p)
+        self._rows = np.array([[float(x) for x in row] for row in region.rows]).reshape(
+            -1, region.p
+        )
         self._rhs = np.array([float(x) for x in region.rhs])
-        self._floats = floats.Region(float(region.margin), self._rows, self._rhs, np.arange(len(self._rhs)))
+        self._floats = floats.Region(
+            float(region.margin), self._rows, self._rhs, np.arange(len(self._rhs))
+        )
 
     def least(self, t: Rationals) -> Fraction:
         """The exact optimum of min t.g. Raises ValueError where the region is empty."""
@@ -134,18 +150,25 @@ class Oracle:
             return None
         fixed = [j for j in range(region.p) if j not in set(free)]
         matrix = [[Fraction(1)] * len(free)] + [[region.rows[i][j] for j in free] for i in active]
-        at_margin = [sum((region.rows[i][j] for j in fixed), Fraction(0)) * region.margin for i in active]
+        at_margin = [
+            sum((region.rows[i][j] for j in fixed), Fraction(0)) * region.margin for i in active
+        ]
         limits = [1 - len(fixed) * region.margin]
         limits += [region.rhs[i] - m for i, m in zip(active, at_margin, strict=True)]
         x = solve_exactly(matrix, limits)
-        y = solve_exactly([list(column) for column in zip(*matrix, strict=True)], [t[j] for j in free])
+        y = solve_exactly(
+            [list(column) for column in zip(*matrix, strict=True)], [t[j] for j in free]
+        )
         if x is None or y is None or min(y[1:], default=Fraction(0)) < 0 or min(x) < region.margin:
             return None
         g = [region.margin] * region.p
         for j, value in zip(free, x, strict=True):
             g[j] = value
         for j in fixed:
-            if t[j] - y[0] - sum(w * region.rows[i][j] for w, i in zip(y[1:], active, strict=True)) < 0:
+            if (
+                t[j] - y[0] - sum(w * region.rows[i][j] for w, i in zip(y[1:], active, strict=True))
+                < 0
+            ):
                 return None
         slack = self._rows @ np.array([float(v) for v in g]) - self._rhs
         for i in np.flatnonzero(slack < 1e-6):  # rows are of order 1: the others hold beyond doubt
@@ -174,7 +197,9 @@ def solve_exactly(matrix: list[Rationals], right: Rationals) -> Rationals | None
         for i in range(n):
             if i != c:
                 row, factor = work[i], work[i][c]
-                work[i] = [(head[c] * a - factor * b) // last for a, b in zip(row, head, strict=True)]
+                work[i] = [
+                    (head[c] * a - factor * b) // last for a, b in zip(row, head, strict=True)
+                ]
         last = head[c]
     return [Fraction(row[n], row[i]) for i, row in enumerate(work)]
 
@@ -182,12 +207,15 @@ def solve_exactly(matrix: list[Rationals], right: Rationals) -> Rationals | None
 def least_from_scratch(t: Rationals, region: Region) -> Fraction | None:
     """Least t.g over the region; None where it is empty.
 
-    The dual program, with h = g - margin >= 0, sum h = F, rows h >= r: maximise F mu + r.y subject to
-    mu + y rows <= t, y >= 0. Primal simplex on it, in integers over one denominator, from y = 0 and mu = min t.
+    The dual program, with h = g - margin >= 0, sum h = F, rows h >= r: maximise F mu + r.y subject
+    to mu + y rows <= t, y >= 0. Primal simplex on it, in integers over one denominator, from y = 0
+    and mu = min t.
     """
     p, m, low = region.p, len(region.rows), min(t)
     total = 1 - p * region.margin
-    limits = [limit - region.margin * sum(row) for row, limit in zip(region.rows, region.rhs, strict=True)]
+    limits = [
+        limit - region.margin * sum(row) for row, limit in zip(region.rows, region.rhs, strict=True)
+    ]
     # columns: mu+, mu-, the multipliers, the slacks, the right-hand side; last row: the objective
     tableau = np.zeros((p + 1, m + p + 3), dtype=object)
     unit_t = whole([x - low for x in t])[1]
@@ -206,15 +234,27 @@ def least_from_scratch(t: Rationals, region: Region) -> Fraction | None:
         gains = tableau[p, :-1]
         rising = [c for c in range(m + p + 2) if gains[c] > 0]
         if not rising:
-            return low * total + Fraction(-tableau[p, -1], denominator * common * unit_t) + region.margin * sum(t)
+            return (
+                low * total
+                + Fraction(-tableau[p, -1], denominator * common * unit_t)
+                + region.margin * sum(t)
+            )
         # the best relative gain at first, then the first (Bland 1977), which ends
-        size = [max(abs(tableau[i, c]) for i in range(p)) or 1 for c in rising] if steps < 20 * p else []
+        size = (
+            [max(abs(tableau[i, c]) for i in range(p)) or 1 for c in rising]
+            if steps < 20 * p
+            else []
+        )
         entering = (
-            max(zip(rising, size, strict=True), key=lambda cs: (gains[cs[0]] << 64) // cs[1])[0] if size else rising[0]
+            max(zip(rising, size, strict=True), key=lambda cs: (gains[cs[0]] << 64) // cs[1])[0]
+            if size
+            else rising[0]
         )
         steps += 1
         column = tableau[:p, entering]
-        ratios = [(Fraction(tableau[i, -1], column[i]), basis[i], i) for i in range(p) if column[i] > 0]
+        ratios = [
+            (Fraction(tableau[i, -1], column[i]), basis[i], i) for i in range(p) if column[i] > 0
+        ]
         if not ratios:
             return None
         leaving = min(ratios)[2]
@@ -258,14 +298,18 @@ class Case:
 
     def known(self) -> PolytopeComparator:
         """A comparator that was told the answers at once."""
-        return PolytopeComparator(self.k, self.margin, self.prior, self.tie).update(Answers(self.d, self.y))
+        return PolytopeComparator(self.k, self.margin, self.prior, self.tie).update(
+            Answers(self.d, self.y)
+        )
 
 
 Rng = np.random.Generator
 
 
 def from_tails(t: Sequence[float], exactly: bool = True) -> Floats:
-    """A difference (k,) whose tail sums are t, exactly so for t of few bits: level 1 makes the total 0."""
+    """A difference (k,) whose tail sums are t, exactly so for t of few bits: level 1 makes the
+    total 0.
+    """
     t = np.asarray(t, dtype=np.float64)
     d = np.append(t[:-1] - t[1:], t[-1])
     out = np.concatenate([[-float(np.sum(d))], d])
@@ -274,12 +318,16 @@ def from_tails(t: Sequence[float], exactly: bool = True) -> Floats:
 
 
 def shares(rng: Rng, k: int, n: int, spread: float = 0.7) -> Floats:
-    out: Floats = rng.dirichlet(np.full(k, spread), size=n) - rng.dirichlet(np.full(k, spread), size=n)
+    out: Floats = rng.dirichlet(np.full(k, spread), size=n) - rng.dirichlet(
+        np.full(k, spread), size=n
+    )
     return out.reshape(n, k)
 
 
 def draw_truth(rng: Rng, p: int) -> Rationals:
-    weights = [int(x) for x in np.ceil(rng.dirichlet(np.full(p, rng.choice([0.3, 1.0, 5.0]))) * 1000)]
+    weights = [
+        int(x) for x in np.ceil(rng.dirichlet(np.full(p, rng.choice([0.3, 1.0, 5.0]))) * 1000)
+    ]
     return [Fraction(w, sum(weights)) for w in weights]
 
 
@@ -306,7 +354,9 @@ def below(x: Fraction) -> float:
 
 
 def tie_with(rng: Rng, truth: Rationals) -> Floats:
-    """A difference of few bits that is exactly 0 under the truth; no difference where the truth has too many bits."""
+    """A difference of few bits that is exactly 0 under the truth; no difference where the truth has
+    too many bits.
+    """
     unit = math.lcm(*(g.denominator for g in truth))
     weights = [int(g * unit) for g in truth]
     t = np.zeros(len(truth))
@@ -322,7 +372,9 @@ def random_margin(rng: Rng, truth: Rationals) -> float:
 
 
 def questions(rng: Rng, d: Floats, truth: Rationals, count: int) -> Floats:
-    """What is asked: fresh differences, cuts and what lies close to them, combinations, ties, and nothing."""
+    """What is asked: fresh differences, cuts and what lies close to them, combinations, ties, and
+    nothing.
+    """
     p = len(truth)
     k = p + 1
 
@@ -330,12 +382,16 @@ def questions(rng: Rng, d: Floats, truth: Rationals, count: int) -> Floats:
         return np.array(d[rng.integers(len(d))]) if len(d) else shares(rng, k, 1)[0]
 
     def near() -> Floats:
-        return cut() + 10.0 ** rng.uniform(-16, -6) * rng.normal(size=k) * (np.abs(cut()).max() or 1.0)
+        return cut() + 10.0 ** rng.uniform(-16, -6) * rng.normal(size=k) * (
+            np.abs(cut()).max() or 1.0
+        )
 
     def combination() -> Floats:
         some = rng.integers(len(d), size=rng.integers(1, 5)) if len(d) else []
         signs = [sign_of(d[i], truth) or 1 for i in some]
-        weights = rng.integers(1, 4, size=len(some)) if rng.random() < 0.5 else rng.random(len(some))
+        weights = (
+            rng.integers(1, 4, size=len(some)) if rng.random() < 0.5 else rng.random(len(some))
+        )
         total = np.zeros(k)
         for i, s, w in zip(some, signs, weights, strict=True):
             total = total + s * w * d[i] / (np.abs(d[i]).max() or 1.0)
@@ -362,7 +418,13 @@ def questions(rng: Rng, d: Floats, truth: Rationals, count: int) -> Floats:
 
 
 def _case(
-    kind: str, rng: Rng, truth: Rationals, margin: float, d: Floats, asks: int, y: NDArray[np.int8] | None = None
+    kind: str,
+    rng: Rng,
+    truth: Rationals,
+    margin: float,
+    d: Floats,
+    asks: int,
+    y: NDArray[np.int8] | None = None,
 ) -> Case:
     d = np.asarray(d, dtype=np.float64).reshape(-1, len(truth) + 1)
     y = answered(rng, d, truth) if y is None else y
@@ -378,7 +440,14 @@ def duplicated(rng: Rng, k: int, n: int, asks: int) -> Case:
     truth = draw_truth(rng, k - 1)
     base = shares(rng, k, n // 4 + 1)
     d = np.concatenate([base, base, 2 * base, -3 * base, np.zeros((2, k)), 1e-12 * base])
-    return _case("duplicated", rng, truth, random_margin(rng, truth), d[rng.permutation(len(d))][: n + 1], asks)
+    return _case(
+        "duplicated",
+        rng,
+        truth,
+        random_margin(rng, truth),
+        d[rng.permutation(len(d))][: n + 1],
+        asks,
+    )
 
 
 def parallel(rng: Rng, k: int, n: int, asks: int) -> Case:
@@ -389,7 +458,9 @@ def parallel(rng: Rng, k: int, n: int, asks: int) -> Case:
 
 
 def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
-    """Ties, told as opposite answers, hold K_t to a flat: to a single point where there are k - 2 of them."""
+    """Ties, told as opposite answers, hold K_t to a flat: to a single point where there are k - 2
+    of them.
+    """
     truth, weights = few_bits(rng, k - 1, 60)
     ties = []
     for j in range(1, k - 1):
@@ -405,7 +476,9 @@ def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
 
 
 def tied(rng: Rng, k: int, n: int, asks: int) -> Case:
-    """Answers "equal": to exact ties and to pairs inside the band of 1e-9 |d|_1, or inside that of a wider tie."""
+    """Answers "equal": to exact ties and to pairs inside the band of 1e-9 |d|_1, or inside that of
+    a wider tie.
+    """
     truth, _ = few_bits(rng, k - 1, 60)
     ties = np.array([tie_with(rng, truth) for _ in range(int(rng.integers(1, 5)))])
     tie = float(rng.choice([0.0, 0.0, 0.0, 0.01, 0.2]))
@@ -446,7 +519,8 @@ def touching(rng: Rng, k: int, n: int, asks: int) -> Case:
     p = k - 1
     q = int(rng.integers(5, 11))
     best = [int(j) for j in rng.choice(p, 2 if p > 2 and rng.random() < 0.5 else 1, replace=False)]
-    # with margin 2^-q, t.g at the vertex of a best gap is (sum of the others' t + (2^q - p + 1) t_best) / 2^q
+    # with margin 2^-q, t.g at the vertex of a best gap is (sum of the others' t + (2^q - p + 1)
+    # t_best) / 2^q
     others = [j for j in range(p) if j not in best]
     t = np.zeros(p)
     t[best] = 1.0
@@ -461,7 +535,9 @@ def touching(rng: Rng, k: int, n: int, asks: int) -> Case:
     weights[best[-1]] += share
     truth = [Fraction(w, 2**q) for w in weights]
     d = np.concatenate([[from_tails(t)], shares(rng, k, min(n, 10))])
-    return _case("touching", rng, truth, 2.0**-q, d, asks, np.append(np.int8(1), answered(rng, d[1:], truth)))
+    return _case(
+        "touching", rng, truth, 2.0**-q, d, asks, np.append(np.int8(1), answered(rng, d[1:], truth))
+    )
 
 
 def with_prior(rng: Rng, k: int, n: int, asks: int) -> Case:
@@ -472,7 +548,12 @@ def with_prior(rng: Rng, k: int, n: int, asks: int) -> Case:
         a = rng.integers(-2, 3, size=a.shape).astype(float)
     values = [dot(exact(tails(row)[0]), truth) for row in a]
     size = np.abs(a).max(axis=1)
-    b = np.array([below(v - Fraction(float(s * rng.choice([0, 0.1])))) for v, s in zip(values, size, strict=True)])
+    b = np.array(
+        [
+            below(v - Fraction(float(s * rng.choice([0, 0.1]))))
+            for v, s in zip(values, size, strict=True)
+        ]
+    )
     case = _case("prior", rng, truth, random_margin(rng, truth), shares(rng, k, min(n, 60)), asks)
     case.prior = (a, b)
     return case
@@ -485,7 +566,9 @@ def closed_gaps(rng: Rng, k: int, n: int, asks: int) -> Case:
     dead[rng.integers(k - 1)] = False
     kept = sum((g for g, gone in zip(truth, dead, strict=True) if not gone), Fraction(0))
     truth = [Fraction(0) if gone else g / kept for g, gone in zip(truth, dead, strict=True)]
-    flat = np.array([from_tails(np.where(np.arange(k - 1) == j, 1.0, 0.0)) for j in np.flatnonzero(dead)])
+    flat = np.array(
+        [from_tails(np.where(np.arange(k - 1) == j, 1.0, 0.0)) for j in np.flatnonzero(dead)]
+    )
     more = shares(rng, k, min(n, 30))
     y = np.concatenate([-np.ones(len(flat), dtype=np.int8), answered(rng, more, truth)])
     case = _case("closed", rng, truth, 0.0, np.concatenate([flat.reshape(-1, k), more]), asks, y)
@@ -538,7 +621,9 @@ KINDS: tuple[Callable[[Rng, int, int, int], Case], ...] = (
 def cases(
     seed: int | list[int], count: int, asks: int = 4, most_levels: int = 25, most_answers: int = 300
 ) -> Iterator[Case]:
-    """``count`` cases, the kinds in turn; small k and n are drawn more often, since they cost less."""
+    """``count`` cases, the kinds in turn; small k and n are drawn more often, since they cost
+    less.
+    """
     for i in range(count):
         rng = np.random.default_rng([*np.atleast_1d(seed), i])
         k = 2 + int((most_levels - 1) * rng.random() ** 2)
@@ -576,7 +661,9 @@ def known_sets(seed: int, count: int, most: int = 9) -> Iterator[tuple[str, floa
 
 
 def objectives(rng: Rng, r: floats.Region, count: int) -> list[Floats]:
-    """Of order 1: random ones, rows and sums of rows, and such that the least value is 0, or nearly."""
+    """Of order 1: random ones, rows and sums of rows, and such that the least value is 0, or
+    nearly.
+    """
     out = []
     for _ in range(count):
         s = rng.normal(size=r.p) * 10.0 ** rng.integers(-3, 1)
@@ -584,7 +671,11 @@ def objectives(rng: Rng, r: floats.Region, count: int) -> list[Floats]:
         if how == 1:
             s = rng.integers(0, 3, size=len(r.rows)) @ r.rows + rng.choice([0.0, 1e-16, -1e-13]) * s
         if how > 1:
-            s = s - float(minimise_exactly(s, r).value) + rng.choice([0.0, 1e-16, -1e-15, 1e-13, 1e-12, -1e-12, 1e-10])
+            s = (
+                s
+                - float(minimise_exactly(s, r).value)
+                + rng.choice([0.0, 1e-16, -1e-15, 1e-13, 1e-12, -1e-12, 1e-10])
+            )
         if s.any():
             to_unit(s)
             out.append(s)
@@ -597,8 +688,9 @@ def rows_kept(c: PolytopeComparator) -> int:
 
 
 def check_proofs(c: PolytopeComparator) -> None:
-    """What a comparator has come to know is true, in rationals: rows that hold on K_t, points in it, one of them
-    strictly inside. Only here and in ``rows_kept`` do tests look at how it is kept."""
+    """What a comparator has come to know is true, in rationals: rows that hold on K_t, points in
+    it, one of them strictly inside. Only here and in ``rows_kept`` do tests look at how it is
+    kept."""
     kept, known = c._set.region, c._set._known
 
     def least_slack(g: Rationals) -> Fraction:
@@ -607,7 +699,9 @@ def check_proofs(c: PolytopeComparator) -> None:
         slacks = [dot(exact(kept.rows[i]), g) - Fraction(float(kept.rhs[i])) for i in rows]
         return min([*slacks, min(g) - kept.exact_margin])
 
-    for row, limit in zip(c.region.rows, c.region.rhs, strict=True):  # those left out follow from those kept
+    for row, limit in zip(
+        c.region.rows, c.region.rhs, strict=True
+    ):  # those left out follow from those kept
         if not ((kept.rows == row).all(axis=1) & (kept.rhs == limit)).any():
             assert minimise_exactly(row, kept).value >= Fraction(float(limit))
     assert all(minimise_exactly(row, kept).value >= 0 for row in known.rows)
@@ -616,4 +710,6 @@ def check_proofs(c: PolytopeComparator) -> None:
     used = known.counts[USED]
     for point, kind in zip(known.points[:, :used].T, known.kind[:used], strict=True):
         if kind != DOUBTFUL_CORNER:  # points of exact optima are right to their last bits
-            assert least_slack(normalised(point)) >= -(kept.p + 8) * Fraction(EPS) * (kind == CERTAIN_POINT)
+            assert least_slack(normalised(point)) >= -(kept.p + 8) * Fraction(EPS) * (
+                kind == CERTAIN_POINT
+            )

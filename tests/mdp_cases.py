@@ -11,7 +11,9 @@ from qlearn import OrdinalMDP, draw_values, policy_loss
 def messy_mdp(
     seed: int, n: int = 10, m: int = 3, k: int = 4, discount: float = 0.9, n_terminal: int = 2
 ) -> tuple[OrdinalMDP, Floats]:
-    """A random MDP with terminal states, inadmissible actions and successors that appear twice; and hidden values."""
+    """A random MDP with terminal states, inadmissible actions and successors that appear twice; and
+    hidden values.
+    """
     rng = np.random.default_rng(seed)
     levels = rng.integers(k, size=(n, m))
     terminal = np.arange(n) >= n - n_terminal
@@ -32,4 +34,6 @@ def messy_mdp(
 
 def losses_under(mdp: OrdinalMDP, policy: Any, gaps: Floats) -> Floats:
     """Return the policy's greatest loss under each column of gaps, by solving the MDP for each."""
-    return np.array([policy_loss(mdp, policy, values_of(np.maximum(g, 1e-9))).max() for g in gaps.T])
+    return np.array(
+        [policy_loss(mdp, policy, values_of(np.maximum(g, 1e-9))).max() for g in gaps.T]
+    )

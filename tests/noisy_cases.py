@@ -1,4 +1,6 @@
-"""Differences, scales and answers of tutors who err, and the posterior's formulas written once more."""
+"""Differences, scales and answers of tutors who err, and the posterior's formulas written once
+more.
+"""
 
 import math
 from collections.abc import Callable
@@ -59,9 +61,9 @@ def drawn_gaps(rng: Rng, k: int, m: int = 1) -> Floats:
 
 
 def log_terms(theta: Floats, t: Floats, tied: Any, lapse: Any, width: Any = 0.0) -> Floats:
-    """Log-likelihoods (m, n) at theta (m, p) of answers with tail sums t (n, p), turned to the side that was said to
-    be better; where ``tied`` (n,) half an answer each way, or with a width, in logits, by Rao and Kupper's formula.
-    Lapse and width are numbers, or (m,)."""
+    """Log-likelihoods (m, n) at theta (m, p) of answers with tail sums t (n, p), turned to the side
+    that was said to be better; where ``tied`` (n,) half an answer each way, or with a width, in
+    logits, by Rao and Kupper's formula. Lapse and width are numbers, or (m,)."""
     eta, q, s = theta @ t.T, np.asarray(lapse)[..., None], np.asarray(width)[..., None]
     if s.any():
         equal = -np.expm1(-2 * s) * expit(s - np.abs(eta)) * expit(s + np.abs(eta))
@@ -74,5 +76,7 @@ def log_terms(theta: Floats, t: Floats, tied: Any, lapse: Any, width: Any = 0.0)
 
 
 def prior_of(k: int, **settings: Any) -> ParticlePrior:
-    """The density that a comparator's particles have before any answer; by default with a given lapse."""
+    """The density that a comparator's particles have before any answer; by default with a given
+    lapse.
+    """
     return PosteriorComparator(k, **({"lapse": 0.05} | settings))._prior

@@ -1,6 +1,8 @@
-"""Run a command as on an older processor: BLAS, NumPy and numba take the kernels of one without AVX2 and FMA.
+"""Run a command as on an older processor: BLAS, NumPy and numba take the kernels of one without
+AVX2 and FMA.
 
-``python -m tests.older_processor COMMAND ...``. Results that depend on the processor differ then, on one machine.
+``python -m tests.older_processor COMMAND ...``. Results that depend on the processor differ then,
+on one machine.
 """
 
 import os

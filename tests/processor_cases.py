@@ -1,8 +1,14 @@
-"""What learners ask, by value, in runs that a last bit could turn: symmetric grids, ties, audits, batches, errors."""
+"""What learners ask, by value, in runs that a last bit could turn: symmetric grids, ties, audits,
+batches, errors.
+
+``python -m tests.processor_cases`` writes the record anew, after a change that is meant to change
+the questions.
+"""
 
 import hashlib
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +17,9 @@ import elicit
 import qlearn
 from elicit.model.pairs import pair_numbers, whole_numbers
 from elicit.model.scale import tail_sums
+
+RECORD = Path(__file__).parent / "asked_on_every_processor.txt"
+"""The lines of ``report``, which every processor must give."""
 
 
 def grid(side: int, k: int, seed: int) -> qlearn.OrdinalMDP:
@@ -21,7 +30,9 @@ def grid(side: int, k: int, seed: int) -> qlearn.OrdinalMDP:
     ends = [np.clip(x + dx, 0, side - 1) * side + np.clip(y + dy, 0, side - 1) for dx, dy in steps]
     levels = np.repeat(cells.reshape(-1, 1), 4, axis=1)
     shape = (side * side, 4, 1)
-    return qlearn.OrdinalMDP(np.stack(ends, 1)[:, :, None], np.ones(shape), levels, 0.95, [f"{i}" for i in range(k)])
+    return qlearn.OrdinalMDP(
+        np.stack(ends, 1)[:, :, None], np.ones(shape), levels, 0.95, [f"{i}" for i in range(k)]
+    )
 
 
 class Run(NamedTuple):
@@ -49,7 +60,9 @@ def runs() -> Iterator[Run]:
             yield Run(f"grid, tie {tie:g}{name}", make, elicit.TruthfulTutor(values, tie=tie))
     mdp, values = qlearn.random_mdp(15, 3, 5, seed=1)
     posterior = elicit.PosteriorComparator(5, seed=1)
-    sweeps = partial(qlearn.InteractiveValueIteration, mdp, posterior, tolerance=0.01, max_queries=20)
+    sweeps = partial(
+        qlearn.InteractiveValueIteration, mdp, posterior, tolerance=0.01, max_queries=20
+    )
     yield Run("value iteration", sweeps, elicit.BradleyTerryTutor(values, 40.0, seed=3))
     steps = partial(qlearn.InteractiveQLearning, mdp, posterior, steps=1500, max_queries=20)
     yield Run("Q-learning", steps, elicit.FlippingTutor(values, 0.1, seed=3))
@@ -66,8 +79,8 @@ def answered(learner: Any, tutor: Any) -> list[elicit.Answer]:
 
 
 def report() -> list[str]:
-    """One line a run: the number of questions, the status, how many were asked again, and a hash of all questions by
-    value, of the answers and of the policy."""
+    """One line a run: the number of questions, the status, how many were asked again, and a hash of
+    all questions by value, of the answers and of the policy."""
     lines = []
     for run in runs():
         learner = run.make()
@@ -75,14 +88,22 @@ def report() -> list[str]:
         result, d = learner.result(), np.array([answer.query.d for answer in answers])
         grains = np.array([whole_numbers(t)[0] for t in tail_sums(d)])
         said = np.array([answer.verdict for answer in answers], dtype=np.int8)
-        digest = hashlib.blake2b(grains.tobytes() + said.tobytes() + result.policy.tobytes(), digest_size=8).hexdigest()
+        digest = hashlib.blake2b(
+            grains.tobytes() + said.tobytes() + result.policy.tobytes(), digest_size=8
+        ).hexdigest()
         again = len(d) - len(np.unique(pair_numbers(d)))
         lines.append(f"{run.name}: {result.asked} {result.status.name}, {again} again, {digest}")
     return lines
 
 
 def resumed(run: Run) -> tuple[list[elicit.Answer], list[elicit.Answer]]:
-    """The second half of a run's answers, undisturbed, and of a run that is begun anew with the first half known."""
+    """The second half of a run's answers, undisturbed, and of a run that is begun anew with the
+    first half known.
+    """
     whole = answered(run.make(), run.tutor)
     half = len(whole) // 2
     return whole[half:], answered(run.make(known=whole[:half]), elicit.ReplayTutor(whole))
+
+
+if __name__ == "__main__":
+    RECORD.write_text("\n".join(report()) + "\n", encoding="utf-8")

@@ -1,4 +1,6 @@
-"""What people read: a benchmark's report, run quickly, and its tables; the intervals in a picture."""
+"""What people read: a benchmark's report, run quickly, and its tables; the intervals in a
+picture.
+"""
 
 import shlex
 import subprocess
@@ -13,7 +15,9 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def quick_report(module: str, folder: Path, *settings: str) -> str:
-    """What ``python -m module --quick`` prints, without a warning, and writes, stamped, to a folder that is new."""
+    """What ``python -m module --quick`` prints, without a warning, and writes, stamped, to a folder
+    that is new.
+    """
     out = folder / "new folder" / "report.md"
     command = [sys.executable, "-W", "error", "-m", module, "--quick", *settings, "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
@@ -29,12 +33,17 @@ def quick_report(module: str, folder: Path, *settings: str) -> str:
 
 def table_rows(text: str) -> list[list[str]]:
     """The cells of every line of a Markdown table, heads included, rules not."""
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line[:1] == "|"]
+    rows = [
+        [cell.strip() for cell in line.split("|")[1:-1]]
+        for line in text.splitlines()
+        if line[:1] == "|"
+    ]
     return [row for row in rows if not set(row[0]) <= set("-:")]
 
 
 def bars(axes: Axes) -> list[tuple[float, float]]:
     """The ends of the error bars."""
     return [
-        (float(low), float(high)) for (_, low), (_, high) in (s for c in axes.collections for s in c.get_segments())
+        (float(low), float(high))
+        for (_, low), (_, high) in (s for c in axes.collections for s in c.get_segments())
     ]

@@ -1,4 +1,6 @@
-"""Ordinary Q-learning on values that are known: what interactive Q-learning comes to where all is asked."""
+"""Ordinary Q-learning on values that are known: what interactive Q-learning comes to where all is
+asked.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,9 @@ def scalar_q_learning(
     start: str = "worst",
     episode_length: int | None = None,
 ) -> Learned:
-    """Ordinary Q-learning on the true ``values`` (k,), with B(s) tracked as in Algorithm 1: what a learner
-    does that always asks a tutor who never errs. Q (S, A) is in shares of the value range, from 0 to 1."""
+    """Ordinary Q-learning on the true ``values`` (k,), with B(s) tracked as in Algorithm 1: what a
+    learner does that always asks a tutor who never errs. Q (S, A) is in shares of the value range,
+    from 0 to 1."""
     e = mdp.normalise(values)
     q = np.full((mdp.n_states, mdp.n_actions), float(start == "best"))
     q[mdp.terminal] = e[mdp.final_level[mdp.terminal], None]

@@ -1,5 +1,5 @@
-"""A scripted person at ``qlearn teach``, or at another program that asks in the terminal: reads what it shows, and
-answers by hidden values."""
+"""A scripted person at ``qlearn teach``, or at another program that asks in the terminal: reads
+what it shows, and answers by hidden values."""
 
 import io
 import os
@@ -14,12 +14,23 @@ from tests.interpreter import ROOT
 
 
 class Teach:
-    """The command, or another program, with these options, run in a folder, and what it has shown so far."""
+    """The command, or another program, with these options, run in a folder, and what it has shown
+    so far.
+    """
 
     def __init__(
-        self, folder: Path, *options: str, program: Sequence[str] = ("-m", "qlearn", "teach"), columns: int = 80
+        self,
+        folder: Path,
+        *options: str,
+        program: Sequence[str] = ("-m", "qlearn", "teach"),
+        columns: int = 80,
     ) -> None:
-        more = {"COLUMNS": f"{columns}", "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "OPENBLAS_NUM_THREADS": "1"}
+        more = {
+            "COLUMNS": f"{columns}",
+            "PYTHONPATH": str(ROOT),
+            "PYTHONUNBUFFERED": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+        }
         self.process = subprocess.Popen(
             [sys.executable, *program, *options],
             cwd=folder,
@@ -64,7 +75,9 @@ class Teach:
 
 
 class Typing(io.StringIO):
-    """What a truthful person types at a command that runs in this process, who sees what it has shown."""
+    """What a truthful person types at a command that runs in this process, who sees what it has
+    shown.
+    """
 
     def __init__(self, shown: Callable[[], str], values: Mapping[str, float]) -> None:
         super().__init__()
@@ -75,11 +88,15 @@ class Typing(io.StringIO):
         """Answer the question that stands last; at the end, end the input."""
         since = self._shown()
         self.text += since
-        return "" if "There are no more questions" in since else f"{truthful(since, self._values)}\n"
+        return (
+            "" if "There are no more questions" in since else f"{truthful(since, self._values)}\n"
+        )
 
 
 def truthful(question: str, values: Mapping[str, float]) -> str:
-    """The key of the side that is worth more by the values of the levels, by name; in 80 columns."""
+    """The key of the side that is worth more by the values of the levels, by name; in 80
+    columns.
+    """
     worth = [0.0, 0.0]
     for line in question.splitlines():
         for name, value in values.items():
@@ -92,8 +109,8 @@ def truthful(question: str, values: Mapping[str, float]) -> str:
 
 
 def answer_all(teach: Teach, values: Mapping[str, float], most: int = 1000) -> Sequence[str]:
-    """Answer truthfully, so many questions at most, the practice one included; the keys. The prompt after them is
-    open."""
+    """Answer truthfully, so many questions at most, the practice one included; the keys. The prompt
+    after them is open."""
     keys = []
     text = teach.since or teach.prompted()
     while len(keys) < most and "There are no more questions" not in text:

@@ -1,4 +1,6 @@
-"""What the tests of sweeps and ablations compute. A module of its own, so that a worker starts without the rest."""
+"""What the tests of sweeps and ablations compute. A module of its own, so that a worker starts
+without the rest.
+"""
 
 import os
 import signal
@@ -10,7 +12,8 @@ import numpy as np
 from threadpoolctl import threadpool_info
 
 TINY: dict[str, Any] = {
-    "problems": ["random"], "states": 8, "actions": 3, "levels": 4, "seeds": 1, "steps": 200, "tolerance": 0.05,
+    "problems": ["random"], "states": 8, "actions": 3, "levels": 4, "seeds": 1, "steps": 200,
+    "tolerance": 0.05,
     "max_sweeps": 80, "max_queries": 40, "n_boot": 10, "error_rates": (0.0, 0.15),
     "audit": 0.3, "audit_steps": 20, "audit_sweeps": 8,
 }  # fmt: skip
@@ -18,8 +21,12 @@ TINY: dict[str, Any] = {
 CELLS = [{"x": x, "name": name} for name in ("a", "b") for x in range(4)]
 
 
-def row(cell: dict[str, Any], scale: float = 1.0, log: str | None = None, pause: float = 0.0) -> dict[str, Any]:
-    """A row that is not the same twice if its floats lose a bit; ``log`` gets a line each time it is computed."""
+def row(
+    cell: dict[str, Any], scale: float = 1.0, log: str | None = None, pause: float = 0.0
+) -> dict[str, Any]:
+    """A row that is not the same twice if its floats lose a bit; ``log`` gets a line each time it
+    is computed.
+    """
     time.sleep(pause)
     if log is not None:
         note(log, cell)

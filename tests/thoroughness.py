@@ -1,4 +1,6 @@
-"""How much a test tries: all of it in a run that has the slow tests, a part of it in a quick one."""
+"""How much a test tries: all of it in a run that has the slow tests, a part of it in a quick
+one.
+"""
 
 from collections.abc import Iterable
 from typing import Any, TypeVar
@@ -29,10 +31,17 @@ def scaled(quick: T, slow: T) -> T:
 
 
 def examples(slow: int) -> settings:
-    """Return the settings of a property that is tried on so many examples; in a quick run on a fifth of them."""
+    """Return the settings of a property that is tried on so many examples; in a quick run on a
+    fifth of them.
+    """
     return settings(max_examples=max(5, slow * settings.default.max_examples // 100), deadline=None)
 
 
 def quick_first(values: Iterable[Any], quick: int) -> list[Any]:
-    """Return parameters of a test of which only the first few are of the quick run; the others are slow."""
-    return [value if i < quick else pytest.param(value, marks=pytest.mark.slow) for i, value in enumerate(values)]
+    """Return parameters of a test of which only the first few are of the quick run; the others are
+    slow.
+    """
+    return [
+        value if i < quick else pytest.param(value, marks=pytest.mark.slow)
+        for i, value in enumerate(values)
+    ]

@@ -1,4 +1,6 @@
-"""What learners and comparators come to, as hashes to the last bit, at sizes where BLAS would share work out."""
+"""What learners and comparators come to, as hashes to the last bit, at sizes where BLAS would share
+work out.
+"""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -22,24 +24,42 @@ def comparators(k: int) -> dict[str, Any]:
 
 
 def digest(*parts: Any) -> str:
-    return hashlib.blake2b(b"".join(np.asarray(part).tobytes() for part in parts), digest_size=8).hexdigest()
+    return hashlib.blake2b(
+        b"".join(np.asarray(part).tobytes() for part in parts), digest_size=8
+    ).hexdigest()
 
 
 def learned(learners: Sequence[str]) -> Iterator[str]:
-    """One line for each of these learners and each comparator: questions asked, and a hash of what came out."""
+    """One line for each of these learners and each comparator: questions asked, and a hash of what
+    came out.
+    """
     large = mdp, values = qlearn.random_mdp(100, 5, 10, rng=3)
     small = qlearn.random_mdp(20, 3, 10, rng=3)  # value iteration compares thousands of pairs
     for name in learners:
         learner, settings = LEARNERS[name]
         for of, comparator in comparators(10).items():
             problem, hidden = small if "value iteration" in name else large
-            tutor = elicit.TruthfulTutor(hidden) if of == "polytope" else elicit.FlippingTutor(hidden, 0.1, 1)
+            tutor = (
+                elicit.TruthfulTutor(hidden)
+                if of == "polytope"
+                else elicit.FlippingTutor(hidden, 0.1, 1)
+            )
             result = qlearn.drive(learner(problem, comparator, max_queries=12, **settings), tutor)
             known = result.answers
-            found = digest(known.d, known.y, result.policy, result.q, result.loss_bound, result.comparator.values)
+            found = digest(
+                known.d,
+                known.y,
+                result.policy,
+                result.q,
+                result.loss_bound,
+                result.comparator.values,
+            )
             yield f"{name}, {of}: {result.asked} {found}"
     policy = qlearn.value_iteration(mdp, values)[1]
-    yield f"planning {digest(qlearn.evaluate_policy(mdp, policy), qlearn.policy_loss(mdp, 0 * policy, values))}"
+    yield (
+        "planning "
+        f"{digest(qlearn.evaluate_policy(mdp, policy), qlearn.policy_loss(mdp, 0 * policy, values))}"  # noqa: E501
+    )
 
 
 def compared() -> Iterator[str]:

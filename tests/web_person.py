@@ -1,4 +1,6 @@
-"""A person at the page of ``qlearn teach --web``, without a browser: messages over HTTP, answered by hidden values."""
+"""A person at the page of ``qlearn teach --web``, without a browser: messages over HTTP, answered
+by hidden values.
+"""
 
 import http.client
 import json
@@ -12,18 +14,24 @@ from tests.scripted_person import Teach
 
 
 class Visitor:
-    """Who opens a printed address: keeps the cookie that he is given, and what he sent and was answered."""
+    """Who opens a printed address: keeps the cookie that he is given, and what he sent and was
+    answered.
+    """
 
     def __init__(self, address: str) -> None:
         self.at = urlsplit(address)
         self.status, headers, _ = self.fetch("GET", f"/?{self.at.query}")
         self.cookie = headers.get("set-cookie", "").split(";")[0]
 
-    def fetch(self, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any, bytes]:
+    def fetch(
+        self, method: str, path: str, body: Any = None, **headers: str
+    ) -> tuple[int, Any, bytes]:
         """The status, headers and body of a reply, over a connection of its own."""
         connection = http.client.HTTPConnection(self.at.netloc, timeout=60)
         try:
-            connection.request(method, path, body, {name.replace("_", "-"): text for name, text in headers.items()})
+            connection.request(
+                method, path, body, {name.replace("_", "-"): text for name, text in headers.items()}
+            )
             reply = connection.getresponse()
             return reply.status, reply.headers, reply.read()
         finally:
@@ -31,7 +39,11 @@ class Visitor:
 
     def post(self, message: Any, **headers: str) -> tuple[int, Any]:
         """The status of a message, and its reply."""
-        usual = {"origin": f"http://{self.at.netloc}", "content_type": "application/json", "cookie": self.cookie}
+        usual = {
+            "origin": f"http://{self.at.netloc}",
+            "content_type": "application/json",
+            "cookie": self.cookie,
+        }
         body = message if isinstance(message, (str, bytes)) else json.dumps(message)
         status, _, reply = self.fetch("POST", "/api", body, **{**usual, **headers})
         return status, json.loads(reply)
@@ -44,7 +56,9 @@ class Visitor:
 
 
 class TeachWeb(Teach):
-    """``qlearn teach --web`` with these options, run in a folder, and who opens the address that it prints."""
+    """``qlearn teach --web`` with these options, run in a folder, and who opens the address that it
+    prints.
+    """
 
     def __init__(self, folder: Path, *options: str) -> None:
         super().__init__(folder, "--web", *options)
@@ -74,8 +88,8 @@ def answer_all(
     most: int = 1000,
     acknowledged: Callable[[str], None] = lambda id: None,
 ) -> Any:
-    """Answer truthfully, so many questions at most, the practice one included; each id is told once its answer was
-    taken. Returns the screen then."""
+    """Answer truthfully, so many questions at most, the practice one included; each id is told once
+    its answer was taken. Returns the screen then."""
     screen = visitor.screen()
     for _ in range(most):
         question = screen["question"]

@@ -1,10 +1,11 @@
-"""What a tutor who calls equal what is close costs in questions and in what can be promised: docs/about-equal.md.
+"""What a tutor who calls equal what is close costs in questions and in what can be promised:
+docs/about-equal.md.
 
     python -m benchmarks.asking.about_equal --out docs/about-equal.md   twenty minutes on one core
     python -m benchmarks.asking.about_equal --problems 2                 a minute; rough figures
 
-Random MDPs of the paper's law (|S| = 100, |A| = 5, discount .95, k = 5, 8 and 12), each with a hidden scale of its own,
-and every setting at its default.
+Random MDPs of the paper's law (|S| = 100, |A| = 5, discount .95, k = 5, 8 and 12), each with a
+hidden scale of its own, and every setting at its default.
 """
 
 from __future__ import annotations
@@ -18,10 +19,19 @@ import numpy as np
 
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from elicit import Comparator, PolytopeComparator, PosteriorComparator, TruthfulTutor
-from qlearn import InteractivePolicyIteration, InteractiveValueIteration, drive, policy_loss, random_mdp
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveValueIteration,
+    drive,
+    policy_loss,
+    random_mdp,
+)
 
 LEVELS, TIES = (5, 8, 12), (0.0, 0.002, 0.005, 0.01, 0.02)
-LEARNERS = {"policy iteration": InteractivePolicyIteration, "value iteration": InteractiveValueIteration}
+LEARNERS = {
+    "policy iteration": InteractivePolicyIteration,
+    "value iteration": InteractiveValueIteration,
+}
 COMPARATORS = {"polytope": PolytopeComparator, "posterior": PosteriorComparator}
 MOST = 500  # questions
 HEAD = (
@@ -63,7 +73,7 @@ then "equal" means equal, to one part in 10^9.
 
 Simple bags (`bags=`) tell apart what single steps of a model cannot: the differences that are left open between
 two actions are often smaller than any tie.
-"""
+"""  # noqa: E501
 
 
 class Run(NamedTuple):
@@ -81,13 +91,17 @@ def run(comparator: str, learner: str, k: int, tie: float, seed: int) -> Run:
     made: Comparator = COMPARATORS[comparator](k)
     result = drive(LEARNERS[learner](mdp, made, max_queries=MOST), TruthfulTutor(values, tie=tie))
     equal = int(np.count_nonzero(result.answers.y == 0))
-    return Run(result.asked, equal, result.loss_bound, float(policy_loss(mdp, result.policy, values).max()))
+    return Run(
+        result.asked, equal, result.loss_bound, float(policy_loss(mdp, result.policy, values).max())
+    )
 
 
 def row(comparator: str, learner: str, tie: float, problems: int) -> tuple[str, ...]:
     """The cells of one setting: so many problems for each k."""
     runs = [run(comparator, learner, k, tie, seed) for k in LEVELS for seed in range(problems)]
-    asked, equal, bound, loss = (np.array(column, dtype=np.float64) for column in zip(*runs, strict=True))
+    asked, equal, bound, loss = (
+        np.array(column, dtype=np.float64) for column in zip(*runs, strict=True)
+    )
     return (
         comparator,
         learner,
@@ -108,12 +122,17 @@ def report(problems: int) -> Iterator[list[str]]:
     yield [
         "## What it costs",
         "",
-        f"`python -m benchmarks.asking.about_equal --problems {problems} --out docs/about-equal.md`. {machine()}",
+        f"`python -m benchmarks.asking.about_equal --problems {problems} --out "
+        f"docs/about-equal.md`. {machine()}",
         "",
-        f"Seeds 0 to {problems - 1} for each of k = {', '.join(map(str, LEVELS))}; |S| = 100, |A| = 5; at most "
-        f"{MOST} questions. The tutor is right, but calls equal what lies within the third column (0: never). "
-        "Mean questions, and answers equal among them, with 95% t-intervals; *bound*: the median `loss_bound`, a share "
-        "of the value range; *loss*: the greatest true loss at the worst state; *broken*: runs whose true loss exceeds "
+        f"Seeds 0 to {problems - 1} for each of k = {', '.join(map(str, LEVELS))}; |S| = 100, |A| "
+        "= 5; at most "
+        f"{MOST} questions. The tutor is right, but calls equal what lies within the third column "
+        "(0: never). "
+        "Mean questions, and answers equal among them, with 95% t-intervals; *bound*: the median "
+        "`loss_bound`, a share "
+        "of the value range; *loss*: the greatest true loss at the worst state; *broken*: runs "
+        "whose true loss exceeds "
         "their bound, of confidence 1 with the polytope and of 95% with the posterior.",
         "",
     ]
@@ -125,8 +144,12 @@ def report(problems: int) -> Iterator[list[str]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the page; ``--out`` also writes it."""
-    parser = argparse.ArgumentParser(prog="benchmarks.asking.about_equal", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--problems", type=int, default=17, help="for each number of levels (default: 17)")
+    parser = argparse.ArgumentParser(
+        prog="benchmarks.asking.about_equal", description=(__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument(
+        "--problems", type=int, default=17, help="for each number of levels (default: 17)"
+    )
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
     publish(report(given.problems), given.out, f"0-{given.problems - 1}")

@@ -1,14 +1,17 @@
-"""How many questions policy iteration asks before its certificate stands, and how often what it promises is kept.
+"""How many questions policy iteration asks before its certificate stands, and how often what it
+promises is kept.
 
-    python -m benchmarks.asking.certificates --journal results/certificates.jsonl --out benchmarks/RESULTS-certified.md
-    python -m benchmarks.asking.certificates --problems 2 --erring 2 --limits 2       a few minutes; rough figures
-    python -m benchmarks.asking.certificates --only "k = 5" limits                    parts of the page
+    python -m benchmarks.asking.certificates --journal results/certificates.jsonl --out
+    benchmarks/RESULTS-certified.md python -m benchmarks.asking.certificates --problems 2 --erring 2
+    --limits 2       a few minutes; rough figures python -m benchmarks.asking.certificates --only "k
+                     = 5" limits                    parts of the page
 
-Random MDPs of the paper (|S| = 100, |A| = 5, discount .95) and ICU-Sepsis, each problem with a hidden scale of its own.
-A truthful tutor and the polytope, beside plain value iteration; and, with the posterior, tutors who err: one who flips
-a tenth of her answers, and two who err as in eq. (6). Then the same numbers of questions beside how few could have
-proven the policy (``hindsight``). ``--journal`` keeps finished runs: while the code is the same, the same command goes
-on where it was stopped, and parts made with ``--only`` are not made again.
+Random MDPs of the paper (|S| = 100, |A| = 5, discount .95) and ICU-Sepsis, each problem with a
+hidden scale of its own. A truthful tutor and the polytope, beside plain value iteration; and, with
+the posterior, tutors who err: one who flips a tenth of her answers, and two who err as in eq. (6).
+Then the same numbers of questions beside how few could have proven the policy (``hindsight``).
+``--journal`` keeps finished runs: while the code is the same, the same command goes on where it was
+stopped, and parts made with ``--only`` are not made again.
 """
 
 from __future__ import annotations
@@ -33,7 +36,13 @@ from elicit import Comparator, PolytopeComparator, PosteriorComparator, Truthful
 from elicit.model.outcomes import Status
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors
-from qlearn import InteractivePolicyIteration, InteractiveValueIteration, OrdinalMDP, policy_loss, random_mdp
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveValueIteration,
+    OrdinalMDP,
+    policy_loss,
+    random_mdp,
+)
 from qlearn.experiments.parallel import Cell, sweep
 from qlearn.experiments.run import TUTORS, of_precision
 from qlearn.learners.learner import Learner, Result
@@ -44,7 +53,9 @@ PROVEN, ENOUGH, ERROR = 5e-5, 0.01, 0.1
 BUDGET = 1000  # questions, with a tutor who errs
 ICU = "ICU-Sepsis"
 RANDOM = ("k = 5", "k = 10", "k = 20")
-FEW = 5  # problems of ICU-Sepsis, whose MDP is always the same, and at most of limits at k = 20: a minute each
+# problems of ICU-Sepsis, whose MDP is always the same, and at most of limits at k = 20: a minute
+# each
+FEW = 5
 LIMITS = "limits"
 Row = dict[str, Any]
 Made = Callable[[OrdinalMDP, Floats, int], Tutor]  # from a hidden scale and a seed
@@ -56,7 +67,8 @@ ERRING: Mapping[str, Made] = {
     "eq. (6), 10%": lambda mdp, values, seed: TUTORS["logistic"](mdp, values, ERROR, seed),
 }
 """The tutors who err, by what the page calls them."""
-HEAD = ("problem", "learner", "tutor errs", "tolerance", "problems", "questions", "at most", "spent", "kept",
+HEAD = ("problem", "learner", "tutor errs", "tolerance", "problems", "questions", "at most",
+        "spent", "kept",
         "answers wrong", "wait")  # fmt: skip
 ABOUT = f"""\
 Stops once no plausible scale lets the policy lose more than the tolerance, in percent of the value range, at any
@@ -73,7 +85,7 @@ state: proven with the polytope, at 95% with the posterior.
 - *kept*: runs whose true loss at the worst state is within the bound that was stated, with the exact 95% interval.
 - *answers wrong*: of those given, all runs together.
 - *wait*: from an answer to the next question, median; with `--jobs` above 1 it is longer.
-"""
+"""  # noqa: E501
 ABOUT_LIMITS = """\
 On the same problems, with hindsight: of the advantages of the policy that is optimal for the hidden scale, the truthful
 answer about the one that leaves least open, again and again until the policy is proven (greedy: an upper bound on the
@@ -83,7 +95,7 @@ prove it with fewer). *Bits*: the logarithm of the share of scales for which the
 optimal, which without hindsight no rule of questions with two answers stays below on average, but for the tolerance.
 *Ratio*: of the means, to the greedy limit. The rules of Regan and Boutilier (2009) ask whether a level is worth more
 than so much, here with our incumbent and bound; 400 at most. With the posterior, which is as it comes, hindsight is
-answered truthfully, and ours with a tenth flipped."""
+answered truthfully, and ours with a tenth flipped."""  # noqa: E501
 
 
 def run(learner: Learner, tutor: Tutor) -> tuple[Result, list[float]]:
@@ -98,7 +110,9 @@ def run(learner: Learner, tutor: Tutor) -> tuple[Result, list[float]]:
 
 
 def problem(name: str, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """An MDP and its hidden values (k,): ICU-Sepsis, or a random MDP of the paper with "k = ..." levels."""
+    """An MDP and its hidden values (k,): ICU-Sepsis, or a random MDP of the paper with "k = ..."
+    levels.
+    """
     if name == ICU:
         return _icu(), draw_values(_icu().k, seed=seed)
     return random_mdp(100, 5, int(name.removeprefix("k = ")), seed=seed)
@@ -108,16 +122,24 @@ _icu = cache(icu_sepsis)
 
 
 def certify(cell: Cell) -> Row:
-    """One learner on one problem: questions, whether it spent its budget, whether its bound was kept, the wrong
-    answers, and the waits for questions in ms."""
+    """One learner on one problem: questions, whether it spent its budget, whether its bound was
+    kept, the wrong answers, and the waits for questions in ms."""
     seed, who = cell["seed"], cell["errs"]
     mdp, values = problem(cell["problem"], seed)
     comparator: Comparator = PolytopeComparator(mdp.k)
     tutor: Tutor = TruthfulTutor(values)
     budget = None
     if who != NEVER:
-        comparator, tutor, budget = PosteriorComparator(mdp.k, seed=seed), ERRING[who](mdp, values, seed), BUDGET
-    make = InteractivePolicyIteration if cell["learner"] == "policy iteration" else InteractiveValueIteration
+        comparator, tutor, budget = (
+            PosteriorComparator(mdp.k, seed=seed),
+            ERRING[who](mdp, values, seed),
+            BUDGET,
+        )
+    make = (
+        InteractivePolicyIteration
+        if cell["learner"] == "policy iteration"
+        else InteractiveValueIteration
+    )
     result, waits = run(make(mdp, comparator, tolerance=tolerance(cell), max_queries=budget), tutor)
     assert isinstance(tutor, CountsErrors)
     return {
@@ -166,22 +188,33 @@ def cells(only: Sequence[str], problems: int, erring: int) -> list[Cell]:
         plan(name, who, errs, seed)
         for name in (*RANDOM, ICU)
         if name in only
-        for who, errs in (("value iteration", NEVER), *(("policy iteration", one) for one in (NEVER, *ERRING)))
+        for who, errs in (
+            ("value iteration", NEVER),
+            *(("policy iteration", one) for one in (NEVER, *ERRING)),
+        )
         for seed in range(min(FEW if name == ICU else 10**6, problems if errs == NEVER else erring))
     ]
 
 
 def _without_cuts(mdp: OrdinalMDP, values: Floats, tolerance: float) -> int:
-    learner = InteractivePolicyIteration(mdp, PolytopeComparator(mdp.k), tolerance=tolerance, cuts=False)
+    learner = InteractivePolicyIteration(
+        mdp, PolytopeComparator(mdp.k), tolerance=tolerance, cuts=False
+    )
     return run(learner, TruthfulTutor(values))[0].asked
 
 
 RULES: Mapping[str, Callable[[OrdinalMDP, Floats, float], int]] = {
     "policy iteration without cuts": _without_cuts,
-    "halve the largest gap (Regan and Boutilier)": partial(hindsight.bound_queries, choose=hindsight.largest_gap),
-    "current solution (Regan and Boutilier)": partial(hindsight.bound_queries, choose=hindsight.current_solution),
+    "halve the largest gap (Regan and Boutilier)": partial(
+        hindsight.bound_queries, choose=hindsight.largest_gap
+    ),
+    "current solution (Regan and Boutilier)": partial(
+        hindsight.bound_queries, choose=hindsight.current_solution
+    ),
 }
-"""How many questions of a truthful tutor prove the policy of an MDP within a tolerance, by each rule."""
+"""How many questions of a truthful tutor prove the policy of an MDP within a tolerance, by each
+rule.
+"""
 
 
 def limits(cell: Cell) -> list[tuple[str, str, float]]:
@@ -191,7 +224,14 @@ def limits(cell: Cell) -> list[tuple[str, str, float]]:
     for what, number in hindsight.hindsight(mdp, values, PROVEN).items():
         found.append((NEVER, "bits" if what == "bits" else f"hindsight, {what}", number))
     found += [(NEVER, rule, count(mdp, values, PROVEN)) for rule, count in RULES.items()]
-    return [*found, (FLIPS, "hindsight, greedy", hindsight.hindsight_of_posterior(mdp, values, ENOUGH, cell["seed"]))]
+    return [
+        *found,
+        (
+            FLIPS,
+            "hindsight, greedy",
+            hindsight.hindsight_of_posterior(mdp, values, ENOUGH, cell["seed"]),
+        ),
+    ]
 
 
 def limit_rows(name: str, runs: Sequence[Sequence[tuple[str, str, float]]]) -> list[list[str]]:
@@ -208,9 +248,13 @@ def limit_rows(name: str, runs: Sequence[Sequence[tuple[str, str, float]]]) -> l
     return rows
 
 
-def report(only: Sequence[str], problems: int, erring: int, limited: int, **how: Any) -> Iterator[list[str]]:
+def report(
+    only: Sequence[str], problems: int, erring: int, limited: int, **how: Any
+) -> Iterator[list[str]]:
     """The page, part by part, as its runs end; ``how`` are keywords of ``sweep``."""
-    from benchmarks.asking import certificates  # by the name that workers and the journal know, not as __main__
+    from benchmarks.asking import (
+        certificates,
+    )  # by the name that workers and the journal know, not as __main__
 
     done: dict[tuple[Any, ...], Row] = {}
 
@@ -246,7 +290,13 @@ def report(only: Sequence[str], problems: int, erring: int, limited: int, **how:
             table.append(row)
             _tell(row)
     head = ("problem", "tutor errs", "rule", "problems", "questions", "at most", "ratio")
-    yield ["## How few could have proven it", "", *ABOUT_LIMITS.splitlines(), "", *markdown(head, table, 3)]
+    yield [
+        "## How few could have proven it",
+        "",
+        *ABOUT_LIMITS.splitlines(),
+        "",
+        *markdown(head, table, 3),
+    ]
 
 
 def _tell(row: Sequence[str]) -> None:
@@ -255,11 +305,20 @@ def _tell(row: Sequence[str]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the page; ``--out`` also writes it, and what other pages quote of it."""
-    parser = argparse.ArgumentParser(prog="benchmarks.asking.certificates", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--problems", type=int, default=20, help="with a truthful tutor (default: 20)")
-    parser.add_argument("--erring", type=int, default=30, help="with a tutor who errs (default: 30)")
+    parser = argparse.ArgumentParser(
+        prog="benchmarks.asking.certificates", description=(__doc__ or "").splitlines()[0]
+    )
     parser.add_argument(
-        "--limits", type=int, default=20, help=f"problems of the second table (default: 20; of k = 20 at most {FEW})"
+        "--problems", type=int, default=20, help="with a truthful tutor (default: 20)"
+    )
+    parser.add_argument(
+        "--erring", type=int, default=30, help="with a tutor who errs (default: 30)"
+    )
+    parser.add_argument(
+        "--limits",
+        type=int,
+        default=20,
+        help=f"problems of the second table (default: 20; of k = 20 at most {FEW})",
     )
     parts = (*RANDOM, ICU, LIMITS)
     parser.add_argument("--only", nargs="+", choices=parts, default=list(parts), metavar="PART",

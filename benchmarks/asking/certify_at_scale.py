@@ -1,13 +1,16 @@
-"""Certify first on large models: questions, seconds, memory, the bound, beside a scalar solver that knows the values.
+"""Certify first on large models: questions, seconds, memory, the bound, beside a scalar solver that
+knows the values.
 
-    python -m benchmarks.asking.certify_at_scale [--states 1000 10000 100000] [--seeds 5] [--grids 0.99 0.999]
+    python -m benchmarks.asking.certify_at_scale [--states 1000 10000 100000] [--seeds 5] [--grids
+    0.99 0.999]
         [--huge] [--out FILE]
 
-Each run has a process and one thread of its own. Seconds are CPU seconds of ours from the making of the learner to its
-result, so that a busy machine leaves them comparable; those of "values known" are of solvers of the problem with the
-true scale, k times smaller, once, to the same tolerance (``benchmarks.learning.scalar_solvers``): our own modified
-policy iteration, QuantEcon's and pymdptoolbox's value iteration, where they are installed. "Ratio" is to the fastest of
-them in the same run. ``--huge`` adds a million states, one run.
+Each run has a process and one thread of its own. Seconds are CPU seconds of ours from the making of
+the learner to its result, so that a busy machine leaves them comparable; those of "values known"
+are of solvers of the problem with the true scale, k times smaller, once, to the same tolerance
+(``benchmarks.learning.scalar_solvers``): our own modified policy iteration, QuantEcon's and
+pymdptoolbox's value iteration, where they are installed. "Ratio" is to the fastest of them in the
+same run. ``--huge`` adds a million states, one run.
 """
 
 from __future__ import annotations
@@ -25,7 +28,14 @@ from benchmarks.own_process import Failed, apart, memory
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
-from qlearn import InteractivePolicyIteration, OrdinalMDP, draw_values, drive, policy_loss, random_mdp
+from qlearn import (
+    InteractivePolicyIteration,
+    OrdinalMDP,
+    draw_values,
+    drive,
+    policy_loss,
+    random_mdp,
+)
 
 TOLERANCE, ACTIONS, LEVELS, SIDE, HUGE = 5e-4, 5, 10, 100, 1_000_000
 KNOWING = (
@@ -33,21 +43,32 @@ KNOWING = (
     "QuantEcon, modified policy iteration",
     "pymdptoolbox, value iteration",
 )
-HEAD = ("states", "discount", "runs", "seconds", *(f"values known: {name}" for name in KNOWING), "ratio")
+HEAD = (
+    "states",
+    "discount",
+    "runs",
+    "seconds",
+    *(f"values known: {name}" for name in KNOWING),
+    "ratio",
+)
 HEAD += ("questions", "solutions")
 HEAD += ("loss bound", "true loss", "valid", "peak memory, GiB")
 Run = dict[str, Any]
 
 
 def grid(side: int, discount: float, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """A grid of side * side cells, each of a random level: stay, or step to a neighbour, which goes off to one side or
-    the other once in ten each; and hidden values (k,)."""
+    """A grid of side * side cells, each of a random level: stay, or step to a neighbour, which goes
+    off to one side or the other once in ten each; and hidden values (k,)."""
     cells, rng = np.arange(side * side), np.random.default_rng(seed)
     row, column = np.divmod(cells, side)
     ways = ((0, 0), (-1, 0), (0, 1), (1, 0), (0, -1))
-    here, *round_about = (np.clip(row + i, 0, side - 1) * side + np.clip(column + j, 0, side - 1) for i, j in ways)
+    here, *round_about = (
+        np.clip(row + i, 0, side - 1) * side + np.clip(column + j, 0, side - 1) for i, j in ways
+    )
     stay = np.stack([here, here, here], axis=1)
-    steps = [np.stack([round_about[(way + turn) % 4] for turn in (0, 1, 3)], axis=1) for way in range(4)]
+    steps = [
+        np.stack([round_about[(way + turn) % 4] for turn in (0, 1, 3)], axis=1) for way in range(4)
+    ]
     successors = np.stack([stay, *steps], axis=1)
     probabilities = np.broadcast_to([0.8, 0.1, 0.1], successors.shape)
     levels = np.repeat(rng.integers(LEVELS, size=(len(cells), 1)), 5, axis=1)
@@ -81,11 +102,17 @@ def certified(mdp: OrdinalMDP, values: Floats, exact: bool | None) -> Run:
     learner = InteractivePolicyIteration(mdp, comparator, tolerance=TOLERANCE, exact=exact)
     result = drive(learner, TruthfulTutor(values))
     found = {"seconds": process_time() - start, "asked": result.asked, "solutions": result.rounds}
-    return found | {"policy": result.policy, "bound": result.loss_bound, "status": result.status.name}
+    return found | {
+        "policy": result.policy,
+        "bound": result.loss_bound,
+        "status": result.status.name,
+    }
 
 
 def row(kind: str, states: int, discount: float, seeds: int, limit: float) -> list[str]:
-    """One line of the table: means over seeds 1, 2, ..., with 95% intervals, and the worst of what must hold."""
+    """One line of the table: means over seeds 1, 2, ..., with 95% intervals, and the worst of what
+    must hold.
+    """
     runs, failures = [], []
     for seed in range(1, seeds + 1):
         try:
@@ -132,13 +159,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     problems += [("grid", SIDE * SIDE, discount, given.seeds) for discount in given.grids]
     rows = [row(*problem, given.limit) for problem in problems]
     intro = (
-        f"{ACTIONS} actions, {LEVELS} levels, tolerance {TOLERANCE:g} of the value range at every state, a truthful "
-        "tutor, the polytope. Means of runs with seeds 1, 2, ..., and 95% intervals; of the bound and the true loss "
-        'the greatest. "Valid": the true loss is within the bound, and the bound within the tolerance. "Ratio": the '
-        "median of seconds over those of the fastest that is told the values, which wins by so much. The other "
+        f"{ACTIONS} actions, {LEVELS} levels, tolerance {TOLERANCE:g} of the value range at every "
+        "state, a truthful "
+        "tutor, the polytope. Means of runs with seeds 1, 2, ..., and 95% intervals; of the bound "
+        "and the true loss "
+        'the greatest. "Valid": the true loss is within the bound, and the bound within the '
+        'tolerance. "Ratio": the '
+        "median of seconds over those of the fastest that is told the values, which wins by so "
+        "much. The other "
         "learners, and growth with levels and answers: [how it grows](RESULTS-growth.md)."
     )
-    head = ["# Certify first as models grow", "", machine("one thread a run, CPU seconds"), "", intro]
+    head = [
+        "# Certify first as models grow",
+        "",
+        machine("one thread a run, CPU seconds"),
+        "",
+        intro,
+    ]
     publish([head, markdown(HEAD, rows, 1)], given.out, f"1-{given.seeds}")
 
 

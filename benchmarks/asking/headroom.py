@@ -1,10 +1,10 @@
 """How much there is to gain by asking: the loss of acting as if the gaps between levels were equal.
 
     python -m benchmarks.asking.headroom --out benchmarks/RESULTS-headroom.md    a few minutes
-    python -m benchmarks.asking.headroom --problems 5                            seconds; rough figures
+    python -m benchmarks.asking.headroom --problems 5                            rough figures
 
-The families of ``qlearn.problems``, random MDPs of the paper's law and ICU-Sepsis, each with hidden scales of
-several kinds. Nobody is asked: what is lost is what questions can save.
+The families of ``qlearn.problems``, random MDPs of the paper's law and ICU-Sepsis, each with hidden
+scales of several kinds. Nobody is asked: what is lost is what questions can save.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def _icu() -> tuple[OrdinalMDP, Actions]:
 
 
 def losses(name: str, seeds: Sequence[int], kinds: Sequence[str]) -> dict[str, Floats]:
-    """Return, by kind of scale, losses (seeds, 2) in percent: at the worst state, from the start."""
+    """Return losses (seeds, 2) in percent by kind of scale: at the worst state, from the start."""
     found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
     for seed in seeds:
         mdp = problem(name, seed)
@@ -103,8 +103,9 @@ def summary(found: Mapping[str, Mapping[str, Floats]]) -> str:
         int(np.count_nonzero(means[:, column] >= MUCH[column])) for column in (WORST, INITIAL)
     )
     return (
-        f"On even scales {worst} of {len(FAMILIES)} families lose {MUCH[WORST]:g}% or more in the mean at the worst "
-        f"state, and {initial} lose {MUCH[INITIAL]:g}% or more from where episodes start."
+        f"On even scales {worst} of {len(FAMILIES)} families lose {MUCH[WORST]:g}% or more in "
+        f"the mean at the worst state, and {initial} lose {MUCH[INITIAL]:g}% or more from where "
+        "episodes start."
     )
 
 
@@ -113,15 +114,17 @@ def report(problems: int) -> Iterator[list[str]]:
     yield ["# Headroom: what is lost if nothing is asked", "", machine()]
     found = {name: losses(name, range(problems), [*SCALES]) for name in PROBLEMS}
     yield [
-        "The policy is the best one if all gaps between neighbouring levels were equal: the guess of somebody who "
-        "asks nobody. Its loss under a hidden scale is the most that questions can save. Where it is small, a learner "
-        "that asks well cannot be told from one that asks badly. A loss is in percent of the value range, in the unit "
-        "of `Result.loss_bound`: (1 - discount) times the loss of return, over the value of the best level against the "
-        "worst.",
+        "The policy is the best one if all gaps between neighbouring levels were equal: the "
+        "guess of somebody who asks nobody. Its loss under a hidden scale is the most that "
+        "questions can save. Where it is small, a learner that asks well cannot be told from "
+        "one that asks badly. A loss is in percent of the value range, in the unit of "
+        "`Result.loss_bound`: (1 - discount) times the loss of return, over the value of the "
+        "best level against the worst.",
         "",
-        f"Each row is of {problems} draws of the problem and the scale (seeds 0 to {problems - 1}; ICU-Sepsis has "
-        "one problem): the mean with its 95% t-interval, the 90% quantile, the most, and the share of draws that lose "
-        "1% or less. *Worst*: at the worst state; *start*: from the initial distribution.",
+        f"Each row is of {problems} draws of the problem and the scale (seeds 0 to "
+        f"{problems - 1}; ICU-Sepsis has one problem): the mean with its 95% t-interval, the 90% "
+        "quantile, the most, and the share of draws that lose 1% or less. *Worst*: at the worst "
+        "state; *start*: from the initial distribution.",
         "",
         summary(found),
     ]

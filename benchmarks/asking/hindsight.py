@@ -1,23 +1,27 @@
-"""How few answers could prove a policy, had one known the scale; what no rule can go below; and the rules of others.
+"""How few answers could prove a policy, had one known the scale; what no rule can go below; and the
+rules of others.
 
-- **Hindsight, greedy**: the hidden scale is known, and so is its optimal policy. Of that policy's advantages, over all
-  states and actions, the truthful answer is told about the one that leaves least open (the total of the bounds above
-  what matters), again and again until the policy is proven by the very bound that our learner stops by. This is an
-  *upper* bound on the fewest answers about such advantages.
+- **Hindsight, greedy**: the hidden scale is known, and so is its optimal policy. Of that policy's
+  advantages, over all states and actions, the truthful answer is told about the one that leaves
+  least open (the total of the bounds above what matters), again and again until the policy is
+  proven by the very bound that our learner stops by. This is an *upper* bound on the fewest answers
+  about such advantages.
 - **Pruned**: the same without answers that later ones made needless; still an upper bound.
-- **Necessary**: those of them without which the answers to *all* other advantages of the policy prove nothing: a
-  *lower* bound on the fewest. Where the two meet, the fewest is known. Answers to other questions, such as cuts made
-  of several advantages, could be fewer still.
-- **Bits**: the logarithm of the share of scales for which the policy is optimal. Scales are drawn uniformly, so no rule
-  that asks questions of two answers can need fewer of them on average, without hindsight and a tolerance.
-- With the posterior, hindsight gives truthful answers to a comparator that has to learn how often they are wrong, each
-  about the advantage that leaves least of the weight of the scales under which some advantage matters. No pair is asked
-  twice.
+- **Necessary**: those of them without which the answers to *all* other advantages of the policy
+  prove nothing: a *lower* bound on the fewest. Where the two meet, the fewest is known. Answers to
+  other questions, such as cuts made of several advantages, could be fewer still.
+- **Bits**: the logarithm of the share of scales for which the policy is optimal. Scales are drawn
+  uniformly, so no rule that asks questions of two answers can need fewer of them on average,
+  without hindsight and a tolerance.
+- With the posterior, hindsight gives truthful answers to a comparator that has to learn how often
+  they are wrong, each about the advantage that leaves least of the weight of the scales under which
+  some advantage matters. No pair is asked twice.
 
-Regan and Boutilier (2009) ask *bound queries*: is a level worth more than so much? Here: the level for certain, or a
-gamble between the best and the worst. ``largest_gap`` halves what is open of the level of which most is. Their
-``current_solution`` weighs that by how long the two policies of the greatest regret stay at the level; here these are
-our incumbent, and the alternative of the greatest bound.
+Regan and Boutilier (2009) ask *bound queries*: is a level worth more than so much? Here: the level
+for certain, or a gamble between the best and the worst. ``largest_gap`` halves what is open of the
+level of which most is. Their ``current_solution`` weighs that by how long the two policies of the
+greatest regret stay at the level; here these are our incumbent, and the alternative of the greatest
+bound.
 """
 
 from __future__ import annotations
@@ -42,7 +46,9 @@ Level = Callable[[Floats, Advantages, Floats], int]
 
 
 def hindsight(mdp: OrdinalMDP, values: Floats, tolerance: float) -> dict[str, float]:
-    """Of a truthful tutor and the polytope: how many answers by greed, pruned, and necessary, and the bits."""
+    """Of a truthful tutor and the polytope: how many answers by greed, pruned, and necessary, and
+    the bits.
+    """
     over = _best(mdp, values)
     matters = tolerance * (1 - mdp.discount)
     known, chosen = PolytopeComparator(mdp.k), list[int]()
@@ -61,13 +67,20 @@ def hindsight(mdp: OrdinalMDP, values: Floats, tolerance: float) -> dict[str, fl
         rest = [other for other in pruned if other != row]
         if _proven(mdp, over, over.d[rest], tolerance):
             pruned = rest
-    necessary = [row for row in pruned if not _proven(mdp, over, np.delete(over.d, row, axis=0), tolerance)]
-    return {"greedy": len(chosen), "pruned": len(pruned), "necessary": len(necessary), "bits": bits(over.d)}
+    necessary = [
+        row for row in pruned if not _proven(mdp, over, np.delete(over.d, row, axis=0), tolerance)
+    ]
+    return {
+        "greedy": len(chosen),
+        "pruned": len(pruned),
+        "necessary": len(necessary),
+        "bits": bits(over.d),
+    }
 
 
 def bits(d: Floats) -> float:
-    """How many halvings of all ordered scales those are for which no row of d (n, k) is above 0, by draws from smaller
-    and smaller sets."""
+    """How many halvings of all ordered scales those are for which no row of d (n, k) is above 0, by
+    draws from smaller and smaller sets."""
     known, t, total = PolytopeComparator(d.shape[1]), tail_sums(d), 0.0
     while True:
         right = t @ known.draws.gaps <= 0
@@ -80,15 +93,23 @@ def bits(d: Floats) -> float:
 
 
 def hindsight_of_posterior(mdp: OrdinalMDP, values: Floats, tolerance: float, seed: int) -> int:
-    """Of the posterior as it comes: how many truthful answers until it gives the optimal policy its bound."""
+    """Of the posterior as it comes: how many truthful answers until it gives the optimal policy its
+    bound.
+    """
     over, known = _best(mdp, values), PosteriorComparator(mdp.k, seed=seed)
     t, asked = tail_sums(over.d), list[int]()
     while guarantee(mdp, over, known, tolerance).loss_bound > tolerance:
         draws = known.draws
         scores = t @ draws.gaps
-        weight = draws.weights * (1.0 - says_left(scores, draws.precision, known.lapse))  # (n, m) after each answer
+        weight = draws.weights * (
+            1.0 - says_left(scores, draws.precision, known.lapse)
+        )  # (n, m) after each answer
         wrong = (scores > 0.5 * tolerance).any(axis=0)
-        left = np.where(np.isin(np.arange(len(t)), asked), np.inf, weight[:, wrong].sum(axis=1) / weight.sum(axis=1))
+        left = np.where(
+            np.isin(np.arange(len(t)), asked),
+            np.inf,
+            weight[:, wrong].sum(axis=1) / weight.sum(axis=1),
+        )
         asked.append(int(np.argmin(left)))
         known = known.update(Answers(over.d[asked[-1:]], [int(Verdict.WORSE)]))
     return len(asked)
@@ -100,7 +121,9 @@ def largest_gap(gaps: Floats, over: Advantages, high: Floats) -> int:
 
 
 def current_solution(gaps: Floats, over: Advantages, high: Floats) -> int:
-    """The same, weighed by the shares of the policy, or of the alternative of the greatest bound, high (n,)."""
+    """The same, weighed by the shares of the policy, or of the alternative of the greatest bound,
+    high (n,).
+    """
     row = int(np.argmax(high))
     v = over.v[over.states[row]]
     return int(np.argmax(gaps * np.maximum(v, v + over.d[row])))

@@ -1,10 +1,12 @@
 """What a session of ICU-Sepsis asks of a person, and how long she waits: RESULTS-sessions.md.
 
-    python -m benchmarks.asking.person_sessions --out benchmarks/RESULTS-sessions.md   ten minutes on two idle cores
-    python -m benchmarks.asking.person_sessions --scales 1 --browser ""                without the browser; rough
+    python -m benchmarks.asking.person_sessions --out benchmarks/RESULTS-sessions.md   ten minutes
+    on two idle cores python -m benchmarks.asking.person_sessions --scales 1 --browser ""
+    without the browser; rough
 
-Scripted persons with hidden scales answer what ``elicit.Interview`` shows, by the counts that are shown. The waiting is
-measured in a browser (``--browser``: its program; Playwright drives it) in front of ``qlearn teach --web``.
+Scripted persons with hidden scales answer what ``elicit.Interview`` shows, by the counts that are
+shown. The waiting is measured in a browser (``--browser``: its program; Playwright drives it) in
+front of ``qlearn teach --web``.
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ Person = Callable[[dict[str, Any]], str]
 
 
 class Setting(NamedTuple):
-    """A comparator, its tolerance, and a person who turns so many answers round, and calls so much equal."""
+    """A comparator, its tolerance, and a person who turns so many answers round, and calls so much
+    equal.
+    """
 
     comparator: str
     tolerance: float
@@ -40,7 +44,9 @@ class Setting(NamedTuple):
 
 
 class Run(NamedTuple):
-    """What came out of a session: answers, repeats not counted; the bound that is said, its confidence; the loss."""
+    """What came out of a session: answers, repeats not counted; the bound that is said, its
+    confidence; the loss.
+    """
 
     answered: int
     bound: float
@@ -56,10 +62,32 @@ SETTINGS = (
     Setting("posterior", 0.01, flips=0.1),
     Setting("posterior", 0.01, tie=0.01),
 )
-IN_BROWSER = (Setting("polytope", 0.01), Setting("polytope", 0.001), Setting("posterior", 0.01, flips=0.1))
-HEAD = ("comparator", "tolerance", "turned round", "equal within", "runs", "questions", "least", "median", "most")
+IN_BROWSER = (
+    Setting("polytope", 0.01),
+    Setting("polytope", 0.001),
+    Setting("posterior", 0.01, flips=0.1),
+)
+HEAD = (
+    "comparator",
+    "tolerance",
+    "turned round",
+    "equal within",
+    "runs",
+    "questions",
+    "least",
+    "median",
+    "most",
+)
 HEAD_END = ("bound, at most", "loss, at most", "bound broken")
-WAITS = ("comparator", "tolerance", "turned round", "address s", "first question s", "questions", "median ms")
+WAITS = (
+    "comparator",
+    "tolerance",
+    "turned round",
+    "address s",
+    "first question s",
+    "questions",
+    "median ms",
+)
 WAITS_END = ("95% ms", "most ms")
 
 
@@ -74,7 +102,10 @@ def person(values: Floats, setting: Setting, number: int) -> Person:
     rng = np.random.default_rng([number, 7])
 
     def says(question: dict[str, Any]) -> str:
-        apart = sum((row["a"] - row["b"]) * values[row["level"]] for row in question["rows"]) / question["of"]
+        apart = (
+            sum((row["a"] - row["b"]) * values[row["level"]] for row in question["rows"])
+            / question["of"]
+        )
         if abs(apart) <= max(setting.tie, 1e-12):
             return "equal"
         return "a" if (apart > 0) != (rng.random() < setting.flips) else "b"
@@ -91,7 +122,9 @@ def session(setting: Setting, number: int) -> Run:
     with Session(taught.make, AnswerLog()) as one, Interview(one, taught.subject) as interview:
         screen = interview.handle({"do": "practised", "choice": "a"})
         while question := screen["question"]:
-            screen = interview.handle({"do": "answer", "id": question["id"], "choice": says(question)})
+            screen = interview.handle(
+                {"do": "answer", "id": question["id"], "choice": says(question)}
+            )
         result = one.result()
     loss = float(policy_loss(mdp, result.policy, values).max())
     return Run(screen["answered"], result.loss_bound, result.confidence, loss)
@@ -120,15 +153,26 @@ def waits(setting: Setting, browser: str, folder: Path) -> list[str]:
     from playwright.sync_api import sync_playwright
 
     says = person(scale(icu_sepsis().k, 0), setting, 0)
-    options = ["--comparator", setting.comparator, "--tolerance", f"{setting.tolerance:g}", "--log", "answers.jsonl"]
+    options = [
+        "--comparator",
+        setting.comparator,
+        "--tolerance",
+        f"{setting.tolerance:g}",
+        "--log",
+        "answers.jsonl",
+    ]
     begun = time.monotonic()
     command = [sys.executable, "-m", "qlearn", "teach", "--web", *options]
-    server = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    server = subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
     assert server.stdout is not None
     address, printed = server.stdout.readline().strip(), time.monotonic()
     try:
         with sync_playwright() as playwright:
-            window = playwright.chromium.launch(executable_path=browser, args=["--no-sandbox", "--disable-gpu"])
+            window = playwright.chromium.launch(
+                executable_path=browser, args=["--no-sandbox", "--disable-gpu"]
+            )
             page, screens = window.new_page(), []
 
             def seen(reply: Any) -> None:
@@ -142,7 +186,9 @@ def waits(setting: Setting, browser: str, folder: Path) -> list[str]:
             while (screen := screens[-1])["stage"] != "end":
                 page.wait_for_timeout(1000 * READING)
                 now, before = time.monotonic(), _place(screen)
-                page.keyboard.press({"a": "a", "b": "b", "equal": "ArrowDown"}[says(screen["question"])])
+                page.keyboard.press(
+                    {"a": "a", "b": "b", "equal": "ArrowDown"}[says(screen["question"])]
+                )
                 while _place(screens[-1]) == before:
                     page.wait_for_timeout(4)
                 if screens[-1]["stage"] == "question":
@@ -153,31 +199,48 @@ def waits(setting: Setting, browser: str, folder: Path) -> list[str]:
         server.kill()
         server.wait()
     waited = [f"{x:.0f}" for x in np.quantile(each, [0.5, 0.95, 1.0])]
-    return [*_named(setting)[:3], f"{printed - begun:.1f}", f"{opened - printed:.1f}", f"{len(each)}", *waited]
+    return [
+        *_named(setting)[:3],
+        f"{printed - begun:.1f}",
+        f"{opened - printed:.1f}",
+        f"{len(each)}",
+        *waited,
+    ]
 
 
 def report(scales: int, browser: str) -> Iterator[list[str]]:
     """The parts of the page."""
     yield ["# Sessions of a person", "", machine()]
     yield [
-        "ICU-Sepsis, bags of 10 patients, defaults of `qlearn teach` but for the repeated questions, which are left "
-        "out here. Hidden scales with uniform spacings, one a run. Questions: mean with its 95% interval, least, "
-        "median, most. Bound and loss are shares of the value range, from all died to all recovered."
+        "ICU-Sepsis, bags of 10 patients, defaults of `qlearn teach` but for the repeated "
+        "questions, which are left "
+        "out here. Hidden scales with uniform spacings, one a run. Questions: mean with its 95% "
+        "interval, least, "
+        "median, most. Bound and loss are shares of the value range, from all died to all "
+        "recovered."
     ]
-    rows = (row_of(setting, [session(setting, number) for number in range(scales)]) for setting in SETTINGS)
+    rows = (
+        row_of(setting, [session(setting, number) for number in range(scales)])
+        for setting in SETTINGS
+    )
     yield markdown([*HEAD, *HEAD_END], rows, 1)
     if browser:
         yield [
             "## Waiting",
             "",
-            f"In a browser (headless Chromium), from a key to the next question, by a person who reads {READING:g} s; "
-            "with repeated questions. Address: from the command to the printed address; first question: from there.",
+            "In a browser (headless Chromium), from a key to the next question, by a person who "
+            f"reads {READING:g} s; "
+            "with repeated questions. Address: from the command to the printed address; first "
+            "question: from there.",
         ]
         with tempfile.TemporaryDirectory() as folder:
             places = [Path(folder) / str(i) for i in range(len(IN_BROWSER))]
             for place in places:
                 place.mkdir()
-            rows = (waits(setting, browser, place) for setting, place in zip(IN_BROWSER, places, strict=True))
+            rows = (
+                waits(setting, browser, place)
+                for setting, place in zip(IN_BROWSER, places, strict=True)
+            )
             yield markdown([*WAITS, *WAITS_END], rows, 1)
 
 
@@ -190,9 +253,15 @@ def _place(screen: dict[str, Any]) -> tuple[str, str | None]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scales", type=int, default=20, help="hidden scales a setting [%(default)s]")
-    parser.add_argument("--browser", default="/usr/bin/chromium-headless-shell", help="its program, or '' for none")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--scales", type=int, default=20, help="hidden scales a setting [%(default)s]"
+    )
+    parser.add_argument(
+        "--browser", default="/usr/bin/chromium-headless-shell", help="its program, or '' for none"
+    )
     parser.add_argument("--out", type=Path, help="the page to write")
     given = parser.parse_args()
     publish(report(given.scales, given.browser), given.out, f"0-{given.scales - 1}")

@@ -1,15 +1,17 @@
 """How many questions a policy costs: true loss and guaranteed loss against the number of answers.
 
-    python -m benchmarks.asking.question_counts --quick                          a minute; rough figures
+    python -m benchmarks.asking.question_counts --quick                          a minute; rough
+                                                                                 figures
     python -m benchmarks.asking.question_counts --out benchmarks/RESULTS-questions.md
 
-Random MDPs of the paper (|S| = 100, |A| = 5, discount .95, k = 5, 10, 20) and ICU-Sepsis (6 levels, discount .99),
-with a tutor who flips 0, 10 or 20% of her answers. The learners: certify first (``InteractivePolicyIteration``) with
-each question strategy, value iteration and Q-learning as in the literature and asking late; and random pairs with a
-fit, which is what one does without a learner. The strategies of the active-preference literature choose among the same
-pairs: most even cut (volume removal; Sadigh et al. 2017), mutual information (Biyik et al. 2019), maximal regret (Wilde
-et al. 2020). ``--journal`` keeps finished runs: while the code is the same, the same command goes on where
-it was stopped, also with more seeds.
+Random MDPs of the paper (|S| = 100, |A| = 5, discount .95, k = 5, 10, 20) and ICU-Sepsis (6 levels,
+discount .99), with a tutor who flips 0, 10 or 20% of her answers. The learners: certify first
+(``InteractivePolicyIteration``) with each question strategy, value iteration and Q-learning as in
+the literature and asking late; and random pairs with a fit, which is what one does without a
+learner. The strategies of the active-preference literature choose among the same pairs: most even
+cut (volume removal; Sadigh et al. 2017), mutual information (Biyik et al. 2019), maximal regret
+(Wilde et al. 2020). ``--journal`` keeps finished runs: while the code is the same, the same command
+goes on where it was stopped, also with more seeds.
 """
 
 from __future__ import annotations
@@ -69,8 +71,8 @@ METHODS = (
 
 
 def run(cell: Cell) -> Row:
-    """One learner on one problem: after GRID's numbers of answers the true loss and its bound (nan beyond the budget's
-    end: the last ones stand), how many were asked in all, and how it ended."""
+    """One learner on one problem: after GRID's numbers of answers the true loss and its bound (nan
+    beyond the budget's end: the last ones stand), how many were asked in all, and how it ended."""
     mdp, values = problem(cell["environment"], cell["seed"])
     comparator = made(cell["comparator"], mdp.k, cell["error"], cell["seed"])
     tutor: elicit.Tutor = elicit.TruthfulTutor(values)
@@ -81,7 +83,9 @@ def run(cell: Cell) -> Row:
 
     def judge(policy: Any, known: elicit.Comparator) -> None:
         losses.append(float(policy_loss(mdp, policy, values, optimum=best).max()))
-        bounds.append(float(loss_bound(mdp, policy, known).loss_bound) if cell["bounds"] else float("nan"))
+        bounds.append(
+            float(loss_bound(mdp, policy, known).loss_bound) if cell["bounds"] else float("nan")
+        )
 
     if cell["method"] == "random pairs + fit":
         asked, status = _random_pairs(mdp, comparator, tutor, cell["seed"], judge), "DONE"
@@ -147,9 +151,15 @@ def _at_random(seed: int) -> strategies.Strategy:
 
 
 def _random_pairs(
-    mdp: OrdinalMDP, comparator: elicit.Comparator, tutor: elicit.Tutor, seed: int, judge: Callable[..., None]
+    mdp: OrdinalMDP,
+    comparator: elicit.Comparator,
+    tutor: elicit.Tutor,
+    seed: int,
+    judge: Callable[..., None],
 ) -> int:
-    """Ask about what two random policies do from a random state, and solve for what the answers make of the scale."""
+    """Ask about what two random policies do from a random state, and solve for what the answers
+    make of the scale.
+    """
     rng, live = np.random.default_rng(seed), np.flatnonzero(~mdp.terminal)
     policy, asked = np.argmax(mdp.admissible, axis=1), 0
     for asked in range(GRID[-1] + 1):
@@ -177,23 +187,28 @@ def _random_policy(mdp: OrdinalMDP, rng: np.random.Generator) -> Any:
 
 
 def cells(environments: Sequence[str], seeds: int, methods: Sequence[str] = METHODS) -> list[Row]:
-    """Who is measured on what: a polytope for the tutor who never errs, a posterior for all, an ensemble of fits with
-    the default strategy."""
+    """Who is measured on what: a polytope for the tutor who never errs, a posterior for all, an
+    ensemble of fits with the default strategy."""
     out = []
     for environment in environments:
         for method in methods:
-            if environment == "ICU-Sepsis" and not method.startswith(("certify, telling", "certify, simple", "value")):
+            if environment == "ICU-Sepsis" and not method.startswith(
+                ("certify, telling", "certify, simple", "value")
+            ):
                 continue
             for error in ERRORS:
                 for name in ("polytope", "posterior", "ensemble"):
-                    if (name == "polytope" and error) or (name == "ensemble" and "telling" not in method):
+                    if (name == "polytope" and error) or (
+                        name == "ensemble" and "telling" not in method
+                    ):
                         continue
                     bounds = method.startswith(("certify, telling", "certify, simple"))
                     if environment != "ICU-Sepsis":  # whose bounds take seconds
                         bounds |= method.startswith(("value", "Q-learning, late"))
                     out += [
-                        {"environment": environment, "method": method, "error": error, "comparator": name,
-                         "bounds": bounds and not (name == "posterior" and method == "value iteration"), "seed": seed}
+                        {"environment": environment, "method": method, "error": error,
+                         "comparator": name,
+                         "bounds": bounds and not (name == "posterior" and method == "value iteration"), "seed": seed}  # noqa: E501
                         for seed in range(seeds)
                     ]  # fmt: skip
     return out
@@ -209,9 +224,12 @@ def report(done: Sequence[tuple[Row, Row]]) -> str:
     lines = [
         "# How many questions?",
         "",
-        f"True loss at the worst state, in percent of the value range, after so many answers: mean over {seeds}"
-        " problems, and below it what was guaranteed by then, where that was computed. Who has finished, keeps the"
-        " policy. Random MDPs have 100 states, 5 actions and a discount of .95; ICU-Sepsis has 6 levels, discount .99."
+        "True loss at the worst state, in percent of the value range, after so many answers: mean "
+        f"over {seeds}"
+        " problems, and below it what was guaranteed by then, where that was computed. Who has "
+        "finished, keeps the"
+        " policy. Random MDPs have 100 states, 5 actions and a discount of .95; ICU-Sepsis has 6 "
+        "levels, discount .99."
         f" *asked*: questions in all, mean and 95% interval of the mean, at most {GRID[-1]}.",
     ]
     for environment, error in dict.fromkeys((key[0], key[1]) for key in groups):
@@ -228,7 +246,10 @@ def line(method: str, comparator: str, rows: Sequence[Row]) -> str:
     """A row of the tables: a method and comparator on all problems."""
     loss = 100 * np.mean([row["loss"] for row in rows], axis=0)
     bound = 100 * np.mean([row["bound"] for row in rows], axis=0)
-    shown = [f"{a:.2f}" + (f"<br>≤ {b:.2f}" if np.isfinite(b) else "") for a, b in zip(loss, bound, strict=True)]
+    shown = [
+        f"{a:.2f}" + (f"<br>≤ {b:.2f}" if np.isfinite(b) else "")
+        for a, b in zip(loss, bound, strict=True)
+    ]
     asked = with_interval([row["asked"] for row in rows], 0)
     return f"| {method} | {comparator} | {asked} | " + " | ".join(shown) + " |"
 
@@ -238,20 +259,27 @@ def _closing(groups: dict[tuple[Any, ...], list[Row]]) -> list[str]:
     lines = [
         "## How many questions will my expert have to answer?",
         "",
-        f"Until no plausible scale lets the policy lose more than {100 * TOLERANCE:.0f}% of the value range anywhere"
-        " (`InteractivePolicyIteration`, default strategy): mean, and the most in nine of ten problems. A polytope"
-        " proves it, if every answer is right; a posterior says so at 95%. *Kept*: runs whose true loss is within the"
+        f"Until no plausible scale lets the policy lose more than {100 * TOLERANCE:.0f}% of the "
+        "value range anywhere"
+        " (`InteractivePolicyIteration`, default strategy): mean, and the most in nine of ten "
+        "problems. A polytope"
+        " proves it, if every answer is right; a posterior says so at 95%. *Kept*: runs whose true "
+        "loss is within the"
         " bound.",
         "",
         "| problem | answers flipped | comparator | simple bags | mean | nine in ten | kept |",
         "|---|---|---|---|---|---|---|",
     ]
     for (environment, error, comparator, method), rows in groups.items():
-        if method in ("certify, telling violation", "certify, simple bags") and comparator != "ensemble":
+        if (
+            method in ("certify, telling violation", "certify, simple bags")
+            and comparator != "ensemble"
+        ):
             asked, kept = [row["asked"] for row in rows], [row["kept"] for row in rows]
             bags = "yes" if method.endswith("bags") else "no"
             lines.append(
-                f"| {environment} | {100 * error:.0f}% | {comparator} | {bags} | {np.mean(asked):.0f} | "
+                f"| {environment} | {100 * error:.0f}% | {comparator} | {bags} | "
+                f"{np.mean(asked):.0f} | "
                 f"{np.quantile(asked, 0.9, method='higher'):.0f} | {100 * np.mean(kept):.0f}% |"
             )
     return lines
@@ -261,7 +289,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
     parser = argparse.ArgumentParser(description="How many questions a policy costs.")
     parser.add_argument("--quick", action="store_true", help="two seeds, k = 5 only, no Q-learning")
-    parser.add_argument("--seeds", type=int, default=20, help="problems for each setting (default: 20)")
+    parser.add_argument(
+        "--seeds", type=int, default=20, help="problems for each setting (default: 20)"
+    )
     parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
     parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
     parser.add_argument("--out", type=Path, help="where to write the tables (default: printed)")
@@ -269,7 +299,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     environments = ["k = 5"] if chosen.quick else ["k = 5", "k = 10", "k = 20", "ICU-Sepsis"]
     methods = [name for name in METHODS if not (chosen.quick and name.startswith("Q-learning"))]
     todo = cells(environments, 2 if chosen.quick else chosen.seeds, methods)
-    from benchmarks.asking import question_counts  # by the name that workers and the journal know, not as __main__
+    from benchmarks.asking import (
+        question_counts,
+    )  # by the name that workers and the journal know, not as __main__
 
     made_of = sources(question_counts.__name__)  # a row of other code is none of these
     how = {"journal": chosen.journal, "jobs": chosen.jobs, "progress": _progress}
@@ -281,7 +313,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _progress(done: int, total: int) -> None:
-    print(f"\r{done} of {total} runs", end="" if done < total else "\n", file=sys.stderr, flush=True)
+    print(
+        f"\r{done} of {total} runs", end="" if done < total else "\n", file=sys.stderr, flush=True
+    )
 
 
 if __name__ == "__main__":

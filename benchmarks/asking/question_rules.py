@@ -1,12 +1,14 @@
 """Which question next: others' rules beside ours, all else equal.
 
-    python -m benchmarks.asking.question_rules --quick                                          a minute; rough figures
+    python -m benchmarks.asking.question_rules --quick                                          a
+                                                                                                minute; rough figures
     python -m benchmarks.asking.question_rules --out benchmarks/RESULTS-question-rules.md
 
-``InteractivePolicyIteration`` on random MDPs of the paper (|S| = 100, |A| = 5, discount .95), each time with another
-rule for its next question: our own, APReL's (mutual information, volume removal, greatest regret), Toubia's polyhedral
-one, and chance. ``--journal`` keeps finished runs: the same command goes on where it was stopped, also with more seeds.
-"""
+``InteractivePolicyIteration`` on random MDPs of the paper (|S| = 100, |A| = 5, discount .95), each
+time with another rule for its next question: our own, APReL's (mutual information, volume removal,
+greatest regret), Toubia's polyhedral one, and chance. ``--journal`` keeps finished runs: the same
+command goes on where it was stopped, also with more seeds.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -46,7 +48,8 @@ Key = tuple[str, str]  # an environment and a tutor
 def cells(environments: Sequence[str], seeds: int) -> list[Cell]:
     """All rules on the same problems."""
     return [
-        {"environment": environment, "method": method, "error": error, "comparator": name, "bounds": False,
+        {"environment": environment, "method": method, "error": error, "comparator": name,
+         "bounds": False,
          "seed": seed}
         for environment in environments
         for error, name in TUTORS.values()
@@ -57,7 +60,10 @@ def cells(environments: Sequence[str], seeds: int) -> list[Cell]:
 
 def report(done: Sequence[tuple[Cell, Row]]) -> Iterator[list[str]]:
     """The page, part by part, of (cell, row) pairs in the order of ``cells``."""
-    tutors, rules = {pair: name for name, pair in TUTORS.items()}, {method: name for name, method in RULES.items()}
+    tutors, rules = (
+        {pair: name for name, pair in TUTORS.items()},
+        {method: name for name, method in RULES.items()},
+    )
     groups: dict[Key, dict[str, list[Row]]] = {}
     for cell, row in done:
         key = cell["environment"], tutors[cell["error"], cell["comparator"]]
@@ -71,18 +77,25 @@ def report(done: Sequence[tuple[Cell, Row]]) -> Iterator[list[str]]:
         "",
         machine(),
         "",
-        f"`python -m benchmarks.asking.question_rules --seeds {seeds} --levels {' '.join(levels)}`.",
+        f"`python -m benchmarks.asking.question_rules --seeds {seeds} --levels {' '.join(levels)}`.",  # noqa: E501
         "",
-        f"{seeds} problems for each table, the same for all rules; means ± half a 95% interval. *Asked*: questions "
-        f"until no plausible scale lets the policy lose over {questions.TOLERANCE:.0%} of the value range anywhere "
-        f"(`InteractivePolicyIteration`), at most {questions.GRID[-1]}. *Beyond ours*: questions more than our default "
-        "asked on the same problem. A posterior is told how often answers are flipped, and 5% random ones where none "
+        f"{seeds} problems for each table, the same for all rules; means ± half a 95% interval. "
+        "*Asked*: questions "
+        f"until no plausible scale lets the policy lose over {questions.TOLERANCE:.0%} of the "
+        "value range anywhere "
+        f"(`InteractivePolicyIteration`), at most {questions.GRID[-1]}. *Beyond ours*: questions "
+        "more than our default "
+        "asked on the same problem. A posterior is told how often answers are flipped, and 5% "
+        "random ones where none "
         "are. Then the true loss at the worst state after so many answers, in percent of the "
         "value range; who has finished, keeps the policy.",
         "",
-        "The rules differ, and nothing else: the candidates (advantages that some plausible scale puts above the "
-        "indifference), the draws of scales, the comparator and the stopping rule are ours for all of them; cuts, "
-        "which our default asks about besides, are off. Without errors volume removal and mutual information are one "
+        "The rules differ, and nothing else: the candidates (advantages that some plausible scale "
+        "puts above the "
+        "indifference), the draws of scales, the comparator and the stopping rule are ours for all "
+        "of them; cuts, "
+        "which our default asks about besides, are off. Without errors volume removal and mutual "
+        "information are one "
         "rule, the most even cut, but for rounding.",
     ]
     for (environment, tutor), found in groups.items():
@@ -90,15 +103,21 @@ def report(done: Sequence[tuple[Cell, Row]]) -> Iterator[list[str]]:
         rows = []
         for rule in sorted(found, key=lambda name: float(np.mean(_asked(found[name])))):
             loss = 100 * np.array([row["loss"] for row in found[rule]])
-            beyond = "" if rule == OURS else with_interval(_asked(found[rule]) - _asked(found[OURS]), 1, signed=True)
+            beyond = (
+                ""
+                if rule == OURS
+                else with_interval(_asked(found[rule]) - _asked(found[OURS]), 1, signed=True)
+            )
             asked = with_interval(_asked(found[rule]), 1)
-            rows.append([rule, asked, beyond, *(with_interval(column, 2) for column in loss.T[:-1])])
+            rows.append(
+                [rule, asked, beyond, *(with_interval(column, 2) for column in loss.T[:-1])]
+            )
         yield [f"## {environment}, {tutor}", "", *markdown(head, rows, 1)]
 
 
 def _fewer(groups: dict[Key, dict[str, list[Row]]]) -> list[str]:
-    """Where another rule asks fewer questions than our default, or loses less after so many answers, first; then how
-    many more questions each asks."""
+    """Where another rule asks fewer questions than our default, or loses less after so many
+    answers, first; then how many more questions each asks."""
     rows, fewer, less_lost = [], list[str](), list[str]()
     others, columns = [rule for rule in RULES if rule != OURS], range(1, len(questions.GRID) - 1)
     for rule in others:
@@ -110,22 +129,35 @@ def _fewer(groups: dict[Key, dict[str, list[Row]]]) -> list[str]:
             fewer += [f"{rule} at {where}"] * (high < 0)
             counts[0 if high < 0 else 2 if low > 0 else 1] += 1
             more_asked.append(beyond)
-            lost = np.array([row["loss"] for row in found[rule]]) - [row["loss"] for row in found[OURS]]
+            lost = np.array([row["loss"] for row in found[rule]]) - [
+                row["loss"] for row in found[OURS]
+            ]
             better = [str(questions.GRID[i]) for i in columns if _interval(lost[:, i])[1] < 0]
             less_lost += [f"{rule} at {where} after {', '.join(better)}"] * bool(better)
         every = np.concatenate(more_asked)
-        rows.append((float(every.mean()), [rule, with_interval(every, 1, signed=True), " / ".join(map(str, counts))]))
+        rows.append(
+            (
+                float(every.mean()),
+                [rule, with_interval(every, 1, signed=True), " / ".join(map(str, counts))],
+            )
+        )
     rows.sort()
     compared = len(others) * len(groups) * len(columns)
-    head = ("rule", "questions beyond our default", f"fewer / not told / more, of {len(groups)} tables")
+    head = (
+        "rule",
+        "questions beyond our default",
+        f"fewer / not told / more, of {len(groups)} tables",
+    )
     return [
-        ("Fewer questions than our default, beyond the interval: " + "; ".join(fewer) + "." if fewer else
+        ("Fewer questions than our default, beyond the interval: " + "; ".join(fewer) + "." if fewer else  # noqa: E501
          "In no table another rule asks fewer questions than our default beyond the interval."),
         "",
-        ("A lower loss than our default's after so many answers, beyond the interval: " + "; ".join(less_lost) if
-         less_lost else "In no table another rule loses less than our default after any number of answers, beyond the "
+        ("A lower loss than our default's after so many answers, beyond the interval: " + "; ".join(less_lost) if  # noqa: E501
+         less_lost else "In no table another rule loses less than our default after any number of "
+                        "answers, beyond the "
          "interval")
-        + f". (Of {compared} such comparisons of equals chance alone would put {0.025 * compared:.0f} here.)",
+        + f". (Of {compared} such comparisons of equals chance alone would put "
+          f"{0.025 * compared:.0f} here.)",
         "",
         "All tables together, the fewest questions first:",
         "",
@@ -148,10 +180,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Others' rules for the next question beside ours.")
     parser.add_argument("--quick", action="store_true", help="two problems, k = 5 only")
     parser.add_argument("--seeds", type=int, help="problems for each table (default: 20; quick: 2)")
-    parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels (default: 5 10 20; quick: 5)")
+    parser.add_argument(
+        "--levels", type=int, nargs="+", help="numbers of levels (default: 5 10 20; quick: 5)"
+    )
     parser.add_argument("--jobs", type=int, default=-1, help="processes (default: one a core)")
     parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.md", help="write the report there as well"
+    )
     chosen = parser.parse_args(arguments)
     levels = chosen.levels or ([5] if chosen.quick else [5, 10, 20])
     todo = cells([f"k = {k}" for k in levels], chosen.seeds or (2 if chosen.quick else 20))

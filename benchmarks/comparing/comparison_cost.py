@@ -1,10 +1,13 @@
-"""What one comparison over K_t costs: this project's comparator and the usual tools, in one run, one thread each.
+"""What one comparison over K_t costs: this project's comparator and the usual tools, in one run,
+one thread each.
 
-    python -m benchmarks.comparing.comparison_cost [--levels 5 10 20] [--streams Q-learning IVI] [--quick]
+    python -m benchmarks.comparing.comparison_cost [--levels 5 10 20] [--streams Q-learning IVI]
+    [--quick]
         [--out FILE.md]
 
-Each method gets the differences that a real run put to its comparator, with the K_t that held at that time. The
-slow ones get blocks of neighbouring rows, spread evenly over the run, so that their mean cost is that of the run.
+Each method gets the differences that a real run put to its comparator, with the K_t that held at
+that time. The slow ones get blocks of neighbouring rows, spread evenly over the run, so that their
+mean cost is that of the run.
 """
 
 from __future__ import annotations
@@ -33,7 +36,8 @@ from elicit import PolytopeComparator
 from elicit.model.comparator import Verdicts
 
 MARGIN = 1e-6
-BLOCK = 25  # neighbouring rows of a sample: a hot solver profits from neighbours, as it would in the run
+# neighbouring rows of a sample: a hot solver profits from neighbours, as it would in the run
+BLOCK = 25
 
 
 class Entry(NamedTuple):
@@ -79,7 +83,11 @@ class Cost(NamedTuple):
 def main(arguments: list[str] | None = None) -> None:
     """Run the benchmark; print its tables and, with --out, write them to a file."""
     options = _options(arguments)
-    publish(report(options.levels, options.streams, options.seed, options.quick), options.out, str(options.seed))
+    publish(
+        report(options.levels, options.streams, options.seed, options.quick),
+        options.out,
+        str(options.seed),
+    )
 
 
 def report(levels: list[int], kinds: list[Kind], seed: int, quick: bool) -> Iterator[list[str]]:
@@ -104,14 +112,18 @@ def costs(stream: Stream, quick: bool = False) -> list[Cost]:
 
 
 def cost(entry: Entry, stream: Stream, truth: Verdicts, patience: float, thinner: int) -> Cost:
-    """Time a method in fresh passes, five of them or as many as begin within ``patience`` seconds."""
+    """Time a method in fresh passes, five of them or as many as begin within ``patience``
+    seconds.
+    """
     chosen = sample(len(stream), len(stream) if entry.rows is None else entry.rows // thinner)
     part = stream.take(chosen)
     passes = [run(entry.make, part)]
     while len(passes) < 5 and sum(p.learning + p.comparing for p in passes) < patience:
         passes.append(run(entry.make, part))
     alone = 1e6 * median(p.comparing for p in passes) / len(part)
-    learning = 1e6 * median(p.learning for p in passes) / len(stream)  # the part has all the answers
+    learning = (
+        1e6 * median(p.learning for p in passes) / len(stream)
+    )  # the part has all the answers
     wrong = max(int(np.count_nonzero(p.verdicts != truth[chosen])) for p in passes)
     return Cost(entry.name, len(part), len(passes), alone, alone + learning, wrong)
 
@@ -145,7 +157,9 @@ def again(stream: Stream, truth: Verdicts) -> Cost:
         seconds += perf_counter() - start
     each = 1e6 * seconds / len(stream)
     wrong = np.count_nonzero(np.concatenate(verdicts) != truth)
-    return Cost("PolytopeComparator, the same segments again", len(stream), 1, each, each, int(wrong))
+    return Cost(
+        "PolytopeComparator, the same segments again", len(stream), 1, each, each, int(wrong)
+    )
 
 
 def sample(n: int, wanted: int) -> NDArray[np.bool_]:
@@ -163,17 +177,35 @@ def about(stream: Stream) -> list[str]:
     return [
         f"## {stream.kind}, k = {stream.k}",
         "",
-        f"{len(stream):,} comparisons, of which equality and dominance settle {stream.dominated:.1%}; "
-        f"{len(stream.answers)} answers, of which {needed_rows(stream.answers, MARGIN)} are not redundant in the end.",
+        f"{len(stream):,} comparisons, of which equality and dominance settle "
+        f"{stream.dominated:.1%}; "
+        f"{len(stream.answers)} answers, of which {needed_rows(stream.answers, MARGIN)} are not "
+        "redundant in the end.",
     ]
 
 
 def table(found: list[Cost]) -> list[str]:
     """A Markdown table of costs; ratios are to our comparator on whole segments."""
     ours = next(cost.whole for cost in found if cost.name == OURS.name)
-    head = ("method", "comparisons timed", "passes", "us a comparison", "with learning", "ratio", "disagreements")
+    head = (
+        "method",
+        "comparisons timed",
+        "passes",
+        "us a comparison",
+        "with learning",
+        "ratio",
+        "disagreements",
+    )
     lines = [
-        [name, f"{rows:,}", f"{passes}", f"{alone:,.2f}", f"{whole:,.2f}", f"{whole / ours:,.1f}", f"{wrong:,}"]
+        [
+            name,
+            f"{rows:,}",
+            f"{passes}",
+            f"{alone:,.2f}",
+            f"{whole:,.2f}",
+            f"{whole / ours:,.1f}",
+            f"{wrong:,}",
+        ]
         for name, rows, passes, alone, whole, wrong in found
     ]
     return markdown(head, lines, 1)
@@ -181,26 +213,41 @@ def table(found: list[Cost]) -> list[str]:
 
 def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="What one comparison over K_t costs, by method.")
-    parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels k (default: 5 10 20; quick: 5)")
-    parser.add_argument("--streams", nargs="+", choices=KINDS, default=list(KINDS), help="whose comparisons")
+    parser.add_argument(
+        "--levels", type=int, nargs="+", help="numbers of levels k (default: 5 10 20; quick: 5)"
+    )
+    parser.add_argument(
+        "--streams", nargs="+", choices=KINDS, default=list(KINDS), help="whose comparisons"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of the problem and of the exploration")
-    parser.add_argument("--quick", action="store_true", help="short runs and small samples: seconds, rough figures")
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
+    parser.add_argument(
+        "--quick", action="store_true", help="short runs and small samples: seconds, rough figures"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.md", help="write the report there as well"
+    )
     options = parser.parse_args(arguments)
     options.levels = options.levels or ([5] if options.quick else [5, 10, 20])
     return options
 
 
 NOTES = [
-    "Each method gets the comparisons of a run with a truthful tutor (100 states, 5 actions), with the answers known "
-    f"at that time: all comparisons, or as many as stated, in blocks of {BLOCK} neighbours spread evenly over the run. "
+    "Each method gets the comparisons of a run with a truthful tutor (100 states, 5 actions), with "
+    "the answers known "
+    f"at that time: all comparisons, or as many as stated, in blocks of {BLOCK} neighbours spread "
+    "evenly over the run. "
     "Every pass starts afresh; several passes give the median. "
-    '"With learning" adds what the answers cost (new rows, rebuilt solvers, fresh proofs), shared out over all '
-    "comparisons of the run. The ratio is of that column, to the comparator on whole segments (all differences between "
-    "two answers). The methods with two programs screen nothing: they pay for each comparison, dominated or not. "
+    '"With learning" adds what the answers cost (new rows, rebuilt solvers, fresh proofs), shared '
+    "out over all "
+    "comparisons of the run. The ratio is of that column, to the comparator on whole segments (all "
+    "differences between "
+    "two answers). The methods with two programs screen nothing: they pay for each comparison, "
+    "dominated or not. "
     f"Methods in floats take an optimum within {methods.Linprog.tolerance:g} of zero (Clarabel: "
-    f"{methods.HotClarabel.tolerance:g}) for zero, at a largest tail sum of 1; a disagreement is a verdict other than "
-    "the comparator's, or none. Hot HiGHS runs the primal simplex without presolve, its fastest setting here, and once "
+    f"{methods.HotClarabel.tolerance:g}) for zero, at a largest tail sum of 1; a disagreement is a "
+    "verdict other than "
+    "the comparator's, or none. Hot HiGHS runs the primal simplex without presolve, its fastest "
+    "setting here, and once "
     "more from scratch where a warm basis gives no optimum.",
 ]
 

@@ -1,8 +1,10 @@
-"""Ways to decide a comparison over K_t, each as its users would write it with the tool it is named after.
+"""Ways to decide a comparison over K_t, each as its users would write it with the tool it is named
+after.
 
-Every method learns answers with ``learn`` and gives verdicts with ``compare``. All but the comparator of this
-project see both sides of the paper's two programs (section 3.1) in floats: an optimum within ``tolerance`` of
-zero, for a difference whose largest tail sum is 1, counts as zero. All run in one thread.
+Every method learns answers with ``learn`` and gives verdicts with ``compare``. All but the
+comparator of this project see both sides of the paper's two programs (section 3.1) in floats: an
+optimum within ``tolerance`` of zero, for a difference whose largest tail sum is 1, counts as zero.
+All run in one thread.
 """
 
 from __future__ import annotations
@@ -53,7 +55,9 @@ class OursRowByRow(Ours):
 
 
 class TwoPrograms:
-    """The least and the greatest d.e over K_t for every difference, whether dominance settles it or not."""
+    """The least and the greatest d.e over K_t for every difference, whether dominance settles it or
+    not.
+    """
 
     tolerance: ClassVar[float] = 1e-9
 
@@ -63,7 +67,10 @@ class TwoPrograms:
 
     def learn(self, answers: Answers) -> None:
         rows, limits = cuts(answers)
-        self.rows, self.limits = np.concatenate([self.rows, rows]), np.concatenate([self.limits, limits])
+        self.rows, self.limits = (
+            np.concatenate([self.rows, rows]),
+            np.concatenate([self.limits, limits]),
+        )
         self.cut(rows, limits)
 
     def compare(self, d: Floats) -> Verdicts:
@@ -137,12 +144,16 @@ class HotClarabel(TwoPrograms):
         a = sparse.csc_matrix(np.concatenate([np.ones((1, p)), -np.eye(p), -self.rows]))
         b = np.concatenate([[1.0], np.full(p, -self.margin), -self.limits])
         cones = [clarabel.ZeroConeT(1), clarabel.NonnegativeConeT(len(b) - 1)]
-        self.solver = clarabel.DefaultSolver(sparse.csc_matrix((p, p)), np.zeros(p), a, b, cones, settings)
+        self.solver = clarabel.DefaultSolver(
+            sparse.csc_matrix((p, p)), np.zeros(p), a, b, cones, settings
+        )
 
     def least(self, t: Floats) -> float:
         self.solver.update(q=t)
         solution = self.solver.solve()
-        return float(solution.obj_val) if solution.status == clarabel.SolverStatus.Solved else np.nan
+        return (
+            float(solution.obj_val) if solution.status == clarabel.SolverStatus.Solved else np.nan
+        )
 
 
 class Linprog(TwoPrograms):
@@ -151,7 +162,16 @@ class Linprog(TwoPrograms):
     def least(self, t: Floats) -> float:
         a, b = (-self.rows, -self.limits) if len(self.rows) else (None, None)
         options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-        found = linprog(t, a, b, np.ones((1, self.p)), [1.0], (self.margin, None), method="highs", options=options)
+        found = linprog(
+            t,
+            a,
+            b,
+            np.ones((1, self.p)),
+            [1.0],
+            (self.margin, None),
+            method="highs",
+            options=options,
+        )
         return float(found.fun) if found.success else np.nan
 
 
@@ -182,8 +202,8 @@ class HotHighs(TwoPrograms):
 
 
 class Careful(HotHighs):
-    """Dominance first, on all rows at once; then hot HiGHS on the one side that the last vertex leaves open, and
-    on the other only where that does not settle it."""
+    """Dominance first, on all rows at once; then hot HiGHS on the one side that the last vertex
+    leaves open, and on the other only where that does not settle it."""
 
     point: Floats | None = None
 
@@ -214,7 +234,8 @@ _HIGHS = {
     "output_flag": False,
     "threads": 1,
     "presolve": "off",
-    "simplex_strategy": 4,  # primal: a vertex stays feasible when only the objective changes; the fastest here
+    # primal: a vertex stays feasible when only the objective changes; the fastest here
+    "simplex_strategy": 4,
     "primal_feasibility_tolerance": 1e-10,
     "dual_feasibility_tolerance": 1e-10,
 }
@@ -223,7 +244,9 @@ FAILED = 3  # beside the codes of Verdict: a solver gave no optimum
 
 
 def verdict(least: float, greatest: float) -> int:
-    """The verdict from the signs of the least and the greatest d.e; FAILED where one of them is nan."""
+    """The verdict from the signs of the least and the greatest d.e; FAILED where one of them is
+    nan.
+    """
     if np.isnan(least + greatest):
         return FAILED
     if least > 0 or (least == 0 and greatest > 0):

@@ -1,7 +1,8 @@
 """Streams of comparisons as a learner really makes them, recorded while it learns.
 
-A learner compares vectors that are nearly equal, near ties and again and again the same, and asks the
-tutor in between. Random differences over a random K_t have none of that, so costs are measured on these.
+A learner compares vectors that are nearly equal, near ties and again and again the same, and asks
+the tutor in between. Random differences over a random K_t have none of that, so costs are measured
+on these.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ class Segment(NamedTuple):
 
 @dataclass(frozen=True)
 class Stream:
-    """All comparisons of one run, in order. ``answers``: all that were told; ``values`` (k,): the tutor's scale."""
+    """All comparisons of one run, in order. ``answers``: all that were told; ``values`` (k,): the
+    tutor's scale.
+    """
 
     kind: Kind
     k: int
@@ -48,14 +51,18 @@ class Stream:
         return sum(len(segment.d) for segment in self.segments)
 
     def steps(self) -> Iterator[tuple[Answers, Floats]]:
-        """For each segment: the answers that it knows and the one before it did not, and its differences."""
+        """For each segment: the answers that it knows and the one before it did not, and its
+        differences.
+        """
         before = 0
         for known, d in self.segments:
             yield self.answers[before:known], d
             before = known
 
     def take(self, chosen: NDArray[np.bool_]) -> Stream:
-        """The same stream with only some of its rows, but all its answers; ``chosen`` (len(self),)."""
+        """The same stream with only some of its rows, but all its answers; ``chosen``
+        (len(self),).
+        """
         ends = np.cumsum([len(segment.d) for segment in self.segments])[:-1]
         parts = zip(self.segments, np.split(chosen, ends), strict=True)
         return replace(self, segments=tuple(Segment(known, d[part]) for (known, d), part in parts))
@@ -63,7 +70,9 @@ class Stream:
     @property
     def dominated(self) -> float:
         """Share of the comparisons that equality or dominance settles."""
-        settled = sum(np.count_nonzero(dominance(tail_sums(d)) != Verdict.UNKNOWN) for _, d in self.segments)
+        settled = sum(
+            np.count_nonzero(dominance(tail_sums(d)) != Verdict.UNKNOWN) for _, d in self.segments
+        )
         return settled / max(1, len(self))
 
 
@@ -106,10 +115,12 @@ class Recorder:
         return Recorder(self._inner.update(answers), self._record)
 
 
-def record(kind: Kind, k: int, seed: int = 0, *, steps: int = 100_000, tolerance: float = 0.0005) -> Stream:
+def record(
+    kind: Kind, k: int, seed: int = 0, *, steps: int = 100_000, tolerance: float = 0.0005
+) -> Stream:
     """Run Algorithm 1 with epsilon .1, or interactive value iteration, with a truthful tutor on
-    random_mdp(100, 5, k), line for line, and record every comparison. ``steps`` is for the one, ``tolerance`` for
-    the other."""
+    random_mdp(100, 5, k), line for line, and record every comparison. ``steps`` is for the one,
+    ``tolerance`` for the other."""
     mdp, values = random_mdp(100, 5, k, seed=seed)
     rows: list[tuple[int, list[Floats]]] = []
     recorder, tutor = Recorder(PolytopeComparator(k), rows), TruthfulTutor(values)
@@ -138,8 +149,8 @@ def needed_rows(answers: Answers, margin: float) -> int:
 
 
 def cuts(answers: Answers) -> tuple[Floats, Floats]:
-    """Rows (m, p) and limits (m,) of the answers' inequalities rows.g >= limits in gap space, each row with a
-    largest entry of 1; an answer EQUAL gives both sides of its band."""
+    """Rows (m, p) and limits (m,) of the answers' inequalities rows.g >= limits in gap space, each
+    row with a largest entry of 1; an answer EQUAL gives both sides of its band."""
     t = tail_sums(answers.d)
     size = np.abs(t).max(axis=1, initial=0.0)
     band = TIE_BAND * np.abs(answers.d).sum(axis=1) / np.where(size > 0, size, 1.0)

@@ -1,13 +1,15 @@
 """How often the noisy-tutor comparators are wrong in what they decide, and how much that is.
 
-    python -m benchmarks.fitting.calibration [--quick] [--journal FILE] [--out FILE.md] [--csv FILE.csv]
+    python -m benchmarks.fitting.calibration [--quick] [--journal FILE] [--out FILE.md] [--csv
+    FILE.csv]
         [--jobs N] [--levels 5 10 20] [--rules posterior ...] [--settings flips ...] [--seed N]
 
-A data set is a scale, a tutor and what she answered. On random pairs: 1000 answers in order, and after each of
-``COUNTS`` of them the verdicts on fresh pairs. On a learner's pairs: a run of Q-learning or value iteration asks what
-the comparator in question leaves open, up to a budget, and its verdicts on what the run compares are judged.
-``calibration_questions`` counts what the lapse costs that nobody tells. ``--journal`` keeps finished data sets: while
-the code is the same, the same command goes on where it was stopped.
+A data set is a scale, a tutor and what she answered. On random pairs: 1000 answers in order, and
+after each of ``COUNTS`` of them the verdicts on fresh pairs. On a learner's pairs: a run of
+Q-learning or value iteration asks what the comparator in question leaves open, up to a budget, and
+its verdicts on what the run compares are judged. ``calibration_questions`` counts what the lapse
+costs that nobody tells. ``--journal`` keeps finished data sets: while the code is the same, the
+same command goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -43,17 +45,19 @@ from qlearn.experiments.metrics import Watch, reference_differences
 from qlearn.experiments.parallel import Cell, sweep
 
 Rng: TypeAlias = np.random.Generator
-Rule: TypeAlias = Callable[[int, float, float, float], Comparator]  # of k, precision, lapse, refit_growth
+Rule: TypeAlias = Callable[
+    [int, float, float, float], Comparator
+]  # of k, precision, lapse, refit_growth
 COUNTS = (10, 30, 100, 300, 1000)
 FRESH = 300  # pairs judged a data set
 LEAST_GAP = 1e-9  # a tutor's levels must differ in floats
 
 
 class Setting(NamedTuple):
-    """A law of scales, and a tutor: the standard deviation of her logits over the pairs asked, or 0 where she flips a
-    share ``flips`` of her answers instead; ``equal``: the largest |d.e| that she calls equal.
-    ``counts``: after how many answers fresh pairs are judged. ``learners``: whether learners run on it too. ``times``:
-    how many times as many data sets."""
+    """A law of scales, and a tutor: the standard deviation of her logits over the pairs asked, or 0
+    where she flips a share ``flips`` of her answers instead; ``equal``: the largest |d.e| that she
+    calls equal. ``counts``: after how many answers fresh pairs are judged. ``learners``: whether
+    learners run on it too. ``times``: how many times as many data sets."""
 
     name: str
     law: str
@@ -78,9 +82,24 @@ SETTINGS = (
     Setting("scales from the prior, 5% flips", "prior", 0.0, learners=True, flips=0.05),
     Setting("scales from the prior, 20% flips", "prior", 0.0, learners=True, flips=0.2),
     Setting("scales from the prior, 30% flips", "prior", 0.0, learners=True, flips=0.3),
-    Setting("scales from the prior, no flips, equal within .005", "prior", 0.0, learners=True, equal=0.005),
-    Setting("scales from the prior, no flips, equal within .02", "prior", 0.0, learners=True, equal=0.02),
-    Setting("scales from the prior, 10% flips, equal within .01", "prior", 0.0, learners=True, flips=0.1, equal=0.01),
+    Setting(
+        "scales from the prior, no flips, equal within .005",
+        "prior",
+        0.0,
+        learners=True,
+        equal=0.005,
+    ),
+    Setting(
+        "scales from the prior, no flips, equal within .02", "prior", 0.0, learners=True, equal=0.02
+    ),
+    Setting(
+        "scales from the prior, 10% flips, equal within .01",
+        "prior",
+        0.0,
+        learners=True,
+        flips=0.1,
+        equal=0.01,
+    ),
 )  # in this order ever since: a setting's place is part of its seed
 
 
@@ -109,7 +128,9 @@ RULES: dict[str, Rule] = {
 
 
 class Size(NamedTuple):
-    """How much to run: data sets on fresh pairs and with learners, levels, answers, budget, steps and sweeps."""
+    """How much to run: data sets on fresh pairs and with learners, levels, answers, budget, steps
+    and sweeps.
+    """
 
     sets: int
     runs: int
@@ -131,7 +152,9 @@ def main(arguments: list[str] | None = None) -> None:
     if options.levels:
         size = size._replace(levels=tuple(options.levels))
     chosen = [s for s in SETTINGS if any(part in s.name for part in options.settings)]
-    cells = summary(measure(size, options.seed, options.jobs, chosen, options.rules, options.journal))
+    cells = summary(
+        measure(size, options.seed, options.jobs, chosen, options.rules, options.journal)
+    )
     text = "\n".join(report(cells))
     print(text)
     save(text + "\n", options.out, str(options.seed))
@@ -144,9 +167,16 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def measure(
-    size: Size, seed: int, jobs: int, settings: Sequence[Setting], rules: Sequence[str], journal: Path | None = None
+    size: Size,
+    seed: int,
+    jobs: int,
+    settings: Sequence[Setting],
+    rules: Sequence[str],
+    journal: Path | None = None,
 ) -> list[Row]:
-    """All rows, in an order that does not depend on the number of jobs; a journal keeps those of finished data sets."""
+    """All rows, in an order that does not depend on the number of jobs; a journal keeps those of
+    finished data sets.
+    """
     _warm_up(size.levels)
     cells = [
         {"pairs": "fresh", "setting": s.name, "k": k, "number": i}
@@ -162,9 +192,15 @@ def measure(
         if s.learners
         for i in range(size.runs)
     ]
-    from benchmarks.fitting import calibration  # by the name that workers and the journal know, not as __main__
+    from benchmarks.fitting import (
+        calibration,
+    )  # by the name that workers and the journal know, not as __main__
 
-    shared = {"seed": seed, "rules": list(rules), "size": [size.most, size.budget, size.steps, size.sweeps]}
+    shared = {
+        "seed": seed,
+        "rules": list(rules),
+        "size": [size.most, size.budget, size.steps, size.sweeps],
+    }
     made_of = sources(calibration.__name__)  # a row of other code is none of these
     how = {"shared": shared, "journal": journal, "jobs": jobs}
     found = sweep(calibration.on_a_data_set, cells, own=lambda cell: (made_of, {}), **how)
@@ -172,7 +208,9 @@ def measure(
 
 
 def on_a_data_set(cell: Cell, seed: int, rules: Sequence[str], size: Sequence[int]) -> list[Row]:
-    """The rows of one data set; ``size`` has the answers, the budget, the steps and the sweeps at most."""
+    """The rows of one data set; ``size`` has the answers, the budget, the steps and the sweeps at
+    most.
+    """
     setting = next(s for s in SETTINGS if s.name == cell["setting"])
     most = Size(0, 0, (), *size)
     if cell["pairs"] == "fresh":
@@ -180,7 +218,9 @@ def on_a_data_set(cell: Cell, seed: int, rules: Sequence[str], size: Sequence[in
     return on_a_learner(cell["pairs"], setting, cell["k"], cell["number"], seed, most, rules)
 
 
-def on_fresh_pairs(setting: Setting, k: int, number: int, seed: int, size: Size, rules: Sequence[str]) -> list[Row]:
+def on_fresh_pairs(
+    setting: Setting, k: int, number: int, seed: int, size: Size, rules: Sequence[str]
+) -> list[Row]:
     """Each rule after some of the answers to random questions, on other random pairs."""
     rng = np.random.default_rng([seed, SETTINGS.index(setting), k, number])
     values = scale(setting.law, k, rng)
@@ -207,7 +247,9 @@ def on_fresh_pairs(setting: Setting, k: int, number: int, seed: int, size: Size,
 def on_a_learner(
     pairs: str, setting: Setting, k: int, number: int, seed: int, size: Size, rules: Sequence[str]
 ) -> list[Row]:
-    """Each rule in a learner's hands, on what the learner compared and neither equality nor dominance settled."""
+    """Each rule in a learner's hands, on what the learner compared and neither equality nor
+    dominance settled.
+    """
     rng = np.random.default_rng([seed, SETTINGS.index(setting), k, number, len(pairs)])
     values = scale(setting.law, k, rng)
     mdp, _ = random_mdp(50, 4, k, seed=rng)
@@ -231,8 +273,14 @@ def on_a_learner(
         seconds = perf_counter() - start
         trivial = sum(result.decided[tier.name.lower()] for tier in (Tier.EQUAL, Tier.DOMINANCE))
         judged_before, wrong_before, judged_after, wrong_after = watch.counts
-        counted = (result.compared - trivial, judged_before + judged_after, wrong_before + wrong_after)
-        rows.append(Row(pairs, setting.name, name, k, size.budget, number, *counted, seconds, result.asked))
+        counted = (
+            result.compared - trivial,
+            judged_before + judged_after,
+            wrong_before + wrong_after,
+        )
+        rows.append(
+            Row(pairs, setting.name, name, k, size.budget, number, *counted, seconds, result.asked)
+        )
     return rows
 
 
@@ -261,7 +309,9 @@ def scale(law: str, k: int, rng: Rng) -> Floats:
 def tutor(
     setting: Setting, values: Floats, asked: Floats, seed: int
 ) -> tuple[BradleyTerryTutor | FlippingTutor, float]:
-    """The tutor, and the precision to tell the Bradley-Terry rules: her own, or their default where she has none."""
+    """The tutor, and the precision to tell the Bradley-Terry rules: her own, or their default where
+    she has none.
+    """
     spread = float(np.std(asked @ values)) if len(asked) else 0.0
     if not setting.spread:
         return Blurred(values, setting.flips, seed, setting.equal), 10.0
@@ -290,16 +340,28 @@ def _warm_up(levels: Iterable[int]) -> None:
 
 
 def _options(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="How often noisy-tutor comparators are wrong in what they decide.")
-    parser.add_argument("--quick", action="store_true", help="few data sets: seconds, and nothing is judged")
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
+    parser = argparse.ArgumentParser(
+        description="How often noisy-tutor comparators are wrong in what they decide."
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="few data sets: seconds, and nothing is judged"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.md", help="write the report there as well"
+    )
     parser.add_argument("--csv", type=Path, metavar="FILE.csv", help="write one line a cell there")
     parser.add_argument("--jobs", type=int, default=2, help="processes, one thread each")
     parser.add_argument("--journal", type=Path, help="file that keeps finished data sets")
     parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels k")
-    parser.add_argument("--rules", nargs="+", choices=list(RULES), default=list(RULES), help="which to try")
     parser.add_argument(
-        "--settings", nargs="+", metavar="PART", default=[""], help="parts of the names of those to run"
+        "--rules", nargs="+", choices=list(RULES), default=list(RULES), help="which to try"
+    )
+    parser.add_argument(
+        "--settings",
+        nargs="+",
+        metavar="PART",
+        default=[""],
+        help="parts of the names of those to run",
     )
     parser.add_argument("--seed", type=int, default=0)
     return parser.parse_args(arguments)

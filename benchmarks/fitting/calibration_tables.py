@@ -1,4 +1,6 @@
-"""The tables of the calibration: data sets pooled into cells, their intervals, and which are judged."""
+"""The tables of the calibration: data sets pooled into cells, their intervals, and which are
+judged.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,8 @@ RESAMPLES = 2000
 
 
 class Row(NamedTuple):
-    """One rule on one data set: how many pairs were open, decided and decided wrongly; ``seconds`` for the answers
-    since the row before."""
+    """One rule on one data set: how many pairs were open, decided and decided wrongly; ``seconds``
+    for the answers since the row before."""
 
     pairs: str
     setting: str
@@ -47,7 +49,9 @@ class Share(NamedTuple):
         some = wholes > 0
         if not whole or not some.any():
             return Share(np.nan, np.nan, np.nan)
-        return Share(part / whole, *np.quantile(parts[some] / wholes[some], (0.025, 0.975)).tolist())
+        return Share(
+            part / whole, *np.quantile(parts[some] / wholes[some], (0.025, 0.975)).tolist()
+        )
 
 
 class Cell(NamedTuple):
@@ -84,14 +88,23 @@ class Cell(NamedTuple):
 
 
 def summary(rows: Iterable[Row]) -> list[Cell]:
-    """The data sets of each cell together; kinds of pairs, settings and rules in the order of their first rows."""
+    """The data sets of each cell together; kinds of pairs, settings and rules in the order of their
+    first rows.
+    """
     told = list(rows)
-    place = {name: i for i, name in enumerate(dict.fromkeys(x for r in told for x in (r.pairs, r.setting, r.rule)))}
+    place = {
+        name: i
+        for i, name in enumerate(
+            dict.fromkeys(x for r in told for x in (r.pairs, r.setting, r.rule))
+        )
+    }
 
     def cell_of(row: Row) -> tuple[int, ...]:
         return place[row.pairs], place[row.setting], row.k, row.answers, place[row.rule]
 
-    return [cell(list(group)) for _, group in groupby(sorted(told, key=cell_of), key=cell_of)]  # sets stay in order
+    return [
+        cell(list(group)) for _, group in groupby(sorted(told, key=cell_of), key=cell_of)
+    ]  # sets stay in order
 
 
 def cell(rows: list[Row]) -> Cell:
@@ -113,7 +126,9 @@ def cell(rows: list[Row]) -> Cell:
         share_decided=Share.of(decided, opened, resampled[1], resampled[0]),
         share_wrong=Share.of(wrong, decided, resampled[2], resampled[1]),
         judged=n >= ENOUGH_SETS and decided >= ENOUGH_DECIDED,
-        ms_per_answer=1e3 * sum(row.seconds for row in rows) / max(1, sum(row.learned for row in rows)),
+        ms_per_answer=1e3
+        * sum(row.seconds for row in rows)
+        / max(1, sum(row.learned for row in rows)),
     )
 
 
@@ -123,7 +138,11 @@ def report(cells: list[Cell]) -> Iterator[str]:
     for (pairs, setting), group in groupby(cells, key=lambda c: (c.pairs, c.setting)):
         here = list(group)
         names = list(dict.fromkeys(c.rule for c in here))
-        yield from (f"## {_TITLES[pairs]}: {setting}", "", "| k | answers | " + " | ".join(names) + " |")
+        yield from (
+            f"## {_TITLES[pairs]}: {setting}",
+            "",
+            "| k | answers | " + " | ".join(names) + " |",
+        )
         yield "|---:|---:|" + "---|" * len(names)
         for k, n in sorted({(c.k, c.answers) for c in here}):
             found = {c.rule: c for c in here if (c.k, c.answers) == (k, n)}
@@ -139,7 +158,10 @@ def report(cells: list[Cell]) -> Iterator[str]:
         "",
     )
     for c in sorted(broken, key=lambda c: -c.share_wrong.low):
-        yield f"- {c.rule}; {_TITLES[c.pairs].lower()}, {c.setting}, k = {c.k}, {c.answers} answers: {shown(c)}"
+        yield (
+            f"- {c.rule}; {_TITLES[c.pairs].lower()}, {c.setting}, k = {c.k}, {c.answers} answers: "
+            f"{shown(c)}"
+        )
 
 
 def shown(c: Cell) -> str:
@@ -159,8 +181,15 @@ def costs(cells: list[Cell]) -> Iterator[str]:
     yield "| k | rule | " + " | ".join(f"up to {n}" for n in counts) + " |"
     yield "|---:|---|" + "---:|" * len(counts)
     for k, rule in sorted({(c.k, c.rule) for c in fresh}):
-        means = [[c.ms_per_answer for c in fresh if (c.k, c.rule, c.answers) == (k, rule, n)] for n in counts]
-        yield f"| {k} | {rule} | " + " | ".join(f"{np.mean(m):.2f}" if m else "-" for m in means) + " |"
+        means = [
+            [c.ms_per_answer for c in fresh if (c.k, c.rule, c.answers) == (k, rule, n)]
+            for n in counts
+        ]
+        yield (
+            f"| {k} | {rule} | "
+            + " | ".join(f"{np.mean(m):.2f}" if m else "-" for m in means)
+            + " |"
+        )
     yield ""
 
 
@@ -170,14 +199,21 @@ _TITLES = {
     "value iteration": "Pairs that value iteration chose",
 }
 NOTES = [
-    "Each entry: percent decided of the pairs that dominance leaves open / percent wrong among these [95% interval, "
-    f"data sets resampled {RESAMPLES} times]. In brackets: fewer than {ENOUGH_DECIDED} decided pairs or {ENOUGH_SETS} "
-    f"data sets, not judged. Bold: the interval lies wholly above {PROMISE:.0%}. Where nothing is wrong in any data "
+    "Each entry: percent decided of the pairs that dominance leaves open / percent wrong among "
+    "these [95% interval, "
+    f"data sets resampled {RESAMPLES} times]. In brackets: fewer than {ENOUGH_DECIDED} decided "
+    f"pairs or {ENOUGH_SETS} "
+    f"data sets, not judged. Bold: the interval lies wholly above {PROMISE:.0%}. Where nothing is "
+    "wrong in any data "
     "set the interval has no width.",
     "",
-    "Shares are pooled over data sets: a posterior rule promises that much on average over scales from its prior. The "
-    "rows of one k share their data sets. The Bradley-Terry rules are told the tutor's own precision (10 where she "
-    "flips), the posterior ones learn it. The first learns the lapse too; the one beside it is told the right one, "
-    "twice the share of flips, and 0 for tutors of eq. (6). With learners the budget is the number of answers at "
+    "Shares are pooled over data sets: a posterior rule promises that much on average over scales "
+    "from its prior. The "
+    "rows of one k share their data sets. The Bradley-Terry rules are told the tutor's own "
+    "precision (10 where she "
+    "flips), the posterior ones learn it. The first learns the lapse too; the one beside it is "
+    "told the right one, "
+    "twice the share of flips, and 0 for tutors of eq. (6). With learners the budget is the number "
+    "of answers at "
     "most, and the fits are renewed at every fourth more answers only (`refit_growth=0.25`).",
 ]

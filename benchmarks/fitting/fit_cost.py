@@ -1,9 +1,12 @@
-"""What it costs, per answer, to keep a model of an unreliable tutor up to date: the usual tools and this project's.
+"""What it costs, per answer, to keep a model of an unreliable tutor up to date: the usual tools and
+this project's.
 
-    python -m benchmarks.fitting.fit_cost [--answers 30 300 3000] [--levels 5 10 20] [--quick] [--out FILE.md]
+    python -m benchmarks.fitting.fit_cost [--answers 30 300 3000] [--levels 5 10 20] [--quick]
+    [--out FILE.md]
 
-Section 3.2 refits a logistic regression and all its bootstrap resamples after every answer. Each tool does that here
-as its users would write it, on the same resamples; the project's two comparators learn the same answers one by one.
+Section 3.2 refits a logistic regression and all its bootstrap resamples after every answer. Each
+tool does that here as its users would write it, on the same resamples; the project's two
+comparators learn the same answers one by one.
 """
 
 from __future__ import annotations
@@ -34,11 +37,19 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the benchmark; print its tables and, with --out, write them to a file."""
     options = _options(arguments)
     seeds = f"{options.seed}-{options.seed + options.sets - 1}"
-    publish(report(options.levels, options.answers, options.sets, options.resamples, options.seed), options.out, seeds)
+    publish(
+        report(options.levels, options.answers, options.sets, options.resamples, options.seed),
+        options.out,
+        seeds,
+    )
 
 
-def report(levels: list[int], answers: list[int], sets: int, m: int, seed: int) -> Iterator[list[str]]:
-    """The parts of the report, as lines of Markdown: who is fastest comes first, so all is measured before."""
+def report(
+    levels: list[int], answers: list[int], sets: int, m: int, seed: int
+) -> Iterator[list[str]]:
+    """The parts of the report, as lines of Markdown: who is fastest comes first, so all is measured
+    before.
+    """
     also = ", ".join(f"{name} {version(name)}" for name in ("scikit-learn", "statsmodels"))
     head = [machine("one thread"), f"Also {also}.", "", *notes(sets, m)]
     small = draw(3, 8, 2, seed)
@@ -49,9 +60,22 @@ def report(levels: list[int], answers: list[int], sets: int, m: int, seed: int) 
             cell = [draw(k, n, m, seed + i) for i in range(sets)]
             tight = [references(data) for data in cell]
             measured[k, n] = costs(cell, tight)
-            parts.append([f"## k = {k}, {n} answers", "", about(cell, tight), "", *table(measured[k, n])])
-    items = {(k, n): item_lines(k, n, sets, m, seed) for k in levels for n in answers if n >= PER_ITEM * k}
-    yield ["# The cost of an answer of an unreliable tutor", "", *fastest(measured, items), "", *head]
+            parts.append(
+                [f"## k = {k}, {n} answers", "", about(cell, tight), "", *table(measured[k, n])]
+            )
+    items = {
+        (k, n): item_lines(k, n, sets, m, seed)
+        for k in levels
+        for n in answers
+        if n >= PER_ITEM * k
+    }
+    yield [
+        "# The cost of an answer of an unreliable tutor",
+        "",
+        *fastest(measured, items),
+        "",
+        *head,
+    ]
     yield from parts
     if items:
         yield from item_tables(items, sets, m)
@@ -69,13 +93,18 @@ def cost(entry: Entry, cell: list[Data], tight: list[References]) -> Line:
     runs = [entry.run(data, fits) for data in cell]
     remarks, error = [], None
     if isinstance(entry.solves, Problem):
-        known = [(run.gamma, exact[entry.solves], data) for run, exact, data in zip(runs, tight, cell, strict=True)]
+        known = [
+            (run.gamma, exact[entry.solves], data)
+            for run, exact, data in zip(runs, tight, cell, strict=True)
+        ]
         off = np.concatenate([distances(gamma, exact, data.top) for gamma, exact, data in known])
         error = float(off[np.isfinite(off)].max(initial=0.0)) if np.isfinite(off).any() else None
         said = [rule(completed(gamma, exact), data.fresh) for gamma, exact, data in known]
         remarks += [f"{len(off)} of {every * len(cell)} fits run"] * (fits < every)
         remarks += [f"{np.isnan(off).sum()} of {len(off)} failed"] * bool(np.isnan(off).any())
-        remarks += [f"{np.isinf(off).sum()} of {len(off)} where no maximum exists"] * bool(np.isinf(off).any())
+        remarks += [f"{np.isinf(off).sum()} of {len(off)} where no maximum exists"] * bool(
+            np.isinf(off).any()
+        )
     else:
         said = [run.verdicts for run in runs]
         late = 1e3 * sum(run.late for run in runs) / len(runs)
@@ -94,14 +123,29 @@ def cost(entry: Entry, cell: list[Data], tight: list[References]) -> Line:
 
 
 def _options(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="What an answer of an unreliable tutor costs, by method.")
-    parser.add_argument("--answers", type=int, nargs="+", help="numbers of answers (default: 30 300 3000; quick: 30)")
-    parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels k (default: 5 10 20; quick: 5)")
+    parser = argparse.ArgumentParser(
+        description="What an answer of an unreliable tutor costs, by method."
+    )
+    parser.add_argument(
+        "--answers",
+        type=int,
+        nargs="+",
+        help="numbers of answers (default: 30 300 3000; quick: 30)",
+    )
+    parser.add_argument(
+        "--levels", type=int, nargs="+", help="numbers of levels k (default: 5 10 20; quick: 5)"
+    )
     parser.add_argument("--sets", type=int, help="data sets for each table (default: 4; quick: 1)")
-    parser.add_argument("--resamples", type=int, help="bootstrap resamples m (default: 200; quick: 40)")
-    parser.add_argument("--seed", type=int, default=0, help="of the first data set; the others follow")
+    parser.add_argument(
+        "--resamples", type=int, help="bootstrap resamples m (default: 200; quick: 40)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the first data set; the others follow"
+    )
     parser.add_argument("--quick", action="store_true", help="seconds, rough figures")
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.md", help="write the report there as well"
+    )
     options = parser.parse_args(arguments)
     options.levels = options.levels or ([5] if options.quick else [5, 10, 20])
     options.answers = options.answers or ([30] if options.quick else [30, 300, 3000])

@@ -1,4 +1,6 @@
-"""The methods of ``benchmarks.fitting.fit_cost``: what each solves, and how long it takes on a data set."""
+"""The methods of ``benchmarks.fitting.fit_cost``: what each solves, and how long it takes on a data
+set.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ PARTICLES = 500
 
 
 class Problem(NamedTuple):
-    """Minimise minus eq. (7) plus ridge / 2 times the squares of the gaps; ``ordered``: with gaps >= 0."""
+    """Minimise minus eq. (7) plus ridge / 2 times the squares of the gaps; ``ordered``: with gaps
+    >= 0.
+    """
 
     ridge: float
     ordered: bool
@@ -39,8 +43,9 @@ RIDGED, ORDERED, FREE = Problem(RIDGE, False), Problem(RIDGE, True), Problem(0.0
 
 
 class Run(NamedTuple):
-    """CPU seconds an answer, and either the fits to the first resamples (r, p), nan where there is none, or the
-    verdicts on the fresh pairs, seconds an answer over the last tenth of the run, and a remark."""
+    """CPU seconds an answer, and either the fits to the first resamples (r, p), nan where there is
+    none, or the verdicts on the fresh pairs, seconds an answer over the last tenth of the run, and
+    a remark."""
 
     seconds: float
     gamma: Floats = np.empty((0, 0))
@@ -50,7 +55,9 @@ class Run(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A method: what it solves, how it is run on a data set, and how many fits to run of each (None: all)."""
+    """A method: what it solves, how it is run on a data set, and how many fits to run of each
+    (None: all).
+    """
 
     name: str
     solves: Problem | str
@@ -59,7 +66,9 @@ class Entry(NamedTuple):
 
 
 def in_a_loop(make: Make, data: Data, fits: int) -> Run:
-    """The fit to the answers and to the first ``fits`` - 1 resamples, at least one; the time that all would take."""
+    """The fit to the answers and to the first ``fits`` - 1 resamples, at least one; the time that
+    all would take.
+    """
     begin = process_time()
     refit, gamma = make(data.t, data.answers.y), np.full((fits, data.t.shape[1]), np.nan)
     ends = []
@@ -69,21 +78,31 @@ def in_a_loop(make: Make, data: Data, fits: int) -> Run:
             with suppress(NoFit):
                 gamma[i] = refit(data.counts[i], np.nan_to_num(gamma[0]))
             ends.append(process_time())
-    each = (ends[-1] - ends[0]) / (fits - 1)  # the first, to all answers and from zero, is no resample
+    each = (ends[-1] - ends[0]) / (
+        fits - 1
+    )  # the first, to all answers and from zero, is no resample
     return Run(ends[0] - begin + each * (len(data.counts) - 1), gamma)
 
 
 def scipy_at_once(data: Data, fits: int) -> Run:
     """The answers as they are first, and from there all resamples in one program."""
-    begin, y, gamma = process_time(), data.answers.y, np.full((len(data.counts), data.t.shape[1]), np.nan)
+    begin, y, gamma = (
+        process_time(),
+        data.answers.y,
+        np.full((len(data.counts), data.t.shape[1]), np.nan),
+    )
     with suppress(NoFit):
-        gamma[0] = tools.scipy_minimize(data.t, y, ordered=False)(data.counts[0], np.zeros(data.t.shape[1]))
+        gamma[0] = tools.scipy_minimize(data.t, y, ordered=False)(
+            data.counts[0], np.zeros(data.t.shape[1])
+        )
         gamma[1:] = tools.scipy_all_at_once(data.t, y, data.counts[1:], gamma[0])
     return Run(process_time() - begin, gamma)
 
 
 def together(problem: Problem, data: Data, fits: int) -> Run:
-    """The project's damped Newton steps on all resamples at once, from the fit to the answers as they are."""
+    """The project's damped Newton steps on all resamples at once, from the fit to the answers as
+    they are.
+    """
     begin = process_time()
     gamma = newton(problem, data)
     return Run(process_time() - begin, gamma)
@@ -91,7 +110,9 @@ def together(problem: Problem, data: Data, fits: int) -> Run:
 
 def newton(problem: Problem, data: Data) -> Floats:
     """(m + 1, p) gaps, nan where no maximum was found."""
-    every = partial(fit, data.t, data.answers.y, precision=1.0, strength=problem.ridge, monotone=problem.ordered)
+    every = partial(
+        fit, data.t, data.answers.y, precision=1.0, strength=problem.ridge, monotone=problem.ordered
+    )
     zero = np.zeros((len(data.counts), data.t.shape[1]))
     point = every(centre=zero[:1])
     rest = every(centre=zero[1:], weights=data.counts[1:], start=point.gamma[0])
@@ -101,7 +122,9 @@ def newton(problem: Problem, data: Data) -> Floats:
 
 
 def one_by_one(make: Callable[[Data], Comparator], data: Data, fits: int) -> Run:
-    """A comparator that takes in each answer and then decides one fresh pair; the mean over all answers."""
+    """A comparator that takes in each answer and then decides one fresh pair; the mean over all
+    answers.
+    """
     comparator, n = make(data), len(data.answers)
     singles = [data.answers[i : i + 1] for i in range(n)]
     late = n - math.ceil(n / 10)
@@ -121,7 +144,9 @@ def one_by_one(make: Callable[[Data], Comparator], data: Data, fits: int) -> Run
 
 def ensemble(data: Data) -> Comparator:
     """With the tutor's own precision, which serves its prior, and the resamples' number."""
-    return BradleyTerryComparator(data.answers.k, precision=data.top, n_boot=len(data.counts) - 1, level=LEVEL)
+    return BradleyTerryComparator(
+        data.answers.k, precision=data.top, n_boot=len(data.counts) - 1, level=LEVEL
+    )
 
 
 def posterior(lapse: float, data: Data) -> Comparator:
@@ -136,25 +161,55 @@ def _loop(name: str, make: Make, fits: int | None, solves: Problem = RIDGED) -> 
 TIGHT: dict[str, Any] = {"tol": 1e-10, "max_iter": 10_000, "warm_start": True}
 CHOLESKY = TIGHT | {"solver": "newton-cholesky"}
 LIBLINEAR: dict[str, Any] = {"solver": "liblinear", "tol": 1e-6, "max_iter": 1000}
-POSTERIOR = Entry("PosteriorComparator, lapse 0", "posterior", partial(one_by_one, partial(posterior, 0.0)))
+POSTERIOR = Entry(
+    "PosteriorComparator, lapse 0", "posterior", partial(one_by_one, partial(posterior, 0.0))
+)
 ENTRIES = (
-    _loop("scikit-learn, lbfgs, default tol 1e-4", partial(tools.scikit_learn, unchecked=False), None),
+    _loop(
+        "scikit-learn, lbfgs, default tol 1e-4", partial(tools.scikit_learn, unchecked=False), None
+    ),
     _loop("scikit-learn, lbfgs, tol 1e-10, unchecked", partial(tools.scikit_learn, **TIGHT), 50),
-    _loop("scikit-learn, newton-cholesky, tol 1e-10, unchecked", partial(tools.scikit_learn, **CHOLESKY), 50),
-    _loop("scikit-learn, liblinear, tol 1e-6, unchecked", partial(tools.scikit_learn, **LIBLINEAR), 50),
+    _loop(
+        "scikit-learn, newton-cholesky, tol 1e-10, unchecked",
+        partial(tools.scikit_learn, **CHOLESKY),
+        50,
+    ),
+    _loop(
+        "scikit-learn, liblinear, tol 1e-6, unchecked", partial(tools.scikit_learn, **LIBLINEAR), 50
+    ),
     _loop("SciPy L-BFGS-B, gradient, ftol 1e-13", partial(tools.scipy_minimize, ordered=False), 50),
     _loop("SciPy trust-exact, gradient and Hessian", tools.scipy_trust_region, 50),
     Entry("SciPy L-BFGS-B, all resamples in one program", RIDGED, scipy_at_once),
-    _loop("SciPy L-BFGS-B, the same with bounds", partial(tools.scipy_minimize, ordered=True), 50, ORDERED),
+    _loop(
+        "SciPy L-BFGS-B, the same with bounds",
+        partial(tools.scipy_minimize, ordered=True),
+        50,
+        ORDERED,
+    ),
     _loop("statsmodels GLM.fit_regularized", tools.statsmodels_ridge, 10),
     _loop("statsmodels GLM with its L2 penalty, Newton", tools.statsmodels_newton, 20),
     _loop("statsmodels Logit.fit", tools.statsmodels_logit, 20, FREE),
     _loop("cvxpy + Clarabel, rebuilt each time", partial(tools.cone_rebuilt, ordered=False), 2),
     _loop("cvxpy + Clarabel, counts as a Parameter", tools.cone_parameter, 2),
-    _loop("cvxpy + Clarabel, rebuilt each time, gaps >= 0", partial(tools.cone_rebuilt, ordered=True), 2, ORDERED),
-    Entry("elicit.comparators.bradley_terry.likelihood.fit, monotone=False", RIDGED, partial(together, RIDGED)),
-    Entry("elicit.comparators.bradley_terry.likelihood.fit, monotone=True", ORDERED, partial(together, ORDERED)),
+    _loop(
+        "cvxpy + Clarabel, rebuilt each time, gaps >= 0",
+        partial(tools.cone_rebuilt, ordered=True),
+        2,
+        ORDERED,
+    ),
+    Entry(
+        "elicit.comparators.bradley_terry.likelihood.fit, monotone=False",
+        RIDGED,
+        partial(together, RIDGED),
+    ),
+    Entry(
+        "elicit.comparators.bradley_terry.likelihood.fit, monotone=True",
+        ORDERED,
+        partial(together, ORDERED),
+    ),
     Entry("BradleyTerryComparator", "own prior, gaps >= 0", partial(one_by_one, ensemble)),
     POSTERIOR,
-    Entry("PosteriorComparator, lapse 0.1", "posterior", partial(one_by_one, partial(posterior, 0.1))),
+    Entry(
+        "PosteriorComparator, lapse 0.1", "posterior", partial(one_by_one, partial(posterior, 0.1))
+    ),
 )

@@ -1,9 +1,11 @@
-"""The problem that choix and evalica are made for: one strength for each item, from wins of items over items.
+"""The problem that choix and evalica are made for: one strength for each item, from wins of items
+over items.
 
-Our tutors compare bags of levels. Where every bag holds a single level, eq. (6) is Bradley and Terry's (1952) own model
-of k items, and all libraries solve the same: maximise eq. (7) for the answers and for each resample, with no ridge, no
-order, and the first item's strength held at 0. What a resample holds is then a table of wins (k, k), and each library
-gets it in the form in which it is fastest.
+Our tutors compare bags of levels. Where every bag holds a single level, eq. (6) is Bradley and
+Terry's (1952) own model of k items, and all libraries solve the same: maximise eq. (7) for the
+answers and for each resample, with no ridge, no order, and the first item's strength held at 0.
+What a resample holds is then a table of wins (k, k), and each library gets it in the form in which
+it is fastest.
 """
 
 from __future__ import annotations
@@ -31,16 +33,16 @@ OURS = "elicit.comparators.bradley_terry.likelihood.fit"
 
 
 class Items(NamedTuple):
-    """Wins (m + 1, k, k) of items (rows) over items (columns), of all answers and of each resample; ``spread``: from
-    the least to the greatest true strength, in logits."""
+    """Wins (m + 1, k, k) of items (rows) over items (columns), of all answers and of each resample;
+    ``spread``: from the least to the greatest true strength, in logits."""
 
     wins: Floats
     spread: float
 
 
 class ItemLine(NamedTuple):
-    """Milliseconds for all fits; the greatest error, as a share of the spread; fits that are missing where there is
-    one, and those given where there is none."""
+    """Milliseconds for all fits; the greatest error, as a share of the spread; fits that are
+    missing where there is one, and those given where there is none."""
 
     name: str
     milliseconds: float
@@ -49,11 +51,15 @@ class ItemLine(NamedTuple):
     invented: int
 
 
-Method = Callable[[Items], Floats]  # to strengths (m + 1, k) up to a constant, nan where it gives none
+Method = Callable[
+    [Items], Floats
+]  # to strengths (m + 1, k) up to a constant, nan where it gives none
 
 
 def draw_items(k: int, n: int, m: int, seed: int) -> Items:
-    """n answers about pairs of k items, uniform; strengths of uniform gaps, scaled to logits of ``SPREAD``."""
+    """n answers about pairs of k items, uniform; strengths of uniform gaps, scaled to logits of
+    ``SPREAD``.
+    """
     rng = np.random.default_rng([seed, k, n])
     strengths = np.cumsum(np.concatenate([[0.0], rng.dirichlet(np.ones(k - 1))]))
     left = rng.integers(0, k, n)
@@ -73,7 +79,13 @@ def ours(items: Items) -> Floats:
     k = items.wins.shape[1]
     t = tail_sums(np.eye(k)[pairs[:, 0]] - np.eye(k)[pairs[:, 1]])
     settings: dict[str, Any] = {"precision": 1.0, "strength": 0.0, "monotone": False}
-    found = fit(t, np.ones(len(t), dtype=np.int8), centre=np.zeros((len(wins), k - 1)), weights=wins, **settings)
+    found = fit(
+        t,
+        np.ones(len(t), dtype=np.int8),
+        centre=np.zeros((len(wins), k - 1)),
+        weights=wins,
+        **settings,
+    )
     strengths = np.concatenate([np.zeros((len(wins), 1)), np.cumsum(found.gamma, axis=1)], axis=1)
     strengths[~found.converged] = np.nan
     return strengths
@@ -88,7 +100,9 @@ def scipy_lbfgs(items: Items) -> Floats:
 
         def loss(free: Floats, c: Floats = c) -> tuple[float, Floats]:
             z = x @ free
-            return float(c @ (np.log1p(np.exp(-np.abs(z))) - np.minimum(z, 0.0))), -(c * expit(-z)) @ x
+            return float(c @ (np.log1p(np.exp(-np.abs(z))) - np.minimum(z, 0.0))), -(
+                c * expit(-z)
+            ) @ x
 
         options = {"ftol": 1e-13, "gtol": 1e-6, "maxiter": 10_000}
         done = minimize(loss, start, jac=True, method="L-BFGS-B", options=options)
@@ -98,7 +112,9 @@ def scipy_lbfgs(items: Items) -> Floats:
 
 
 def choix_ilsr(items: Items) -> Floats:
-    """Maystre and Grossglauser's (2015) iterated spectral ranking on the table of wins, from the fit to the answers."""
+    """Maystre and Grossglauser's (2015) iterated spectral ranking on the table of wins, from the
+    fit to the answers.
+    """
     choix = import_module("choix")
     found = np.full(items.wins.shape[:2], np.nan)
     for i, wins in enumerate(items.wins):
@@ -127,7 +143,9 @@ def evalica_routine(items: Items) -> Floats:
     xs, ys, winners = pairs[:, 0].tolist(), pairs[:, 1].tolist(), [evalica.Winner.X] * len(pairs)
     settings = {"total": items.wins.shape[1], "win_weight": 1.0, "tie_weight": 0.5} | _LIMITS
     for i, weights in enumerate(wins):
-        found[i] = evalica._brzo.bradley_terry(xs=xs, ys=ys, winners=winners, weights=weights, **settings)[0]
+        found[i] = evalica._brzo.bradley_terry(
+            xs=xs, ys=ys, winners=winners, weights=weights, **settings
+        )[0]
     return _logs(found)
 
 
@@ -142,7 +160,9 @@ METHODS: dict[str, tuple[str, Method]] = {  # the library that it needs, and how
 
 
 def _pairs(items: Items) -> tuple[Any, Floats]:
-    """All ordered pairs of items (k (k - 1), 2), and how often the first beats the second in each resample."""
+    """All ordered pairs of items (k (k - 1), 2), and how often the first beats the second in each
+    resample.
+    """
     k = items.wins.shape[1]
     pairs = np.argwhere(~np.eye(k, dtype=np.bool_))
     return pairs, np.ascontiguousarray(items.wins[:, pairs[:, 0], pairs[:, 1]])
@@ -162,8 +182,8 @@ def missing() -> list[str]:
 
 
 def item_lines(k: int, n: int, sets: int, m: int, seed: int) -> tuple[list[ItemLine], int]:
-    """Each method on the same data sets, one after another, and how many of their fits have no finite maximum: where
-    some items never lost to the others."""
+    """Each method on the same data sets, one after another, and how many of their fits have no
+    finite maximum: where some items never lost to the others."""
     cell = [draw_items(k, n, m, seed + i) for i in range(sets)]
     ours(cell[0])  # loads what is to be loaded
     exact = [ours(items) for items in cell]
@@ -177,7 +197,9 @@ def item_lines(k: int, n: int, sets: int, m: int, seed: int) -> tuple[list[ItemL
     return lines, sum(int(np.isnan(each[:, 0]).sum()) for each in exact)
 
 
-def _line(name: str, seconds: float, found: list[Floats], exact: list[Floats], cell: list[Items]) -> ItemLine:
+def _line(
+    name: str, seconds: float, found: list[Floats], exact: list[Floats], cell: list[Items]
+) -> ItemLine:
     off, lost, invented = 0.0, 0, 0
     for one, reference, items in zip(found, exact, cell, strict=True):
         gives, has = np.isfinite(one).all(axis=1), np.isfinite(reference).all(axis=1)
@@ -188,22 +210,32 @@ def _line(name: str, seconds: float, found: list[Floats], exact: list[Floats], c
     return ItemLine(name, 1e3 * seconds, off, lost, invented)
 
 
-def item_tables(cells: dict[tuple[int, int], tuple[list[ItemLine], int]], sets: int, m: int) -> Iterator[list[str]]:
+def item_tables(
+    cells: dict[tuple[int, int], tuple[list[ItemLine], int]], sets: int, m: int
+) -> Iterator[list[str]]:
     """The section on items, as lines of Markdown."""
     left_out = [f"{name} is not installed, and its rows are left out." for name in missing()]
     known = ", ".join(f"{name} {version(name)}" for name in LIBRARIES if name not in missing())
     yield [
         "## Items: the problem of choix and evalica",
         "",
-        "These libraries fit one strength for each of k items, not gaps of a scale to differences of bags. With one "
-        f"level in each bag both are the same problem; here it has no ridge and no order. All {m + 1} fits, to the "
-        f"answers and to {m} resamples, milliseconds of processor time, mean over {sets} data set(s); at least "
-        f"{PER_ITEM} answers an item: with fewer most resamples have no finite maximum. {known}" + "." * bool(known),
+        "These libraries fit one strength for each of k items, not gaps of a scale to differences "
+        "of bags. With one "
+        "level in each bag both are the same problem; here it has no ridge and no order. All "
+        f"{m + 1} fits, to the "
+        f"answers and to {m} resamples, milliseconds of processor time, mean over {sets} data "
+        "set(s); at least "
+        f"{PER_ITEM} answers an item: with fewer most resamples have no finite maximum. {known}"
+        + "."
+        * bool(known),
         *left_out,
         "",
-        "Error: the largest difference from our fit, as a share of the range of the true strengths. A fit without a "
-        "finite maximum (some items never lost to the others) should be told, not given: *told* counts those that were "
-        "not given, nor should have been. evalica stops after its limit of iterations and says so in a number that it "
+        "Error: the largest difference from our fit, as a share of the range of the true "
+        "strengths. A fit without a "
+        "finite maximum (some items never lost to the others) should be told, not given: *told* "
+        "counts those that were "
+        "not given, nor should have been. evalica stops after its limit of iterations and says so "
+        "in a number that it "
         "returns; its scores are there all the same.",
     ]
     for (k, n), (lines, none) in cells.items():

@@ -1,6 +1,8 @@
-"""Other libraries' logistic regressions, as ``fit_cost`` runs them: refitted to one resample at a time.
+"""Other libraries' logistic regressions, as ``fit_cost`` runs them: refitted to one resample at a
+time.
 
-Each function takes the rows (n, p) and the answers (n,), sets up what all refits share, and returns the refit.
+Each function takes the rows (n, p) and the answers (n,), sets up what all refits share, and returns
+the refit.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ from elicit.model.scale import Floats
 
 cp: Any = cvxpy  # its stubs lack half of what it offers
 RIDGE = 0.1
-Refit = Callable[[Floats, Floats], Floats]  # counts (n,) and a start (p,) to gaps (p,); raises NoFit
+Refit = Callable[
+    [Floats, Floats], Floats
+]  # counts (n,) and a start (p,) to gaps (p,); raises NoFit
 Make = Callable[[Floats, Signs], Refit]
 
 
@@ -33,7 +37,9 @@ class NoFit(Exception):
 
 
 def scikit_learn(t: Floats, y: Signs, unchecked: bool = True, **settings: Any) -> Refit:
-    """Each fit from the one before it where ``warm_start`` is set; ``unchecked``: without looking at its input."""
+    """Each fit from the one before it where ``warm_start`` is set; ``unchecked``: without looking
+    at its input.
+    """
     model = LogisticRegression(C=1.0 / RIDGE, fit_intercept=False, **settings)
 
     def refit(counts: Floats, start: Floats) -> Floats:
@@ -73,7 +79,14 @@ def scipy_trust_region(t: Floats, y: Signs) -> Refit:
             s = expit(rows @ gamma)
             return (rows.T * (c * s * (1.0 - s))) @ rows + RIDGE * np.eye(len(gamma))
 
-        found = minimize(_loss(x, counts), start, jac=True, hess=hessian, method="trust-exact", options={"gtol": 1e-5})
+        found = minimize(
+            _loss(x, counts),
+            start,
+            jac=True,
+            hess=hessian,
+            method="trust-exact",
+            options={"gtol": 1e-5},
+        )
         _demand(found.success)
         return np.asarray(found.x)
 
@@ -81,21 +94,26 @@ def scipy_trust_region(t: Floats, y: Signs) -> Refit:
 
 
 def _loss(x: Floats, counts: Floats) -> Callable[[Floats], tuple[float, Floats]]:
-    """Of gaps (p,): minus eq. (7) plus the ridge, and its gradient; x (n, p) the rows times the answers."""
+    """Of gaps (p,): minus eq. (7) plus the ridge, and its gradient; x (n, p) the rows times the
+    answers.
+    """
     kept = counts > 0
     rows, c = x[kept], counts[kept]
 
     def loss(gamma: Floats) -> tuple[float, Floats]:
         z = rows @ gamma
         terms = np.log1p(np.exp(-np.abs(z))) - np.minimum(z, 0.0)  # twice as fast as logaddexp
-        return float(c @ terms + RIDGE / 2.0 * (gamma @ gamma)), RIDGE * gamma - (c * expit(-z)) @ rows
+        return float(c @ terms + RIDGE / 2.0 * (gamma @ gamma)), RIDGE * gamma - (
+            c * expit(-z)
+        ) @ rows
 
     return loss
 
 
 def scipy_all_at_once(t: Floats, y: Signs, counts: Floats, start: Floats) -> Floats:
-    """The fits (m, p) to all resamples, counts (m, n), from one start (p,): one program in m p unknowns, whose loss
-    and gradient are two matrix products. A single call instead of m, but all go on until the last is done."""
+    """The fits (m, p) to all resamples, counts (m, n), from one start (p,): one program in m p
+    unknowns, whose loss and gradient are two matrix products. A single call instead of m, but all
+    go on until the last is done."""
     x, (m, p) = t * y[:, None], (len(counts), t.shape[1])
 
     def loss(all_gammas: Floats) -> tuple[float, Floats]:
@@ -103,7 +121,9 @@ def scipy_all_at_once(t: Floats, y: Signs, counts: Floats, start: Floats) -> Flo
         z = gamma @ x.T
         terms = np.log1p(np.exp(-np.abs(z))) - np.minimum(z, 0.0)
         slope = RIDGE * gamma - (counts * expit(-z)) @ x
-        return float((counts * terms).sum() + RIDGE / 2.0 * (all_gammas @ all_gammas)), slope.ravel()
+        return float(
+            (counts * terms).sum() + RIDGE / 2.0 * (all_gammas @ all_gammas)
+        ), slope.ravel()
 
     options = {"ftol": 1e-15, "gtol": 1e-6, "maxiter": 10_000, "maxfun": 100_000, "maxcor": 20}
     found = minimize(loss, np.tile(start, m), jac=True, method="L-BFGS-B", options=options)
@@ -116,9 +136,13 @@ def statsmodels_ridge(t: Floats, y: Signs) -> Refit:
         kept = counts > 0
         with warnings.catch_warnings():
             warnings.simplefilter("error", sm.tools.sm_exceptions.ConvergenceWarning)
-            model = sm.GLM((y[kept] + 1) / 2, t[kept], family=sm.families.Binomial(), freq_weights=counts[kept])
+            model = sm.GLM(
+                (y[kept] + 1) / 2, t[kept], family=sm.families.Binomial(), freq_weights=counts[kept]
+            )
             try:  # its objective is the mean over the rows, whatever their weights
-                found = model.fit_regularized(alpha=RIDGE / kept.sum(), L1_wt=0.0, start_params=start)
+                found = model.fit_regularized(
+                    alpha=RIDGE / kept.sum(), L1_wt=0.0, start_params=start
+                )
             except sm.tools.sm_exceptions.ConvergenceWarning as error:
                 raise NoFit from error
         return np.asarray(found.params)
@@ -131,12 +155,16 @@ class _PenalizedGLM(PenalizedMixin, sm.GLM):  # type: ignore[misc]
 
 
 def statsmodels_newton(t: Floats, y: Signs) -> Refit:
-    """The ridge by the classes that its own additive models are built on, which its manual does not show."""
+    """The ridge by the classes that its own additive models are built on, which its manual does not
+    show.
+    """
 
     def refit(counts: Floats, start: Floats) -> Floats:
         kept = counts > 0
         settings = {"family": sm.families.Binomial(), "freq_weights": counts[kept]}
-        model = _PenalizedGLM((y[kept] + 1) / 2, t[kept], penal=L2(), pen_weight=RIDGE / 2, **settings)
+        model = _PenalizedGLM(
+            (y[kept] + 1) / 2, t[kept], penal=L2(), pen_weight=RIDGE / 2, **settings
+        )
         found = model.fit(method="newton", start_params=start, disp=0, trim=False)
         _demand(found.mle_retvals["converged"])
         return np.asarray(found.params)

@@ -20,7 +20,9 @@ class Data(NamedTuple):
 
     answers: Answers
     t: Floats  # (n, p) tail sums of the answers
-    counts: Floats  # (m + 1, n) how often each resample holds each answer; the first holds each once
+    counts: (
+        Floats  # (m + 1, n) how often each resample holds each answer; the first holds each once
+    )
     fresh: Floats  # (FRESH, k)
     truth: Verdicts  # (FRESH,)
     top: float  # the tutor's precision, which is the true theta_k
@@ -28,7 +30,9 @@ class Data(NamedTuple):
 
 
 def draw(k: int, n: int, m: int, seed: int) -> Data:
-    """A tutor with gaps uniform on their simplex, n answers, m resamples; all about pairs open to dominance."""
+    """A tutor with gaps uniform on their simplex, n answers, m resamples; all about pairs open to
+    dominance.
+    """
     rng = np.random.default_rng([seed, k, n])
     gaps = rng.dirichlet(np.ones(k - 1))
     d = open_pairs(k, FRESH + n, rng)
@@ -38,11 +42,15 @@ def draw(k: int, n: int, m: int, seed: int) -> Data:
     answers = Answers(d[FRESH:], tutor.signs(d[FRESH:]))
     counts = np.concatenate([np.ones((1, n)), bootstrap_weights(seed, m, n)])
     truth = np.sign(scores[:FRESH]).astype(np.int8)
-    return Data(answers, tail_sums(answers.d), counts, d[:FRESH], truth, top, tutor.realised_error_rate)
+    return Data(
+        answers, tail_sums(answers.d), counts, d[:FRESH], truth, top, tutor.realised_error_rate
+    )
 
 
 def open_pairs(k: int, n: int, rng: np.random.Generator) -> Floats:
-    """(n, k) differences of vectors uniform on their simplex, without those that the order of the levels settles."""
+    """(n, k) differences of vectors uniform on their simplex, without those that the order of the
+    levels settles.
+    """
     found: list[Floats] = []
     while sum(map(len, found)) < n:
         d = rng.dirichlet(np.ones(k), 2 * n) - rng.dirichlet(np.ones(k), 2 * n)

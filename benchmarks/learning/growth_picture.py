@@ -1,4 +1,6 @@
-"""The picture of ``growth_by_size``: seconds, questions and memory against states, levels and answers."""
+"""The picture of ``growth_by_size``: seconds, questions and memory against states, levels and
+answers.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, StrMethod
 
 from elicit.plot import styles
 
-PANELS = {  # of an axis: the measures of each row, and its label; the second of a pair has hollow markers
+# of an axis: the measures of each row, and its label; the second of a pair has hollow markers
+PANELS = {
     "states": (("seconds",), ("asked",), ("bytes",)),
     "levels": (("seconds",), ("asked",), ("bytes",)),
     "answers": (("update", "judge"), ("open",), ("bytes",)),
@@ -30,9 +33,11 @@ UNITS = {"bytes": 2**20}
 LEAST = {"bytes": 1.0, "open": 1.0}  # below which nothing is drawn
 
 
-def draw(found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]]]], out: Path) -> None:
-    """Three rows of three panels, all axes logarithmic, a line a method; ``found``: of each axis, method and size what
-    was measured. Texts stay texts in the SVG."""
+def draw(
+    found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]]]], out: Path
+) -> None:
+    """Three rows of three panels, all axes logarithmic, a line a method; ``found``: of each axis,
+    method and size what was measured. Texts stay texts in the SVG."""
     figure = Figure(figsize=(4.4 * len(found), 11), layout="constrained")
     panels = figure.subplots(3, len(found), squeeze=False)
     looks = looks_of([who for methods in found.values() for who in methods])
@@ -42,17 +47,31 @@ def draw(found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]
             panel = panels[row, column]
             for who, cells in methods.items():
                 for i, name in enumerate(measures):
-                    line = {n: np.mean(cell[name]) / UNITS.get(name, 1) for n, cell in cells.items() if name in cell}
+                    line = {
+                        n: np.mean(cell[name]) / UNITS.get(name, 1)
+                        for n, cell in cells.items()
+                        if name in cell
+                    }
                     line = {n: y for n, y in line.items() if y >= LEAST.get(name, 1e-9)}
                     fill, label = ("white", None) if i else (looks[who]["color"], who)
                     x, y = list(line), list(line.values())
-                    panel.plot(x, y, **looks[who], markerfacecolor=fill, markersize=6, linewidth=1.2, label=label)
+                    panel.plot(
+                        x,
+                        y,
+                        **looks[who],
+                        markerfacecolor=fill,
+                        markersize=6,
+                        linewidth=1.2,
+                        label=label,
+                    )
             panel.set_xscale("log")
             panel.set_yscale("log")
             panel.xaxis.set_major_locator(FixedLocator(sizes))
             panel.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
             panel.xaxis.set_minor_formatter(NullFormatter())
-            panel.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if decades(panel) < 2 else (1,)))
+            panel.yaxis.set_major_locator(
+                LogLocator(subs=(1, 2, 5) if decades(panel) < 2 else (1,))
+            )
             panel.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
             panel.yaxis.set_minor_formatter(NullFormatter())
             panel.set_xlim(sizes[0] / 1.2, sizes[-1] * 1.2)
@@ -62,7 +81,12 @@ def draw(found: Mapping[str, Mapping[str, Mapping[int, Mapping[str, list[float]]
             panel.set_axisbelow(True)
     if "answers" in found:
         panels[0, list(found).index("answers")].legend(fontsize=8, frameon=False)
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(
+        *panels[0, 0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+    )
     with mpl.rc_context({"svg.hashsalt": "qlearn", "svg.fonttype": "none"}):
         figure.savefig(out, metadata={"Date": None})
 
@@ -74,7 +98,9 @@ def decades(panel: Axes) -> float:
 
 
 def looks_of(methods: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """One colour, marker and line a method: of a comparator and of Q-learning with it the comparator's own."""
+    """One colour, marker and line a method: of a comparator and of Q-learning with it the
+    comparator's own.
+    """
     names = {who: who.removeprefix("Q-learning, ") for who in methods}
     looks = styles(names.values())
     return {who: looks[name] for who, name in names.items()}

@@ -1,4 +1,6 @@
-"""The limit that interactive learning is measured against: the same compiled loop, told what the levels are worth."""
+"""The limit that interactive learning is measured against: the same compiled loop, told what the
+levels are worth.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,24 @@ from numpy.typing import NDArray
 from elicit._support.jit import compiled
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning
-from qlearn.learners.q_learning_kernel import IDLE, LAST, NEXT, POSITION, STATE, STEP, Model, State, learn
+from qlearn.learners.q_learning_kernel import (
+    IDLE,
+    LAST,
+    NEXT,
+    POSITION,
+    STATE,
+    STEP,
+    Model,
+    State,
+    learn,
+)
 
 
 @compiled
 def advance_knowing(state: State, model: Model, e: Any, worth: Any) -> None:
-    """All steps of Q-learning on share vectors, where e (k,) is known and the worth (S, A) of each vector is kept."""
+    """All steps of Q-learning on share vectors, where e (k,) is known and the worth (S, A) of each
+    vector is kept.
+    """
     q, best, cursor = state.q, state.best, state.cursor
     k = q.shape[2]
     while cursor[STEP] < model.steps:
@@ -51,14 +65,16 @@ class Known(NamedTuple):
 
 
 class Knowing:
-    """The run that a learner has before it, by one who knows the values: from a copy of the very state that the
-    learner starts from, with the same MDP, settings and random numbers. ``learner`` must not have been asked yet;
-    ``e`` (k,) are the values, from 0 to 1."""
+    """The run that a learner has before it, by one who knows the values: from a copy of the very
+    state that the learner starts from, with the same MDP, settings and random numbers. ``learner``
+    must not have been asked yet; ``e`` (k,) are the values, from 0 to 1."""
 
     def __init__(self, learner: InteractiveQLearning, e: Floats) -> None:
         state: Any = learner.state
         if state.cursor[STEP]:
-            raise ValueError(f"the learner has done {state.cursor[STEP]} steps already: take a new one")
+            raise ValueError(
+                f"the learner has done {state.cursor[STEP]} steps already: take a new one"
+            )
         self._state, self._model = State(*(array.copy() for array in state)), learner.model
         self._e = np.array(e, dtype=np.float64)
         self._worth = first_worth(self._state, self._e)

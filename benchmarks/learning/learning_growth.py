@@ -1,4 +1,5 @@
-"""How the cost of interactive Q-learning grows, and what surrounds it: time by answers, memory, start-up, a peer.
+"""How the cost of interactive Q-learning grows, and what surrounds it: time by answers, memory,
+start-up, a peer.
 
 Like ``benchmarks.learning.learning_runs``: each function in a process of its own.
 """
@@ -21,7 +22,9 @@ from benchmarks.own_process import memory
 
 
 def per_answer(at: Setting) -> Found:
-    """Seconds to take in one answer and to judge the difference asked next, by the number of answers known."""
+    """Seconds to take in one answer and to judge the difference asked next, by the number of
+    answers known.
+    """
     mdp, values = problem(at, 0)
     ours(at, mdp, values, 0)
     _, seconds, result = ours(at, mdp, values, 0)
@@ -79,8 +82,8 @@ def speed(at: Setting) -> Found:
 
 
 def mdptoolbox(at: Setting) -> Found:
-    """Steps a second of pymdptoolbox's QLearning on the same MDP with its rewards known: Q (S, A), exploration 1 / log
-    of the step, a new start every 100 steps."""
+    """Steps a second of pymdptoolbox's QLearning on the same MDP with its rewards known: Q (S, A),
+    exploration 1 / log of the step, a new start every 100 steps."""
     try:
         from mdptoolbox.mdp import QLearning  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError as error:
@@ -89,7 +92,12 @@ def mdptoolbox(at: Setting) -> Found:
     n, m = mdp.levels.shape
     dense = mdp.transitions.toarray().reshape(n, m, n).transpose(1, 0, 2)
     np.random.seed(0)  # noqa: NPY002 (the package draws from it)
-    peer = QLearning(np.ascontiguousarray(dense), mdp.rewards(values), mdp.discount, n_iter=max(10_000, at.prefix))
+    peer = QLearning(
+        np.ascontiguousarray(dense),
+        mdp.rewards(values),
+        mdp.discount,
+        n_iter=max(10_000, at.prefix),
+    )
     start = process_time()
     peer.run()
     return {"steps": peer.max_iter, "knowing": peer.max_iter / (process_time() - start)}

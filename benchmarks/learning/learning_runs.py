@@ -1,7 +1,8 @@
-"""What ``learning_cost`` measures, function by function: each in a process of its own (``benchmarks.own_process``).
+"""What ``learning_cost`` measures, function by function: each in a process of its own
+(``benchmarks.own_process``).
 
-Seconds are CPU seconds of one thread. The first run of each kind compiles and fills caches, and does not count; those
-that count alternate between the two sides of a ratio.
+Seconds are CPU seconds of one thread. The first run of each kind compiles and fills caches, and
+does not count; those that count alternate between the two sides of a ratio.
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ Found = dict[str, Any]
 
 @dataclass(frozen=True)
 class Setting:
-    """``error``: the share of answers that the tutor flips; ``seeds``: how many problems, each with ``repeats`` timed
-    runs; ``prefix``: how much of its run a slow rival is given (steps, open comparisons or questions)."""
+    """``error``: the share of answers that the tutor flips; ``seeds``: how many problems, each with
+    ``repeats`` timed runs; ``prefix``: how much of its run a slow rival is given (steps, open
+    comparisons or questions)."""
 
     k: int = 10
     states: int = 100
@@ -82,7 +84,12 @@ def tutor(at: Setting, values: Floats, seed: int) -> TruthfulTutor | FlippingTut
 def learner(at: Setting, mdp: OrdinalMDP, seed: int) -> InteractiveQLearning:
     """A fresh learner, ready for its first question."""
     return InteractiveQLearning(
-        mdp, comparator(at), steps=at.steps, epsilon=at.epsilon, seed=seed, max_queries=at.max_queries
+        mdp,
+        comparator(at),
+        steps=at.steps,
+        epsilon=at.epsilon,
+        seed=seed,
+        max_queries=at.max_queries,
     )
 
 
@@ -113,7 +120,13 @@ def beside_knowing(at: Setting) -> Found:
             gc.collect()
             known = knowing.run()
             pairs.append((seconds, known.seconds, seconds / known.seconds, made))
-        row = dict(zip(("seconds", "knowing", "ratio", "made"), map(median, zip(*pairs[1:], strict=True)), strict=True))
+        row = dict(
+            zip(
+                ("seconds", "knowing", "ratio", "made"),
+                map(median, zip(*pairs[1:], strict=True)),
+                strict=True,
+            )
+        )
         row |= {"asked": result.asked, "compared": result.compared, "opened": opened(result)}
         row["same"] = bool((result.policy == known.policy).all())
         row["loss"] = float(policy_loss(mdp, result.policy, values).mean())
@@ -125,7 +138,9 @@ def beside_knowing(at: Setting) -> Found:
 
 
 def beside_plain(at: Setting) -> Found:
-    """Pairs of our whole run and a rival's prefix, on one problem (``benchmarks.learning.plain_q_learning``)."""
+    """Pairs of our whole run and a rival's prefix, on one problem
+    (``benchmarks.learning.plain_q_learning``).
+    """
     from benchmarks.learning import plain_q_learning as plain
 
     mdp, values = problem(at, 0)
@@ -147,7 +162,9 @@ def beside_plain(at: Setting) -> Found:
         gc.collect()
         wanted = at.prefix if i else min(at.prefix, 20)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # fits that did not converge: their time counts all the same
+            warnings.simplefilter(
+                "ignore"
+            )  # fits that did not converge: their time counts all the same
             run = plain.q_learning(
                 mdp,
                 makes[at.rival](),
@@ -160,14 +177,27 @@ def beside_plain(at: Setting) -> Found:
         whole = run.whole(at.steps, opened(result))
         theirs, here = run.seconds / max(1, len(run.asked)), seconds / max(1, result.asked)
         judged = 1e6 * run.judging / max(1, run.opened)
-        pairs.append((seconds, whole, whole / seconds, run.seconds, judged, theirs, here, theirs / here))
-    names = ("seconds", "whole", "ratio", "prefix seconds", "us open", "a question", "ours a question", "ratio asked")
+        pairs.append(
+            (seconds, whole, whole / seconds, run.seconds, judged, theirs, here, theirs / here)
+        )
+    names = (
+        "seconds",
+        "whole",
+        "ratio",
+        "prefix seconds",
+        "us open",
+        "a question",
+        "ours a question",
+        "ratio asked",
+    )
     found: Found = dict(zip(names, map(median, zip(*pairs[1:], strict=True)), strict=True))
     found |= {"asked": result.asked, "opened": opened(result), "compared": result.compared}
     found |= {"their steps": run.steps, "their opened": run.opened, "their asked": len(run.asked)}
     asked = np.array(run.asked).reshape(-1, at.k)
     found["same questions"] = bool(np.array_equal(asked, result.answers.d[: len(asked)]))
-    found["same policy"] = bool((run.best == result.policy).all()) if run.steps == at.steps else None
+    found["same policy"] = (
+        bool((run.best == result.policy).all()) if run.steps == at.steps else None
+    )
     if at.rival in ("box", "ensemble") and result.asked:
         found["a step"] = (run.seconds - run.judging) / run.steps
         found |= whole_bootstrap(at, mdp, values, found["a step"])
@@ -175,8 +205,8 @@ def beside_plain(at: Setting) -> Found:
 
 
 def whole_bootstrap(at: Setting, mdp: OrdinalMDP, values: Floats, step: float) -> Found:
-    """Pairs of our whole run and what the bootstrap would take for one with our questions, at ``step`` seconds a step
-    beside its fits and decisions."""
+    """Pairs of our whole run and what the bootstrap would take for one with our questions, at
+    ``step`` seconds a step beside its fits and decisions."""
     pairs = []
     for _ in range(at.repeats):
         _, seconds, result = ours(at, mdp, values, 0)
@@ -188,8 +218,8 @@ def whole_bootstrap(at: Setting, mdp: OrdinalMDP, values: Floats, step: float) -
 
 
 def fits(at: Setting, result: Result) -> tuple[float, float, list[int]]:
-    """Seconds of the bootstrap's fits after an answer, and of a decision then, and the numbers of answers at which,
-    spread evenly over our run's."""
+    """Seconds of the bootstrap's fits after an answer, and of a decision then, and the numbers of
+    answers at which, spread evenly over our run's."""
     from benchmarks.comparing.recorded_streams import unit
     from benchmarks.learning import plain_q_learning as plain
 

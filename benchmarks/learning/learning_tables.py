@@ -1,4 +1,6 @@
-"""The tables of ``learning_cost``: ratios with their limits, what the runs were like, and the notes."""
+"""The tables of ``learning_cost``: ratios with their limits, what the runs were like, and the
+notes.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,9 @@ class Limit(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A line of the table of ratios. ``ours`` and ``theirs`` are as they shall be printed; ``spread``: least and
-    greatest ratio over the problems; ratio None: nothing was measured, and the remark says why."""
+    """A line of the table of ratios. ``ours`` and ``theirs`` are as they shall be printed;
+    ``spread``: least and greatest ratio over the problems; ratio None: nothing was measured, and
+    the remark says why."""
 
     what: str
     against: str
@@ -66,21 +69,56 @@ def render(parts: list[Part], about: list[str]) -> list[str]:
     if rows:
         lines += ["", "## Ratios", "", *markdown(RATIOS, [cells(row) for row in rows], 2)]
     if kinds:
-        lines += ["", "## What the runs were like", "", *markdown(KINDS, [described(kind) for kind in kinds], 1)]
+        lines += [
+            "",
+            "## What the runs were like",
+            "",
+            *markdown(KINDS, [described(kind) for kind in kinds], 1),
+        ]
     for part in parts:
         if isinstance(part, Text):
             lines += ["", *part.lines]
     return lines
 
 
-RATIOS = ("measured", "beside", "ours", "theirs", "ratio", "over the problems", "limit", "kept", "remark")
-KINDS = ("run", "made in", "questions", "comparisons", "open", "guessed", "loss", "loss, knowing", "same policy")
+RATIOS = (
+    "measured",
+    "beside",
+    "ours",
+    "theirs",
+    "ratio",
+    "over the problems",
+    "limit",
+    "kept",
+    "remark",
+)
+KINDS = (
+    "run",
+    "made in",
+    "questions",
+    "comparisons",
+    "open",
+    "guessed",
+    "loss",
+    "loss, knowing",
+    "same policy",
+)
 
 
 def cells(row: Row) -> list[str]:
     """A row of the table of ratios."""
     if row.ratio is None:
-        return [row.what, row.against, row.ours, row.theirs, "", "", str(row.limit or ""), "", row.remark]
+        return [
+            row.what,
+            row.against,
+            row.ours,
+            row.theirs,
+            "",
+            "",
+            str(row.limit or ""),
+            "",
+            row.remark,
+        ]
     spread = f"{number(row.spread[0])}-{number(row.spread[1])}" if row.spread else ""
     kept = "" if row.limit is None else "yes" if row.limit.kept(row.ratio) else "NO"
     measured = [number(row.ratio), spread, str(row.limit or ""), kept]
@@ -90,7 +128,14 @@ def cells(row: Row) -> list[str]:
 def described(kind: Kind) -> list[str]:
     """A row of the table of runs."""
     counts = [f"{n:,.0f}" for n in (kind.asked, kind.compared, kind.opened, kind.guessed)]
-    return [kind.what, kind.made, *counts, f"{kind.loss:.5f}", f"{kind.loss_knowing:.5f}", kind.same]
+    return [
+        kind.what,
+        kind.made,
+        *counts,
+        f"{kind.loss:.5f}",
+        f"{kind.loss_knowing:.5f}",
+        kind.same,
+    ]
 
 
 def number(x: float) -> str:
@@ -109,20 +154,32 @@ def took(seconds: float) -> str:
 def about(steps: int, states: int, actions: int, seeds: int, repeats: int) -> list[str]:
     """What was measured, and how to read it."""
     return [
-        f"Unless said otherwise: {steps:,} steps of Q-learning on random MDPs of {states} states and {actions} "
-        f"actions, discount .95, exploration .1, and {seeds} problems. CPU seconds of one thread. The two sides of a "
-        f"ratio alternate; {repeats} pairs count (of rivals at most 3; of the Python loop with HiGHS, of ensemble and "
-        "of box 1), after a first run that does not. The ratio is the median over these pairs, then over the problems. "
-        'Only the loop is timed, answers included, not the making of the problem and of the learner ("made in").',
+        f"Unless said otherwise: {steps:,} steps of Q-learning on random MDPs of {states} states "
+        f"and {actions} "
+        f"actions, discount .95, exploration .1, and {seeds} problems. CPU seconds of one thread. "
+        "The two sides of a "
+        f"ratio alternate; {repeats} pairs count (of rivals at most 3; of the Python loop with "
+        "HiGHS, of ensemble and "
+        "of box 1), after a first run that does not. The ratio is the median over these pairs, "
+        "then over the problems. "
+        "Only the loop is timed, answers included, not the making of the problem and of the "
+        'learner ("made in").',
         "",
-        "The loop that knows the values (`benchmarks/learning/known_values.py`) makes the same steps on the same share "
-        "vectors with the same random numbers, from a copy of the learner's first state, and compares two numbers "
-        'where the learner compares two vectors. "Open": comparisons left by equality and dominance. Loss: the share '
+        "The loop that knows the values (`benchmarks/learning/known_values.py`) makes the same "
+        "steps on the same share "
+        "vectors with the same random numbers, from a copy of the learner's first state, and "
+        "compares two numbers "
+        'where the learner compares two vectors. "Open": comparisons left by equality and '
+        "dominance. Loss: the share "
         "of the value range that the policy loses, mean over the states.",
         "",
-        "The rivals (`benchmarks/learning/plain_q_learning.py`) are Python loops over NumPy arrays with the same "
-        "random numbers, drawn beforehand and not timed. Where they run only the beginning, the remark says how much "
-        "of it, and the rest is extrapolated: steps at the mean cost of a step, open comparisons at the mean cost of "
-        "an open comparison so far, times their numbers in our whole run. Programs grow and fits get longer with the "
+        "The rivals (`benchmarks/learning/plain_q_learning.py`) are Python loops over NumPy arrays "
+        "with the same "
+        "random numbers, drawn beforehand and not timed. Where they run only the beginning, the "
+        "remark says how much "
+        "of it, and the rest is extrapolated: steps at the mean cost of a step, open comparisons "
+        "at the mean cost of "
+        "an open comparison so far, times their numbers in our whole run. Programs grow and fits "
+        "get longer with the "
         "answers, which these estimates leave out, in favour of the rival.",
     ]

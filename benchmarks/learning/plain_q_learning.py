@@ -1,10 +1,12 @@
-"""Interactive Q-learning as one would first write it, with the usual solvers: what the compiled learner stands beside.
+"""Interactive Q-learning as one would first write it, with the usual solvers: what the compiled
+learner stands beside.
 
-Algorithm 1 is a Python loop over NumPy arrays; of Algorithm 2 it knows dominance (eq. 4), a judge for what dominance
-leaves open, and the tutor for what the judge leaves open. Three judges: cvxpy programs stated anew for each comparison
-(``Rebuilt``), one hot solver (``lp_methods.Careful``), and scikit-learn fits to bootstrap resamples
-(``Bootstrap``). The random numbers are those of the learners, drawn beforehand, so that a run can be compared
-with theirs question for question and costs no more than with any other generator.
+Algorithm 1 is a Python loop over NumPy arrays; of Algorithm 2 it knows dominance (eq. 4), a judge
+for what dominance leaves open, and the tutor for what the judge leaves open. Three judges: cvxpy
+programs stated anew for each comparison (``Rebuilt``), one hot solver (``lp_methods.Careful``), and
+scikit-learn fits to bootstrap resamples (``Bootstrap``). The random numbers are those of the
+learners, drawn beforehand, so that a run can be compared with theirs question for question and
+costs no more than with any other generator.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ from qlearn.learners.q_learning import rescaled_linear_rate
 from qlearn.learners.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
 
 RESAMPLES, LEVEL, RIDGE = 100, 0.95, 0.1
-FEW = 10  # answers up to which everything open is asked: the resamples of one answer all agree, and would ask no more
+# answers up to which everything open is asked: the resamples of one answer all agree, and would ask
+# no more
+FEW = 10
 MARGIN = 1e-6
 OPEN = int(Verdict.UNKNOWN)
 BETTER = int(Verdict.BETTER)
@@ -52,8 +56,9 @@ class Tutor(Protocol):
 
 @dataclass
 class Run:
-    """Where a run stands. ``judging``: CPU seconds spent on what dominance left open, answers included; ``seconds``:
-    all; ``opened``: how many comparisons that were; ``asked``: the differences (k,) put to the tutor."""
+    """Where a run stands. ``judging``: CPU seconds spent on what dominance left open, answers
+    included; ``seconds``: all; ``opened``: how many comparisons that were; ``asked``: the
+    differences (k,) put to the tutor."""
 
     best: NDArray[np.int64]
     q: Floats
@@ -66,25 +71,40 @@ class Run:
     seconds: float = 0.0
 
     def whole(self, steps: int, opened: int) -> float:
-        """Seconds of a run of so many steps with so many open comparisons, each as dear as here on average."""
-        return (self.seconds - self.judging) * steps / self.steps + self.judging * opened / max(1, self.opened)
+        """Seconds of a run of so many steps with so many open comparisons, each as dear as here on
+        average.
+        """
+        return (self.seconds - self.judging) * steps / self.steps + self.judging * opened / max(
+            1, self.opened
+        )
 
 
 class World:
-    """The simulator: exploration by step, transitions by (state, action, visit). All actions admissible, no ends."""
+    """The simulator: exploration by step, transitions by (state, action, visit). All actions
+    admissible, no ends.
+    """
 
     def __init__(self, mdp: OrdinalMDP, key: int, steps: int, epsilon: float) -> None:
         if mdp.terminal.any() or not mdp.admissible.all():
-            raise ValueError("the plain loop knows no terminal states and no inadmissible actions: use random_mdp")
+            raise ValueError(
+                "the plain loop knows no terminal states and no inadmissible actions: use "
+                "random_mdp"
+            )
         self.n_states, self.n_actions, self._mdp, self._key = mdp.n_states, mdp.n_actions, mdp, key
         step = np.arange(steps)
         self.explores = (uniform(fold(key, EXPLORE, step)) < epsilon).tolist()
         self.drawn = (uniform(fold(key, ACTION, step)) * mdp.n_actions).astype(int).tolist()
-        self.first_best = (uniform(fold(key, FIRST_BEST, np.arange(mdp.n_states))) * mdp.n_actions).astype(np.int64)
+        self.first_best = (
+            uniform(fold(key, FIRST_BEST, np.arange(mdp.n_states))) * mdp.n_actions
+        ).astype(np.int64)
         u = float(uniform(fold(key, RESTART, 0)))
         self.start = int(np.searchsorted(np.cumsum(mdp.initial), u, side="right"))
         self._cumulative = np.cumsum(mdp.probabilities, axis=2)
-        self._next = {(s, a): self._draw(s, a, 0, 64) for s in range(mdp.n_states) for a in range(mdp.n_actions)}
+        self._next = {
+            (s, a): self._draw(s, a, 0, 64)
+            for s in range(mdp.n_states)
+            for a in range(mdp.n_actions)
+        }
 
     def successor(self, s: int, a: int, visit: int) -> int:
         """Where action a leads from s, when it was taken so often before."""
@@ -111,10 +131,14 @@ def q_learning(
     key: int,
     enough: Callable[[Run], bool] = lambda run: False,
 ) -> Run:
-    """Algorithm 1, all mass on the worst level at first, until ``enough`` says so, after a step. Building the
-    simulator is not timed."""
+    """Algorithm 1, all mass on the worst level at first, until ``enough`` says so, after a step.
+    Building the simulator is not timed."""
     world = World(mdp, key, steps, epsilon)
-    gamma, rates, levels = mdp.discount, rescaled_linear_rate(mdp.discount)(np.arange(steps)).tolist(), mdp.levels
+    gamma, rates, levels = (
+        mdp.discount,
+        rescaled_linear_rate(mdp.discount)(np.arange(steps)).tolist(),
+        mdp.levels,
+    )
     run = Run(world.first_best.copy(), np.zeros((mdp.n_states, mdp.n_actions, mdp.k)))
     run.q[:, :, 0] = 1.0
     q, best, every = run.q, run.best, list(range(world.n_actions))
@@ -135,8 +159,12 @@ def q_learning(
     return run
 
 
-def tournament(q: Floats, best: int, challengers: list[int], judge: Judge, tutor: Tutor, run: Run) -> int:
-    """The best action of a state with vectors q (A, k): each challenger meets the best so far (Algorithm 2)."""
+def tournament(
+    q: Floats, best: int, challengers: list[int], judge: Judge, tutor: Tutor, run: Run
+) -> int:
+    """The best action of a state with vectors q (A, k): each challenger meets the best so far
+    (Algorithm 2).
+    """
     d, t, verdicts = screened(q, best, challengers)
     for i, challenger in enumerate(challengers):
         if challenger == best:
@@ -152,7 +180,9 @@ def tournament(q: Floats, best: int, challengers: list[int], judge: Judge, tutor
 
 
 def screened(q: Floats, best: int, challengers: list[int]) -> tuple[Floats, Floats, list[int]]:
-    """All challengers against the best so far at once: differences, tail sums, and verdicts by dominance."""
+    """All challengers against the best so far at once: differences, tail sums, and verdicts by
+    dominance.
+    """
     d = q[challengers] - q[best]
     t = tail_sums(d)
     return d, t, dominance(t).tolist()
@@ -190,16 +220,19 @@ class Careful(methods.Careful):
 
 
 class Bootstrap:
-    """Section 3.2: a logistic regression (eq. 7, with a ridge) to each of m resamples of the answers, all anew after
-    every answer. "box": the extremes of d.theta over a percentile interval for each theta_i, as in the paper;
-    "ensemble": the percentiles of d.theta. Up to ``FEW`` answers they decide nothing."""
+    """Section 3.2: a logistic regression (eq. 7, with a ridge) to each of m resamples of the
+    answers, all anew after every answer. "box": the extremes of d.theta over a percentile interval
+    for each theta_i, as in the paper; "ensemble": the percentiles of d.theta. Up to ``FEW`` answers
+    they decide nothing."""
 
     def __init__(self, k: int, region: Literal["box", "ensemble"], seed: int = 0) -> None:
         from sklearn.linear_model import LogisticRegression  # type: ignore[import-untyped, unused-ignore]
 
         self.region, self.rng = region, np.random.default_rng(seed)
         self.t, self.y = np.empty((0, k - 1)), np.empty(0, dtype=np.int8)
-        self.gamma = np.empty((0, k - 1))  # what each fit says each step of the scale is worth, in logits
+        self.gamma = np.empty(
+            (0, k - 1)
+        )  # what each fit says each step of the scale is worth, in logits
         self.model = LogisticRegression(C=1.0 / RIDGE, fit_intercept=False)
 
     def learn(self, answers: Answers) -> None:
@@ -215,10 +248,14 @@ class Bootstrap:
     def refit(self) -> None:
         n = len(self.y)
         drawn = [self.rng.integers(n, size=n) for _ in range(RESAMPLES if n else 0)]
-        self.gamma = np.array([self.fit(self.t[rows], self.y[rows]) for rows in drawn]).reshape(-1, self.t.shape[1])
+        self.gamma = np.array([self.fit(self.t[rows], self.y[rows]) for rows in drawn]).reshape(
+            -1, self.t.shape[1]
+        )
 
     def fit(self, t: Floats, y: NDArray[np.int8]) -> Floats:
-        """Each answer both ways round, at half the weight: scikit-learn wants answers of both kinds."""
+        """Each answer both ways round, at half the weight: scikit-learn wants answers of both
+        kinds.
+        """
         rows, kinds = np.concatenate([t, -t]), np.concatenate([y, -y])
         return np.array(self.model.fit(rows, kinds, sample_weight=np.full(len(rows), 0.5)).coef_[0])
 
@@ -231,5 +268,8 @@ class Bootstrap:
         else:
             theta = np.quantile(np.cumsum(self.gamma, axis=1), ends, axis=0)  # theta_1 = 0
             d = methods.shares(t)[1:]
-            low, high = np.minimum(d * theta[0], d * theta[1]).sum(), np.maximum(d * theta[0], d * theta[1]).sum()
+            low, high = (
+                np.minimum(d * theta[0], d * theta[1]).sum(),
+                np.maximum(d * theta[0], d * theta[1]).sum(),
+            )
         return int(low > 0) - int(high < 0) if low > 0 or high < 0 else OPEN

@@ -1,5 +1,6 @@
-"""Who solves an MDP whose values are known, a problem k times smaller than ours: other packages, each by its own
-fastest settings, and ours. What each takes beforehand, its own form of the tables, is not counted."""
+"""Who solves an MDP whose values are known, a problem k times smaller than ours: other packages,
+each by its own fastest settings, and ours. What each takes beforehand, its own form of the tables,
+is not counted."""
 
 from __future__ import annotations
 
@@ -20,7 +21,9 @@ from qlearn.mdp.warm_planning import nearly_optimal
 
 
 class Solved(NamedTuple):
-    """A policy (S,), sweeps or policies that it took (None: it does not say), and the CPU seconds of solving alone."""
+    """A policy (S,), sweeps or policies that it took (None: it does not say), and the CPU seconds
+    of solving alone.
+    """
 
     policy: NDArray[np.int64]
     sweeps: int | None
@@ -28,8 +31,8 @@ class Solved(NamedTuple):
 
 
 class Solver(NamedTuple):
-    """``solve(mdp, values (k,), tolerance)``: a policy within ``tolerance``, a share of the value range, by the
-    package's own rule; ``needs``: the module that must be installed."""
+    """``solve(mdp, values (k,), tolerance)``: a policy within ``tolerance``, a share of the value
+    range, by the package's own rule; ``needs``: the module that must be installed."""
 
     solve: Callable[[OrdinalMDP, Floats, float], Solved]
     needs: str | None = None
@@ -41,8 +44,8 @@ class Solver(NamedTuple):
 
 
 def ours(mdp: OrdinalMDP, values: Floats, tolerance: float) -> Solved:
-    """Modified policy iteration that stops on the span of a change (``qlearn.mdp.warm_planning``), from a cold
-    start."""
+    """Modified policy iteration that stops on the span of a change (``qlearn.mdp.warm_planning``),
+    from a cold start."""
     gain, ends = rewarded(mdp, mdp.normalise(values))
     start = process_time()
     policy = nearly_optimal(mdp, gain, ends, np.full(mdp.n_states, 0.5), tolerance)[1]
@@ -59,23 +62,31 @@ def quantecon(method: str, **settings: Any) -> Solver:
         rewards = rewarded(mdp, mdp.normalise(values))[0].ravel()
         problem = DiscreteDP(rewards, _matrix(mdp), mdp.discount, s, a)
         start = process_time()
-        solved = problem.solve(method=method, max_iter=100_000, **({"epsilon": tolerance} | settings))
+        solved = problem.solve(
+            method=method, max_iter=100_000, **({"epsilon": tolerance} | settings)
+        )
         return Solved(solved.sigma.astype(np.int64), solved.num_iter, process_time() - start)
 
     return Solver(solve, "quantecon")
 
 
 def mdptoolbox(method: str, **settings: Any) -> Solver:
-    """pymdptoolbox, without its check of the input, which makes dense tables, and without its estimate of the number of
-    sweeps, which takes far longer than these. Its value iteration stops on the span too."""
+    """pymdptoolbox, without its check of the input, which makes dense tables, and without its
+    estimate of the number of sweeps, which takes far longer than these. Its value iteration stops
+    on the span too."""
 
     def solve(mdp: OrdinalMDP, values: Floats, tolerance: float) -> Solved:
         from mdptoolbox import mdp as toolbox  # type: ignore[import-not-found, unused-ignore]
 
         with _unchecked(toolbox):
-            each = [_matrix(mdp)[np.arange(mdp.n_states) * mdp.n_actions + a] for a in range(mdp.n_actions)]
+            each = [
+                _matrix(mdp)[np.arange(mdp.n_states) * mdp.n_actions + a]
+                for a in range(mdp.n_actions)
+            ]
             rewards = rewarded(mdp, mdp.normalise(values))[0]
-            problem = getattr(toolbox, method)(each, rewards, mdp.discount, epsilon=tolerance, **settings)
+            problem = getattr(toolbox, method)(
+                each, rewards, mdp.discount, epsilon=tolerance, **settings
+            )
             start = process_time()
             problem.run()
         return Solved(np.array(problem.policy), problem.iter, process_time() - start)
@@ -96,7 +107,12 @@ def mdpsolver(**settings: Any) -> Solver:
         )
         model = package.model()
         rewards = rewarded(mdp, mdp.normalise(values))[0].tolist()
-        model.mdp(discount=mdp.discount, rewards=rewards, tranMatProbs=probabilities, tranMatColumns=columns)
+        model.mdp(
+            discount=mdp.discount,
+            rewards=rewards,
+            tranMatProbs=probabilities,
+            tranMatColumns=columns,
+        )
         start = process_time()
         model.solve(tolerance=tolerance, parallel=False, **settings)
         return Solved(np.array(model.getPolicy()), None, process_time() - start)
@@ -134,5 +150,5 @@ SOLVERS: dict[str, Solver] = {
     "MDPSolver, value iteration": mdpsolver(algorithm="vi"),
     "MDPSolver, modified policy iteration": mdpsolver(algorithm="mpi"),
 }
-"""Each by the settings that were fastest on random MDPs: of QuantEcon 5 sweeps of a policy in place of 20; of MDPSolver
-plain updates in place of Gauss-Seidel."""
+"""Each by the settings that were fastest on random MDPs: of QuantEcon 5 sweeps of a policy in place
+of 20; of MDPSolver plain updates in place of Gauss-Seidel."""

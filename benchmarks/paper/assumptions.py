@@ -1,7 +1,11 @@
-"""What the paper does not state, one choice at a time: how much each moves the questions and losses of its comparator.
+"""What the paper does not state, one choice at a time: how much each moves the questions and losses
+of its comparator.
 
-python -m benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md   an hour on a core
-python -m benchmarks.paper.assumptions --quick                                            seconds; rough figures
+python -m benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md
+an hour on a core
+python -m benchmarks.paper.assumptions --quick                                            seconds;
+                                                                                          rough
+                                                                                          figures
 """
 
 from __future__ import annotations
@@ -10,7 +14,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from benchmarks.paper.paired_runs import DEFAULT, Choice, Size, answer, cells_of, measure_all, parser_of, save_quoted
+from benchmarks.paper.paired_runs import (
+    DEFAULT,
+    Choice,
+    Size,
+    answer,
+    cells_of,
+    measure_all,
+    parser_of,
+    save_quoted,
+)
 from elicit.model.scale import Floats
 
 COLUMNS = {  # measures: what heads them, and how many digits they are given with
@@ -39,10 +52,10 @@ Written by `python -m benchmarks.paper.assumptions --steps {steps} --seeds {seed
 - **excess loss**: true policy loss beyond that oracle's; **oracle's loss**: its own; in percent of the value range.
 - **errors realised**: wrong answers in percent of the answers given (empty where the tutor never errs, or where nothing
   was asked in some run).
-"""
+"""  # noqa: E501
 MORE = """\
 ; where these do not tell whether more is asked it has {most}, and is held to all of them (a second look,
-so that such intervals miss a little more often than one in twenty)"""
+so that such intervals miss a little more often than one in twenty)"""  # noqa: E501
 ETA = """\
 ## Eta, the least difference of two neighbouring levels
 
@@ -50,7 +63,7 @@ The comparator of section 3.1 (the polytope K_t) with a tutor who never errs, {s
 default, the others give the difference from it. Hidden values are distinct integers of 0 to 99, so that no gap
 is below 1/99 = .0101 of the range: a greater eta may exclude the truth, and answers that then fit no scale of K_t
 settle their own pair only. The Bradley-Terry comparator knows no eta: its fits allow levels that are worth the same.
-"""
+"""  # noqa: E501
 
 
 def choices(base: Choice = DEFAULT) -> dict[str, Choice]:
@@ -92,7 +105,9 @@ def etas() -> dict[str, Choice]:
     def with_eta(margin: float) -> Choice:
         return Choice("polytope", {"margin": margin}, error_rate=0.0)
 
-    return {"eta 1e-6": with_eta(1e-6)} | {f"eta {eta:g}": with_eta(eta) for eta in (0.0, 0.001, 0.01, 0.02, 0.05)}
+    return {"eta 1e-6": with_eta(1e-6)} | {
+        f"eta {eta:g}": with_eta(eta) for eta in (0.0, 0.001, 0.01, 0.02, 0.05)
+    }
 
 
 def table(found: Mapping[str, Mapping[str, Floats]]) -> list[str]:
@@ -105,20 +120,36 @@ def table(found: Mapping[str, Mapping[str, Floats]]) -> list[str]:
         measured = base if columns is None else columns
         cells = cells_of(measured, None if columns is None else base, COLUMNS)
         told = "" if columns is None else _asks(columns, base)
-        lines.append(f"| {' | '.join([name, str(len(measured['formula'])), cells[0], told, *cells[1:]])} |")
+        lines.append(
+            f"| {' | '.join([name, str(len(measured['formula'])), cells[0], told, *cells[1:]])} |"
+        )
     return lines
 
 
 def _asks(found: Mapping[str, Floats], base: Mapping[str, Floats]) -> str:
     before = base["asked_of_all"]
-    return answer(found["asked_of_all"] - before[: len(found["asked_of_all"])], MATTERS * float(before.mean()))
+    return answer(
+        found["asked_of_all"] - before[: len(found["asked_of_all"])], MATTERS * float(before.mean())
+    )
 
 
-def box_table(size: Size, seeds: int, most: int, measured: Callable[..., list[dict[str, Floats]]]) -> list[str]:
-    """The table of the box: ``seeds`` of each choice, and ``most`` of those that these do not tell."""
+def box_table(
+    size: Size, seeds: int, most: int, measured: Callable[..., list[dict[str, Floats]]]
+) -> list[str]:
+    """The table of the box: ``seeds`` of each choice, and ``most`` of those that these do not
+    tell.
+    """
     wanted = choices()
-    found = dict(zip(wanted, measured(list(wanted.values()), [range(seeds)] * len(wanted), size), strict=True))
-    untold = [name for name in wanted if name != "default" and _asks(found[name], found["default"]) == "not told"]
+    found = dict(
+        zip(
+            wanted, measured(list(wanted.values()), [range(seeds)] * len(wanted), size), strict=True
+        )
+    )
+    untold = [
+        name
+        for name in wanted
+        if name != "default" and _asks(found[name], found["default"]) == "not told"
+    ]
     if untold and most > seeds:
         again = ["default", *untold]
         more = measured([wanted[name] for name in again], [range(most)] * len(again), size)
@@ -129,22 +160,37 @@ def box_table(size: Size, seeds: int, most: int, measured: Callable[..., list[di
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
     parser = parser_of("benchmarks.paper.assumptions", __doc__ or "")
-    parser.add_argument("--steps", type=int, default=100_000, help="steps of Q-learning (default: the paper's 1e5)")
+    parser.add_argument(
+        "--steps", type=int, default=100_000, help="steps of Q-learning (default: the paper's 1e5)"
+    )
     parser.add_argument("--seeds", type=int, default=4, help="number of seeds (default: 4)")
-    parser.add_argument("--most", type=int, default=20, help="of choices that these do not tell (default: 20)")
+    parser.add_argument(
+        "--most", type=int, default=20, help="of choices that these do not tell (default: 20)"
+    )
     chosen = parser.parse_args(arguments)
     size = (12, 4, 300) if chosen.quick else (100, 10, chosen.steps)
     seeds, most = (2, 3) if chosen.quick else (chosen.seeds, chosen.most)
 
-    def measured(wanted: Sequence[Choice], of: Sequence[range], size: Size) -> list[dict[str, Floats]]:
+    def measured(
+        wanted: Sequence[Choice], of: Sequence[range], size: Size
+    ) -> list[dict[str, Floats]]:
         return measure_all(wanted, of, size, chosen.journal, chosen.jobs)
 
     states, levels, steps = size
     more = MORE.format(most=most) if most > seeds else ""
     head = HEAD.format(states=states, levels=levels, steps=steps, seeds=seeds, most=most, more=more)
     wanted = etas()
-    polytope = dict(zip(wanted, measured(list(wanted.values()), [range(most)] * len(wanted), size), strict=True))
-    lines = [head, *box_table(size, seeds, most, measured), "", ETA.format(seeds=most), *table(polytope), ""]
+    polytope = dict(
+        zip(wanted, measured(list(wanted.values()), [range(most)] * len(wanted), size), strict=True)
+    )
+    lines = [
+        head,
+        *box_table(size, seeds, most, measured),
+        "",
+        ETA.format(seeds=most),
+        *table(polytope),
+        "",
+    ]
     print("\n".join(lines))
     save_quoted(lines, chosen.out, most)
 

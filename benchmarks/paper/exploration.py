@@ -1,6 +1,8 @@
-"""What each way of exploring leads to: policy loss of Q-learning with a tutor who is always asked and never errs.
+"""What each way of exploring leads to: policy loss of Q-learning with a tutor who is always asked
+and never errs.
 
-python -m benchmarks.paper.exploration --out docs/exploration.md       about five minutes on one core
+python -m benchmarks.paper.exploration --out docs/exploration.md       about five minutes on one
+core
 python -m benchmarks.paper.exploration --quick                         seconds; rough figures
 """
 
@@ -50,12 +52,14 @@ are many steps apart, uniform exploration loses less.
 - **questions**: what the polytope asks in the same runs. Its policies were those of always asking in every one, as they
   must be (but for the start at zero, whose early questions are ill-posed). Not measured where it takes long (in
   deep-sea-treasure slowly learned near ties are asked about ever more finely: there an indifference belongs).
-"""
+"""  # noqa: E501
 
 
-def measure(problem: Problem, choice: Exploration, steps: int, seed: int, ask: bool) -> tuple[float, float, float]:
-    """Loss over the states, loss at the start (both in percent of the value range), and the polytope's questions, nan
-    unless ``ask``.
+def measure(
+    problem: Problem, choice: Exploration, steps: int, seed: int, ask: bool
+) -> tuple[float, float, float]:
+    """Loss over the states, loss at the start (both in percent of the value range), and the
+    polytope's questions, nan unless ``ask``.
 
     Raises RuntimeError should the polytope's policy differ from that of always asking.
     """
@@ -78,7 +82,12 @@ def measure(problem: Problem, choice: Exploration, steps: int, seed: int, ask: b
 def section(title: str, problem: Problem, steps: int, seeds: int, ask: bool) -> list[str]:
     """A table of one problem, a line a choice, in the order of their losses."""
     found = {name: _over(problem, choice, steps, seeds, ask) for name, choice in CHOICES.items()}
-    lines = [f"## {title}", "", "| exploration | loss | at the start | questions |", "|---|---|---|---|"]
+    lines = [
+        f"## {title}",
+        "",
+        "| exploration | loss | at the start | questions |",
+        "|---|---|---|---|",
+    ]
     for name in sorted(found, key=lambda name: found[name][:, 0].mean()):
         loss, start, asked = found[name].T
         lines.append(f"| {name} | {_shown(loss, 2)} | {_shown(start, 2)} | {_shown(asked, 0)} |")
@@ -94,7 +103,9 @@ def _shown(x: Floats, digits: int) -> str:
 
 
 def _random(states: int, k: int) -> tuple[str, Problem]:
-    return f"Random MDP, {states} states, 5 actions, {k} levels", lambda seed: random_mdp(states, 5, k, seed=seed)
+    return f"Random MDP, {states} states, 5 actions, {k} levels", lambda seed: random_mdp(
+        states, 5, k, seed=seed
+    )
 
 
 def _named(title: str, problem: str) -> tuple[str, Problem]:

@@ -1,12 +1,17 @@
-"""The paper's algorithm read literally, beside our default, and each thing that the reading leaves out put back.
+"""The paper's algorithm read literally, beside our default, and each thing that the reading leaves
+out put back.
 
-python -m benchmarks.paper.literal --journal results/literal.jsonl --out docs/literal.md        an hour on one core
-python -m benchmarks.paper.literal --quick                                                seconds; rough figures
+python -m benchmarks.paper.literal --journal results/literal.jsonl --out docs/literal.md        an
+hour on one core
+python -m benchmarks.paper.literal --quick                                                seconds;
+                                                                                          rough
+                                                                                          figures
 
-What the paper's algorithms give, and nothing more (``LITERAL``): the two vectors are put to the fit whether or not
-one dominates the other, for Algorithm 2 has no line that looks; eq. (7) is maximised in e_1, ..., e_k, all free,
-without a prior and without their order; a fit, and m bootstrap fits, at every answer; asked is what the intervals of
-section 3.2 leave open, from the first answer on (Algorithm 2); all vectors start at zero (line 4 of Algorithm 1).
+What the paper's algorithms give, and nothing more (``LITERAL``): the two vectors are put to the fit
+whether or not one dominates the other, for Algorithm 2 has no line that looks; eq. (7) is maximised
+in e_1, ..., e_k, all free, without a prior and without their order; a fit, and m bootstrap fits, at
+every answer; asked is what the intervals of section 3.2 leave open, from the first answer on
+(Algorithm 2); all vectors start at zero (line 4 of Algorithm 1).
 
 Steps that the text leaves undefined, and what was done: see ``HEAD``, which the page begins with.
 """
@@ -17,7 +22,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from benchmarks.paper.paired_runs import DEFAULT, Choice, Size, cells_of, measure_all, parser_of, save_quoted
+from benchmarks.paper.paired_runs import (
+    DEFAULT,
+    Choice,
+    Size,
+    cells_of,
+    measure_all,
+    parser_of,
+    save_quoted,
+)
 from elicit.model.scale import Floats
 
 COLUMNS = {  # measures: what heads them, and how many digits they are given with
@@ -29,7 +42,13 @@ COLUMNS = {  # measures: what heads them, and how many digits they are given wit
 }
 LITERAL = Choice(
     first_level="free",  # and with it the start at zero
-    settings={"dominance": False, "prior_strength": 0, "monotone": False, "refit_growth": 0, "min_answers": 1},
+    settings={
+        "dominance": False,
+        "prior_strength": 0,
+        "monotone": False,
+        "refit_growth": 0,
+        "min_answers": 1,
+    },
 )
 HEAD = """\
 # The paper read literally
@@ -70,7 +89,7 @@ t-interval.
 - **excess loss**: true policy loss, beyond that of always asking a truthful tutor from the same start, in percent of
   the value range; **formula**: figure 4's percentage, signed as printed, against the same.
 - **errors realised**: wrong answers in percent of the answers given. **CPU seconds**: of the run, in one thread.
-"""
+"""  # noqa: E501
 PLACES = ((50, 5), (50, 10), (100, 5), (100, 10))  # states and levels
 LONGER_PLACES = PLACES[3:]
 AT_EVERY_ANSWER = ("default", "literal, less the default", "fits at 20% more answers")
@@ -106,20 +125,33 @@ def put_back(literal: Choice = LITERAL) -> dict[str, Choice]:
 
 
 def arms(literal: Choice = LITERAL) -> dict[str, Choice]:
-    """All lines of a table: the default, the literal reading, and ``put_back``, without what changes nothing."""
+    """All lines of a table: the default, the literal reading, and ``put_back``, without what
+    changes nothing.
+    """
     others = {name: choice for name, choice in put_back(literal).items() if choice != literal}
     return {"default": DEFAULT, "literal, less the default": literal} | others
 
 
 def table(found: Mapping[str, Mapping[str, Floats]], size: Size, fits: str) -> list[str]:
-    """The lines of a table of ``arms`` at this size; ``fits`` says when the literal reading makes its own."""
+    """The lines of a table of ``arms`` at this size; ``fits`` says when the literal reading makes
+    its own.
+    """
     states, levels, steps = size
-    head = ["states", "levels", "fits", "reading", "steps", *(heading for heading, _ in COLUMNS.values())]
+    head = [
+        "states",
+        "levels",
+        "fits",
+        "reading",
+        "steps",
+        *(heading for heading, _ in COLUMNS.values()),
+    ]
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     (_, default), (_, literal), *_ = found.items()
     for i, (name, measured) in enumerate(found.items()):
         cells = cells_of(measured, (None, default, literal)[min(i, 2)], COLUMNS)
-        lines.append(f"| {' | '.join([str(states), str(levels), fits, name, f'{steps:,}', *cells])} |")
+        lines.append(
+            f"| {' | '.join([str(states), str(levels), fits, name, f'{steps:,}', *cells])} |"
+        )
     return lines
 
 
@@ -127,24 +159,41 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
     parser = parser_of("benchmarks.paper.literal", __doc__ or "")
     parser.add_argument("--seeds", type=int, default=10, help="number of seeds (default: 10)")
-    parser.add_argument("--steps", type=int, default=1000, help="with a fit at every answer (default: 1000)")
-    parser.add_argument("--longer", type=int, default=10_000, help="steps with fits at 20%% more (default: 10,000)")
-    parser.add_argument("--all", action="store_true", help="put back each thing also where fits are at every answer")
+    parser.add_argument(
+        "--steps", type=int, default=1000, help="with a fit at every answer (default: 1000)"
+    )
+    parser.add_argument(
+        "--longer", type=int, default=10_000, help="steps with fits at 20%% more (default: 10,000)"
+    )
+    parser.add_argument(
+        "--all", action="store_true", help="put back each thing also where fits are at every answer"
+    )
     chosen = parser.parse_args(arguments)
     chosen.all |= chosen.quick
-    seeds, steps, longer = (2, 100, 200) if chosen.quick else (chosen.seeds, chosen.steps, chosen.longer)
+    seeds, steps, longer = (
+        (2, 100, 200) if chosen.quick else (chosen.seeds, chosen.steps, chosen.longer)
+    )
     places, longer_places = (((8, 3),), ((8, 3),)) if chosen.quick else (PLACES, LONGER_PLACES)
     scheduled = replace(LITERAL, settings={**LITERAL.settings, "refit_growth": 0.2})
     lines = HEAD.format(seeds=seeds, steps=steps, longer=longer).splitlines()
     print("\n".join(lines))
-    for title, literal, its, n in ((EXACT, LITERAL, places, steps), (LONGER, scheduled, longer_places, longer)):
+    for title, literal, its, n in (
+        (EXACT, LITERAL, places, steps),
+        (LONGER, scheduled, longer_places, longer),
+    ):
         part = ["", *title.splitlines()]
         for place in its:
             size = (*place, n)
             wanted = arms(literal)
             if literal == LITERAL and not chosen.all:
                 wanted = {name: wanted[name] for name in AT_EVERY_ANSWER}
-            runs = measure_all(list(wanted.values()), [range(seeds)] * len(wanted), size, chosen.journal, chosen.jobs)
+            runs = measure_all(
+                list(wanted.values()),
+                [range(seeds)] * len(wanted),
+                size,
+                chosen.journal,
+                chosen.jobs,
+            )
             fits = "each answer" if literal == LITERAL else "20% more"
             part += ["", *table(dict(zip(wanted, runs, strict=True)), size, fits)]
             print("\n".join(part), flush=True)

@@ -1,7 +1,8 @@
-"""One run of the paper's algorithm by its settings, and its differences to another one with the same seed.
+"""One run of the paper's algorithm by its settings, and its differences to another one with the
+same seed.
 
-A run is named by a ``Choice``; runs with the same seed have the same MDP, hidden values, transitions and actions, so
-that what differs is what the choice does.
+A run is named by a ``Choice``; runs with the same seed have the same MDP, hidden values,
+transitions and actions, so that what differs is what the choice does.
 """
 
 from __future__ import annotations
@@ -20,7 +21,13 @@ from scipy import stats
 from benchmarks import quotes
 from benchmarks.reporting import save, with_interval
 from benchmarks.stamps import sources
-from elicit import AlwaysAsk, BradleyTerryComparator, BradleyTerryTutor, PolytopeComparator, TruthfulTutor
+from elicit import (
+    AlwaysAsk,
+    BradleyTerryComparator,
+    BradleyTerryTutor,
+    PolytopeComparator,
+    TruthfulTutor,
+)
 from elicit.comparators.bradley_terry.bootstrap_comparator import NotConverged
 from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
@@ -44,10 +51,11 @@ Size: TypeAlias = tuple[int, int, int]
 class Choice:
     """The settings of a run, all such as JSON can hold; by default those of ``qlearn figures``.
 
-    ``comparator`` "box" is the paper's own (``BradleyTerryComparator`` with ``region="box"``), "polytope" that of its
-    section 3.1; ``settings`` are keywords of either. ``first_level`` "free": e_1 is a parameter like the others, and
-    vectors start at zero (see ``with_nothing``); then ``start`` is not looked at. ``error_rate``: how often the tutor
-    errs in an optimal policy's open comparisons; 0: never.
+    ``comparator`` "box" is the paper's own (``BradleyTerryComparator`` with ``region="box"``),
+    "polytope" that of its section 3.1; ``settings`` are keywords of either. ``first_level`` "free":
+    e_1 is a parameter like the others, and vectors start at zero (see ``with_nothing``); then
+    ``start`` is not looked at. ``error_rate``: how often the tutor errs in an optimal policy's open
+    comparisons; 0: never.
     """
 
     comparator: Literal["box", "polytope"] = "box"
@@ -64,10 +72,11 @@ DEFAULT = Choice()
 
 
 class Measured(NamedTuple):
-    """What is measured of a run: questions in percent of all comparisons of two different actions, and of those that
-    dominance leaves open; figure 4's formula, in percent, signed as printed, against always asking a truthful tutor;
-    true policy loss beyond that oracle's, and the oracle's own, in percent of the value range; answers of the tutor
-    that were wrong, in percent (nan where none was asked); CPU seconds of the run, the oracle's not counted."""
+    """What is measured of a run: questions in percent of all comparisons of two different actions,
+    and of those that dominance leaves open; figure 4's formula, in percent, signed as printed,
+    against always asking a truthful tutor; true policy loss beyond that oracle's, and the oracle's
+    own, in percent of the value range; answers of the tutor that were wrong, in percent (nan where
+    none was asked); CPU seconds of the run, the oracle's not counted."""
 
     asked_of_all: float
     asked_of_open: float
@@ -79,17 +88,32 @@ class Measured(NamedTuple):
 
 
 def measure(cell: Mapping[str, Any], steps: int) -> Measured:
-    """One run and its oracle's; ``cell`` has the fields of a ``Choice`` and ``states``, ``levels`` and ``seed``."""
+    """One run and its oracle's; ``cell`` has the fields of a ``Choice`` and ``states``, ``levels``
+    and ``seed``.
+    """
     choice = Choice(**cell["choice"])
     seed: int = cell["seed"]
-    mdp, values = random_mdp(cell["states"], ACTIONS, cell["levels"], seed=seed, weights=choice.weights)
+    mdp, values = random_mdp(
+        cell["states"], ACTIONS, cell["levels"], seed=seed, weights=choice.weights
+    )
     learned, worth = with_nothing(mdp, values) if choice.first_level == "free" else (mdp, values)
     truth = TruthfulTutor(worth)
     noisy = BradleyTerryTutor.from_error_rate
-    tutor = noisy(worth, choice.error_rate, reference_differences(learned, worth), seed) if choice.error_rate else truth
-    rate: LearningRate | None = polynomial_rate if choice.learning_rate == "polynomial" else choice.learning_rate
+    tutor = (
+        noisy(worth, choice.error_rate, reference_differences(learned, worth), seed)
+        if choice.error_rate
+        else truth
+    )
+    rate: LearningRate | None = (
+        polynomial_rate if choice.learning_rate == "polynomial" else choice.learning_rate
+    )
     start: Start = "worst" if choice.first_level == "free" else choice.start
-    common: Any = {"steps": steps, "seed": seed, "learning_rate": rate, "epsilon": Exploration(choice.epsilon, start)}
+    common: Any = {
+        "steps": steps,
+        "seed": seed,
+        "learning_rate": rate,
+        "epsilon": Exploration(choice.epsilon, start),
+    }
     oracle = drive(InteractiveQLearning(learned, AlwaysAsk(learned.k), **common), truth)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotConverged)  # what becomes of such fits is a setting
@@ -99,7 +123,9 @@ def measure(cell: Mapping[str, Any], steps: int) -> Measured:
         seconds = time.process_time() - begun
     told = counts(found)
     v, best = (estimated_values(learned, result.q, worth) for result in (found, oracle))
-    loss, least = (100 * float(policy_loss(mdp, result.policy, values).mean()) for result in (found, oracle))
+    loss, least = (
+        100 * float(policy_loss(mdp, result.policy, values).mean()) for result in (found, oracle)
+    )
     return Measured(
         asked_of_all=told["asked_percent_all"],
         asked_of_open=told["asked_percent_open"],
@@ -112,16 +138,19 @@ def measure(cell: Mapping[str, Any], steps: int) -> Measured:
 
 
 def with_nothing(mdp: OrdinalMDP, values: Floats) -> tuple[OrdinalMDP, Floats]:
-    """The same problem over k + 1 levels, the worst of which, "nothing", no action earns and is worth 0; and its values
-    (k + 1,).
+    """The same problem over k + 1 levels, the worst of which, "nothing", no action earns and is
+    worth 0; and its values (k + 1,).
 
-    With all vectors starting on that level, the shares of the other k are the paper's counting vectors from the zeros
-    of line 4, times 1 - discount, and gap 1 is e_1 - 0: so e_1 is one more parameter of the fit, as in eq. (7), a
-    comparison is one of the values as they are drawn, e_1 = 0 not assumed, and eq. (4) counts all rewards too. Where
-    e_1 is drawn as 0, nothing is worth a millionth less, for values must increase.
+    With all vectors starting on that level, the shares of the other k are the paper's counting
+    vectors from the zeros of line 4, times 1 - discount, and gap 1 is e_1 - 0: so e_1 is one more
+    parameter of the fit, as in eq. (7), a comparison is one of the values as they are drawn, e_1 =
+    0 not assumed, and eq. (4) counts all rewards too. Where e_1 is drawn as 0, nothing is worth a
+    millionth less, for values must increase.
     """
     labels = ("nothing", *mdp.labels)
-    longer = OrdinalMDP(mdp.successors, mdp.probabilities, mdp.levels + 1, mdp.discount, labels, mdp.initial)
+    longer = OrdinalMDP(
+        mdp.successors, mdp.probabilities, mdp.levels + 1, mdp.discount, labels, mdp.initial
+    )
     return longer, np.concatenate([[min(0.0, values[0] - 1e-6)], values])
 
 
@@ -150,10 +179,13 @@ def measure_all(
 
 
 def cells_of(
-    found: Mapping[str, Floats], base: Mapping[str, Floats] | None, measures: Mapping[str, tuple[str, int]]
+    found: Mapping[str, Floats],
+    base: Mapping[str, Floats] | None,
+    measures: Mapping[str, tuple[str, int]],
 ) -> list[str]:
-    """A line's cells: of each of the ``measures``, name to heading and digits, the mean of a choice and its 95%
-    t-interval; with a ``base`` that of the differences from it, by seed. Empty where a number is missing."""
+    """A line's cells: of each of the ``measures``, name to heading and digits, the mean of a choice
+    and its 95% t-interval; with a ``base`` that of the differences from it, by seed. Empty where a
+    number is missing."""
     texts = []
     for name, (_, digits) in measures.items():
         x = found[name] if base is None else found[name] - base[name][: len(found[name])]
@@ -162,8 +194,8 @@ def cells_of(
 
 
 def answer(differences: Floats, least: float) -> str:
-    """What paired differences (n,) tell of a measure: "more" or "less" where their 95% interval excludes 0, else
-    "as much" where it lies within ``least`` on both sides, else "not told"."""
+    """What paired differences (n,) tell of a measure: "more" or "less" where their 95% interval
+    excludes 0, else "as much" where it lies within ``least`` on both sides, else "not told"."""
     mean, half = float(np.mean(differences)), _half_width(differences)
     if abs(mean) > half:
         return "more" if mean > 0 else "less"
@@ -175,11 +207,19 @@ def _half_width(x: Floats) -> float:
 
 
 def parser_of(program: str, does: str) -> ArgumentParser:
-    """The command line that the programs on paired runs have in common; each adds its steps and seeds."""
+    """The command line that the programs on paired runs have in common; each adds its steps and
+    seeds.
+    """
     parser = ArgumentParser(f"python -m {program}", description=does.split("\n")[0])
     parser.add_argument("--quick", action="store_true", help="a tiny setting (seconds)")
-    parser.add_argument("--out", type=Path, help="also write the report to this file, and what other pages quote of it")
-    parser.add_argument("--journal", type=Path, help="keep finished runs in this file, and go on from there")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="also write the report to this file, and what other pages quote of it",
+    )
+    parser.add_argument(
+        "--journal", type=Path, help="keep finished runs in this file, and go on from there"
+    )
     parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
     return parser
 

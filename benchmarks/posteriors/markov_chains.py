@@ -1,8 +1,9 @@
-"""The posterior of ``PosteriorComparator`` by two samplers that are made for any posterior, for comparison with it.
+"""The posterior of ``PosteriorComparator`` by two samplers that are made for any posterior, for
+comparison with it.
 
-Same likelihood, same prior, as its module states them: P(left is better) = l/2 + (1 - l) sigma(c d.e); gaps
-Dirichlet(a), log a uniform; log c normal; the lapse l Beta. A point x (k + 1,) holds log theta = log(c g) (k - 1,),
-then the logits of where log a lies in its interval and of the lapse.
+Same likelihood, same prior, as its module states them: P(left is better) = l/2 + (1 - l) sigma(c
+d.e); gaps Dirichlet(a), log a uniform; log c normal; the lapse l Beta. A point x (k + 1,) holds log
+theta = log(c g) (k - 1,), then the logits of where log a lies in its interval and of the lapse.
 """
 
 from __future__ import annotations
@@ -17,11 +18,15 @@ from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, 
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, tail_sums
 
-Density = Callable[[Floats], tuple[Floats, Floats]]  # of points (w, k + 1): log densities (w,), slopes (w, k + 1)
+Density = Callable[
+    [Floats], tuple[Floats, Floats]
+]  # of points (w, k + 1): log densities (w,), slopes (w, k + 1)
 
 
 class Scales(NamedTuple):
-    """Draws of scales: gaps (m, p) of total 1, and under each the tutor's precision (m,) and lapse (m,)."""
+    """Draws of scales: gaps (m, p) of total 1, and under each the tutor's precision (m,) and lapse
+    (m,).
+    """
 
     gaps: Floats
     precision: Floats
@@ -42,13 +47,17 @@ def log_posterior(answers: Answers) -> Density:
         total = log_theta.sum(axis=1) - p * log_c  # of log g
         off = (log_c - PRECISION[0]) / PRECISION[1]
         log_prior = gammaln(p * a) - p * gammaln(a) + a * total - 0.5 * off**2
-        log_prior += log_expit(u) + log_expit(-u) + LAPSE[0] * log_expit(v) + LAPSE[1] * log_expit(-v)
+        log_prior += (
+            log_expit(u) + log_expit(-u) + LAPSE[0] * log_expit(v) + LAPSE[1] * log_expit(-v)
+        )
         theta = np.exp(np.minimum(log_theta, 300.0))
         s = expit(theta @ t.T)
         chance = np.maximum(lapse[:, None] / 2 + (1 - lapse[:, None]) * s, 1e-300)
         rate = (1 - lapse[:, None]) * s * (1 - s) / chance
         slope = np.empty_like(x)
-        slope[:, :p] = a[:, None] * (1 - p * gaps) - (off / PRECISION[1])[:, None] * gaps + (rate @ t) * theta
+        slope[:, :p] = (
+            a[:, None] * (1 - p * gaps) - (off / PRECISION[1])[:, None] * gaps + (rate @ t) * theta
+        )
         by_a = p * digamma(p * a) - p * digamma(a) + total
         slope[:, p] = by_a * a * (high - low) * expit(u) * expit(-u) + 1 - 2 * expit(u)
         by_lapse = ((0.5 - s) / chance).sum(axis=1)
@@ -77,9 +86,10 @@ def scales(x: Floats) -> Scales:
 def hamiltonian(
     density: Density, x: Floats, warm_up: int, draws: int, rng: np.random.Generator, leaps: int = 16
 ) -> tuple[Floats, float]:
-    """Plain Hamiltonian Monte Carlo (Duane et al. 1987; Neal 2011): chains x (w, n) side by side, each move up to
-    2 ``leaps`` leapfrog steps, diagonal masses and a common step adapted during the warm-up (Hoffman and Gelman's dual
-    averaging for an acceptance of .8). The states (draws, w, n) after it, and the share of moves accepted."""
+    """Plain Hamiltonian Monte Carlo (Duane et al. 1987; Neal 2011): chains x (w, n) side by side,
+    each move up to 2 ``leaps`` leapfrog steps, diagonal masses and a common step adapted during the
+    warm-up (Hoffman and Gelman's dual averaging for an acceptance of .8). The states (draws, w, n)
+    after it, and the share of moves accepted."""
     size, log_mean, gap = 0.1, np.log(0.1), 0.0
     scale = np.ones(x.shape[1])
     at, slope = density(x)
@@ -105,8 +115,14 @@ def hamiltonian(
             log_mean += n**-0.75 * (log_size - log_mean)
             size = float(np.exp(np.clip(log_size if n < warm_up else log_mean, -12.0, 1.0)))
             seen.append(x)
-            if n in (warm_up // 4, warm_up // 2):  # the scales of the coordinates, from what was seen since
-                scale, gap = np.maximum(np.concatenate(seen[len(seen) // 2 :]).std(axis=0), 1e-3), 0.0
+            if n in (
+                warm_up // 4,
+                warm_up // 2,
+            ):  # the scales of the coordinates, from what was seen since
+                scale, gap = (
+                    np.maximum(np.concatenate(seen[len(seen) // 2 :]).std(axis=0), 1e-3),
+                    0.0,
+                )
         else:
             kept[i - warm_up] = x
             accepted += chance.mean() / draws

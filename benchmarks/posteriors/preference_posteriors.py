@@ -1,12 +1,14 @@
 """Posteriors over a tutor's preferences, ours and others': held-out answers, intervals, time.
 
-    python -m benchmarks.posteriors.preference_posteriors --quick                        seconds; rough figures
+    python -m benchmarks.posteriors.preference_posteriors --quick                        seconds;
+                                                                                         rough
+                                                                                         figures
     python -m benchmarks.posteriors.preference_posteriors --out benchmarks/RESULTS-posteriors.md
 
-``PosteriorComparator``, the same posterior by plain Hamiltonian Monte Carlo and by emcee's ensemble sampler, and
-BoTorch's ``PairwiseGP``, on the same answers. emcee comes with the extra ``test``; for the Gaussian process
-``pip install torch==2.13.0 botorch``. What is not installed is left out, and the page says so. ``--journal`` keeps
-finished runs: the same command goes on where it was stopped.
+``PosteriorComparator``, the same posterior by plain Hamiltonian Monte Carlo and by emcee's ensemble
+sampler, and BoTorch's ``PairwiseGP``, on the same answers. emcee comes with the extra ``test``; for
+the Gaussian process ``pip install torch==2.13.0 botorch``. What is not installed is left out, and
+the page says so. ``--journal`` keeps finished runs: the same command goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -33,7 +35,14 @@ from scipy.special import expit
 
 from benchmarks.fitting.calibration import scale
 from benchmarks.posteriors import gaussian_process
-from benchmarks.posteriors.markov_chains import Density, Scales, hamiltonian, log_posterior, scales, start
+from benchmarks.posteriors.markov_chains import (
+    Density,
+    Scales,
+    hamiltonian,
+    log_posterior,
+    scales,
+    start,
+)
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from benchmarks.stamps import sources
 from elicit import Answers, BradleyTerryTutor, FlippingTutor, PosteriorComparator, Verdict
@@ -53,8 +62,8 @@ Row = dict[str, Any]
 
 
 class Problem(NamedTuple):
-    """Answers y (n,) about left (n, k) and right (n, k), and as many held out; the scale, and the chances (FRESH,)
-    that the tutor says left is better."""
+    """Answers y (n,) about left (n, k) and right (n, k), and as many held out; the scale, and the
+    chances (FRESH,) that the tutor says left is better."""
 
     left: Floats
     right: Floats
@@ -76,19 +85,23 @@ class Problem(NamedTuple):
 
 
 class Believed(NamedTuple):
-    """Under each of m draws of weights (m,): the chance (FRESH, m) that left is said to be better, and d.e (FRESH, m)
-    in units of e_k - e_1."""
+    """Under each of m draws of weights (m,): the chance (FRESH, m) that left is said to be better,
+    and d.e (FRESH, m) in units of e_k - e_1."""
 
     weights: Floats
     chance: Floats
     difference: Floats
 
 
-Method = Callable[[Problem, int], tuple[Believed, float]]  # with a seed; and seconds for one more answer
+Method = Callable[
+    [Problem, int], tuple[Believed, float]
+]  # with a seed; and seconds for one more answer
 
 
 def draw(k: int, n: int, tutor: str, seed: int) -> Problem:
-    """A scale of the law whose turn it is, and a tutor; vectors uniform, without pairs that dominance settles."""
+    """A scale of the law whose turn it is, and a tutor; vectors uniform, without pairs that
+    dominance settles.
+    """
     rng = np.random.default_rng([seed, k, n, len(tutor)])
     values = scale(LAWS[seed % len(LAWS)], k, rng)
     left, right = (rng.dirichlet(np.ones(k), 8 * (n + FRESH)) for _ in range(2))
@@ -96,16 +109,28 @@ def draw(k: int, n: int, tutor: str, seed: int) -> Problem:
     left, right = left[open_], right[open_]
     z = (left - right) @ values
     if tutor == "flips":
-        signs, chances = FlippingTutor(values, FLIPS, seed).signs(left - right), np.where(z > 0, 1 - FLIPS, FLIPS)
+        signs, chances = (
+            FlippingTutor(values, FLIPS, seed).signs(left - right),
+            np.where(z > 0, 1 - FLIPS, FLIPS),
+        )
     else:
         precision = SPREAD / float(z.std())
-        signs, chances = BradleyTerryTutor(values, precision, seed).signs(left - right), expit(precision * z)
-    return Problem(left[:n], right[:n], signs[:n], left[n:], right[n:], signs[n:], values, chances[n:])
+        signs, chances = (
+            BradleyTerryTutor(values, precision, seed).signs(left - right),
+            expit(precision * z),
+        )
+    return Problem(
+        left[:n], right[:n], signs[:n], left[n:], right[n:], signs[n:], values, chances[n:]
+    )
 
 
 def _of_scales(found: Scales, weights: Floats, d: Floats) -> Believed:
     difference = tail_sums(d) @ found.gaps.T
-    return Believed(weights, found.lapse / 2 + (1 - found.lapse) * expit(difference * found.precision), difference)
+    return Believed(
+        weights,
+        found.lapse / 2 + (1 - found.lapse) * expit(difference * found.precision),
+        difference,
+    )
 
 
 def particles(problem: Problem, seed: int) -> tuple[Believed, float]:
@@ -125,13 +150,19 @@ def by_hamiltonian(
 ) -> tuple[Believed, float]:
     """64 chains; nothing is kept from one answer to the next."""
     begin, k, rng = process_time(), len(problem.values), np.random.default_rng(seed)
-    kept, _ = hamiltonian(log_posterior(problem.answers), start(k, 64, rng), warm_up, draws, rng, leaps)
+    kept, _ = hamiltonian(
+        log_posterior(problem.answers), start(k, 64, rng), warm_up, draws, rng, leaps
+    )
     some = kept[:: max(1, draws // 100)].reshape(-1, k + 1)
-    return _of_scales(scales(some), np.full(len(some), 1 / len(some)), problem.fresh), process_time() - begin
+    return _of_scales(
+        scales(some), np.full(len(some), 1 / len(some)), problem.fresh
+    ), process_time() - begin
 
 
 def by_ensemble(problem: Problem, seed: int, steps: int = 1000) -> tuple[Believed, float]:
-    """emcee, 64 walkers, its moves by differential evolution, which mix better here than its stretch move."""
+    """emcee, 64 walkers, its moves by differential evolution, which mix better here than its
+    stretch move.
+    """
     import emcee
 
     begin, k, rng = process_time(), len(problem.values), np.random.default_rng(seed)
@@ -141,16 +172,22 @@ def by_ensemble(problem: Problem, seed: int, steps: int = 1000) -> tuple[Believe
     sampler.random_state = np.random.RandomState(seed).get_state()
     sampler.run_mcmc(start(k, 64, rng), 2 * steps)
     some = sampler.get_chain(discard=steps, thin=max(1, steps // 50), flat=True)
-    return _of_scales(scales(some), np.full(len(some), 1 / len(some)), problem.fresh), process_time() - begin
+    return _of_scales(
+        scales(some), np.full(len(some), 1 / len(some)), problem.fresh
+    ), process_time() - begin
 
 
 def by_gaussian_process(name: str) -> Method:
-    """The utility of the worst and of the best level, drawn too, are the range that d.e is a share of."""
+    """The utility of the worst and of the best level, drawn too, are the range that d.e is a share
+    of.
+    """
 
     def run(problem: Problem, seed: int) -> tuple[Believed, float]:
         begin, k = process_time(), len(problem.values)
         at = np.concatenate([problem.fresh_left, problem.fresh_right, np.eye(k)[[0, -1]]])
-        utility = gaussian_process.utility_draws(name, problem.left, problem.right, problem.y, at, GP_DRAWS, seed)
+        utility = gaussian_process.utility_draws(
+            name, problem.left, problem.right, problem.y, at, GP_DRAWS, seed
+        )
         apart = (utility[:, :FRESH] - utility[:, FRESH : 2 * FRESH]).T
         chance = gaussian_process.chance(name, apart)
         whole = utility[:, -1] - utility[:, -2]
@@ -162,7 +199,10 @@ def by_gaussian_process(name: str) -> Method:
 
 def methods() -> dict[str, Method]:
     """Those whose libraries are installed, by name; ours first."""
-    found: dict[str, Method] = {"PosteriorComparator": particles, "Hamiltonian, same posterior": by_hamiltonian}
+    found: dict[str, Method] = {
+        "PosteriorComparator": particles,
+        "Hamiltonian, same posterior": by_hamiltonian,
+    }
     if find_spec("emcee"):
         found["emcee, same posterior"] = by_ensemble
     if gaussian_process.available():
@@ -175,7 +215,12 @@ def run(cell: Cell) -> dict[str, Row]:
     problem = draw(cell["k"], cell["n"], cell["tutor"], cell["seed"])
     long = by_hamiltonian(problem, cell["seed"] + 1, *LONG)[0]
     rows = {
-        "": score(problem, Believed(np.ones(1), problem.chances[:, None], (problem.fresh @ problem.values)[:, None]))
+        "": score(
+            problem,
+            Believed(
+                np.ones(1), problem.chances[:, None], (problem.fresh @ problem.values)[:, None]
+            ),
+        )
     }
     _warm_up()
     for name, method in methods().items():
@@ -198,9 +243,10 @@ def _warm_up() -> None:
 
 
 def score(problem: Problem, believed: Believed) -> Row:
-    """Log loss of the held-out answers, in nats; of the interval of ``LEVEL`` for d.e and of that for the chance of an
-    answer, how often it holds the truth, and the first one's mean width; and of the signs of d.e that are as sure as
-    ``LEVEL``, their share, and how many of them are wrong."""
+    """Log loss of the held-out answers, in nats; of the interval of ``LEVEL`` for d.e and of that
+    for the chance of an answer, how often it holds the truth, and the first one's mean width; and
+    of the signs of d.e that are as sure as ``LEVEL``, their share, and how many of them are
+    wrong."""
     chance = np.clip(believed.chance @ believed.weights, 1e-6, 1 - 1e-6)
     truth = problem.fresh @ problem.values
     low, high = intervals(believed.difference, believed.weights)
@@ -251,30 +297,45 @@ def report(cells: Sequence[Cell], rows: Sequence[dict[str, Row]]) -> Iterator[li
         f"Also {', '.join(f'{name} {version(name)}' for name in packages)}." if packages else "",
         *[f"{name} is not installed: its rows are left out ({INSTALL})." for name in absent],
         "",
-        f"`python -m benchmarks.posteriors.preference_posteriors {' '.join(given)}`, after {INSTALL}.",
+        f"`python -m benchmarks.posteriors.preference_posteriors {' '.join(given)}`, after "
+        f"{INSTALL}.",
         "",
-        f"{seeds} problems for each table, scales by turns {', '.join(LAWS)} ('prior': PosteriorComparator's own law); "
-        f"a tutor by eq. (6) with logits of standard deviation {SPREAD:g}, or who flips {FLIPS:.0%} of the answers; "
-        f"{FRESH} held-out answers each; pairs of uniform share vectors that the order of the levels leaves open. "
+        f"{seeds} problems for each table, scales by turns {', '.join(LAWS)} ('prior': "
+        "PosteriorComparator's own law); "
+        f"a tutor by eq. (6) with logits of standard deviation {SPREAD:g}, or who flips "
+        f"{FLIPS:.0%} of the answers; "
+        f"{FRESH} held-out answers each; pairs of uniform share vectors that the order of the "
+        "levels leaves open. "
         "Means ± half a 95% interval over the problems.",
         "",
         "- *log loss*: of the held-out answers, in nats, beyond that of the tutor's own chances.",
-        f"- *d.e held*: how often the {LEVEL:.0%} interval of d.e, as a share of e_k - e_1, holds the truth; *width*: "
-        "the median width of these intervals. A Gaussian process has to extrapolate to the two pure levels for it.",
-        f"- *chance held*: the same for the {LEVEL:.0%} interval of the chance of an answer (PosteriorComparator: with "
+        f"- *d.e held*: how often the {LEVEL:.0%} interval of d.e, as a share of e_k - e_1, holds "
+        "the truth; *width*: "
+        "the median width of these intervals. A Gaussian process has to extrapolate to the two "
+        "pure levels for it.",
+        f"- *chance held*: the same for the {LEVEL:.0%} interval of the chance of an answer "
+        "(PosteriorComparator: with "
         "the mean of its lapses, for it gives out no others; a Gaussian process knows no lapse).",
-        f"- *decided*: pairs whose sign has a probability of {LEVEL:.0%} or more; *wrong*: of these, all problems "
+        f"- *decided*: pairs whose sign has a probability of {LEVEL:.0%} or more; *wrong*: of "
+        "these, all problems "
         "together.",
-        "- *from a long run*: root mean square difference of the chances from another, longer Hamiltonian run, for "
+        "- *from a long run*: root mean square difference of the chances from another, longer "
+        "Hamiltonian run, for "
         "those that sample the same posterior.",
-        "- *s, all*: processor seconds for all answers, PosteriorComparator taking them one by one; *s, one more*: for "
+        "- *s, all*: processor seconds for all answers, PosteriorComparator taking them one by "
+        "one; *s, one more*: for "
         "one answer more, where the others start anew.",
     ]
     for (tutor, k, n), found in groups.items():
-        head = ("method", "log loss", "d.e held", "width", "chance held", "decided", "wrong", "from a long run",
+        head = ("method", "log loss", "d.e held", "width", "chance held", "decided", "wrong",
+                "from a long run",
                 "s, all", "s, one more")  # fmt: skip
         title = f"{FLIPS:.0%} of the answers flipped" if tutor == "flips" else "a tutor by eq. (6)"
-        yield [f"## {title}, k = {k}, {n} answers", "", *markdown(head, [_line(name, found) for name in names], 1)]
+        yield [
+            f"## {title}, k = {k}, {n} answers",
+            "",
+            *markdown(head, [_line(name, found) for name in names], 1),
+        ]
 
 
 def _line(name: str, found: Sequence[dict[str, Row]]) -> list[str]:
@@ -300,29 +361,44 @@ def _beyond(found: Sequence[dict[str, Row]], name: str) -> Floats:
     return np.array([each[name]["loss"] - each[""]["loss"] for each in found])
 
 
-def _wins(groups: dict[tuple[str, int, int], list[dict[str, Row]]], names: Sequence[str]) -> list[str]:
+def _wins(
+    groups: dict[tuple[str, int, int], list[dict[str, Row]]], names: Sequence[str]
+) -> list[str]:
     """Where others are better than ours, problem by problem, then where they are worse."""
     ours, rows, better, safer = names[0], list[tuple[float, list[str]]](), list[str](), list[str]()
     runs = [run for found in groups.values() for run in found]
     for name in names[1:]:
         loss = _beyond(runs, name) - _beyond(runs, ours)
         held = np.array([run[name]["chance_covered"] - run[ours]["chance_covered"] for run in runs])
-        faster = sum(_mean(found, name, "seconds") < _mean(found, ours, "seconds") for found in groups.values())
+        faster = sum(
+            _mean(found, name, "seconds") < _mean(found, ours, "seconds")
+            for found in groups.values()
+        )
         more = _mean(runs, name, "more") / _mean(runs, ours, "more")
-        shown = [name, with_interval(1e3 * loss, 1, signed=True), with_interval(100 * held, 0, signed=True)]
+        shown = [
+            name,
+            with_interval(1e3 * loss, 1, signed=True),
+            with_interval(100 * held, 0, signed=True),
+        ]
         rows.append((float(loss.mean()), [*shown, f"{faster} of {len(groups)}", f"{more:,.1f}"]))
         better += [name] * _surely_below(loss)
         safer += [name] * _surely_below(-held)
     rows.sort()
-    head = ("method", "log loss beyond ours, thousandths", "chance held, points beyond ours", "faster, all answers",
+    head = ("method", "log loss beyond ours, thousandths", "chance held, points beyond ours",
+            "faster, all answers",
             "one more answer, ratio")  # fmt: skip
     return [
-        f"Better than `PosteriorComparator` at foretelling held-out answers, beyond the interval: {_listed(better)}. "
-        f"With intervals for the chance of an answer that hold the truth more often: {_listed(safer)}.",
+        "Better than `PosteriorComparator` at foretelling held-out answers, beyond the interval: "
+        f"{_listed(better)}. "
+        "With intervals for the chance of an answer that hold the truth more often: "
+        f"{_listed(safer)}.",
         "",
-        "The others beside it, problem by problem, the best at foretelling first: what they lose more, in thousandths "
-        "of a nat (less than 0: they are better); how much more often their intervals for the chance hold the truth; "
-        "in how many tables they take less time for all answers at once; and how many times its time they take for one "
+        "The others beside it, problem by problem, the best at foretelling first: what they lose "
+        "more, in thousandths "
+        "of a nat (less than 0: they are better); how much more often their intervals for the "
+        "chance hold the truth; "
+        "in how many tables they take less time for all answers at once; and how many times its "
+        "time they take for one "
         "answer more.",
         "",
         *markdown(head, [shown for _, shown in rows], 1),
@@ -344,15 +420,27 @@ def _mean(runs: Sequence[dict[str, Row]], name: str, key: str) -> float:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The command."""
-    parser = argparse.ArgumentParser(description="Posteriors over a tutor's preferences, ours and others'.")
-    parser.add_argument("--quick", action="store_true", help="two problems, k = 5, 20 answers: seconds")
+    parser = argparse.ArgumentParser(
+        description="Posteriors over a tutor's preferences, ours and others'."
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="two problems, k = 5, 20 answers: seconds"
+    )
     parser.add_argument("--seeds", type=int, help="problems for each table (default: 9; quick: 2)")
     parser.add_argument("--jobs", type=int, default=1, help="processes, one thread each")
     parser.add_argument("--journal", type=Path, help="file that keeps finished runs")
-    parser.add_argument("--out", type=Path, metavar="FILE.md", help="write the report there as well")
-    parser.add_argument("--levels", type=int, nargs="+", help="numbers of levels (default: 5 10; quick: 5)")
-    parser.add_argument("--answers", type=int, nargs="+", help="numbers of answers (default: 20 100; quick: 20)")
-    parser.add_argument("--tutors", nargs="+", choices=TUTORS, help="who answers (default: both; quick: logistic)")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.md", help="write the report there as well"
+    )
+    parser.add_argument(
+        "--levels", type=int, nargs="+", help="numbers of levels (default: 5 10; quick: 5)"
+    )
+    parser.add_argument(
+        "--answers", type=int, nargs="+", help="numbers of answers (default: 20 100; quick: 20)"
+    )
+    parser.add_argument(
+        "--tutors", nargs="+", choices=TUTORS, help="who answers (default: both; quick: logistic)"
+    )
     chosen = parser.parse_args(arguments)
     levels = chosen.levels or ([5] if chosen.quick else [5, 10])
     counts = chosen.answers or ([20] if chosen.quick else [20, 100])
@@ -365,7 +453,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for n in counts
         for seed in range(seeds)
     ]
-    from benchmarks.posteriors import preference_posteriors  # by the name that workers know, not as __main__
+    from benchmarks.posteriors import (
+        preference_posteriors,
+    )  # by the name that workers know, not as __main__
 
     made_of = sources(preference_posteriors.__name__)  # a row of other code is none of these
     how = {"journal": chosen.journal, "jobs": chosen.jobs, "own": lambda cell: (made_of, {})}

@@ -1,4 +1,6 @@
-"""Trainers that show nothing of themselves, random MDPs solved exactly or badly on purpose, and runs with them."""
+"""Trainers that show nothing of themselves, random MDPs solved exactly or badly on purpose, and
+runs with them.
+"""
 
 from collections.abc import Callable
 
@@ -34,7 +36,9 @@ def shares_of(mdp: OrdinalMDP, policy: Actions) -> Floats:
     return np.asarray(mdp.initial @ evaluate_policy(mdp, policy))
 
 
-def run(training: InteractiveTraining, mdp: OrdinalMDP, train: Trainer, tutor: Tutor) -> TrainingResult:
+def run(
+    training: InteractiveTraining, mdp: OrdinalMDP, train: Trainer, tutor: Tutor
+) -> TrainingResult:
     """Train and ask until it has finished."""
     while not training.finished:
         values = training.to_train()

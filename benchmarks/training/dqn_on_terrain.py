@@ -1,9 +1,12 @@
-"""The run behind notebook 08: Stable-Baselines3's DQN on the terrain, by a guess, by the true values, and by questions.
+"""The run behind notebook 08: Stable-Baselines3's DQN on the terrain, by a guess, by the true
+values, and by questions.
 
-    python -m benchmarks.training.dqn_on_terrain --out notebooks/data/dqn_terrain.csv     minutes; needs the extra sb3
+    python -m benchmarks.training.dqn_on_terrain --out notebooks/data/dqn_terrain.csv     minutes;
+    needs the extra sb3
 
-One row a policy: how it came about, the values (five) that it was trained on, its shares at the five outcomes, measured
-in walks of its own, what it is worth under the hidden values, and how many questions and trainings came before.
+One row a policy: how it came about, the values (five) that it was trained on, its shares at the
+five outcomes, measured in walks of its own, what it is worth under the hidden values, and how many
+questions and trainings came before.
 """
 
 from __future__ import annotations
@@ -32,8 +35,14 @@ def trained(values: Floats, steps: int) -> tuple[Any, Any]:
 
     torch.set_num_threads(1)
     env = OrdinalReward(Terrain(SEED), values, discount=DISCOUNT)
-    settings: dict[str, Any] = {"learning_rate": 1e-3, "buffer_size": steps, "exploration_fraction": 0.5}
-    return DQN("MlpPolicy", env, gamma=DISCOUNT, seed=0, target_update_interval=500, **settings).learn(steps), env
+    settings: dict[str, Any] = {
+        "learning_rate": 1e-3,
+        "buffer_size": steps,
+        "exploration_fraction": 0.5,
+    }
+    return DQN(
+        "MlpPolicy", env, gamma=DISCOUNT, seed=0, target_update_interval=500, **settings
+    ).learn(steps), env
 
 
 def rows(steps: int) -> list[dict[str, Any]]:
@@ -42,8 +51,12 @@ def rows(steps: int) -> list[dict[str, Any]]:
     e, found = normalise(hidden), []
 
     def row(name: str, values: Floats, shares: Floats, asked: int) -> dict[str, Any]:
-        spent = {f"share of {outcome}": share for outcome, share in zip(OUTCOMES, shares, strict=True)}
-        scale = {f"value of {outcome}": value for outcome, value in zip(OUTCOMES, values, strict=True)}
+        spent = {
+            f"share of {outcome}": share for outcome, share in zip(OUTCOMES, shares, strict=True)
+        }
+        scale = {
+            f"value of {outcome}": value for outcome, value in zip(OUTCOMES, values, strict=True)
+        }
         return {"policy": name, "asked": asked, **scale, **spent, "worth": float(shares @ e)}
 
     def measured(model: Any, env: Any, seed: int) -> Any:
@@ -57,7 +70,14 @@ def rows(steps: int) -> list[dict[str, Any]]:
         if (scale := training.to_train()) is not None:
             model, env = trained(scale, steps)
             training.add((model, env, scale), measured(model, env, seed=0))
-            found.append(row("on the way", scale, training.result().policies[-1].shares, training.result().asked))
+            found.append(
+                row(
+                    "on the way",
+                    scale,
+                    training.result().policies[-1].shares,
+                    training.result().asked,
+                )
+            )
         training.tell([tutor(query) for query in training.ask()])
     result = training.result()
     model, env, scale = result.policy
@@ -70,7 +90,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="benchmarks.training.dqn_on_terrain", description=(__doc__ or "").splitlines()[0]
     )
-    parser.add_argument("--steps", type=int, default=20_000, help="of each training (default: 20000)")
+    parser.add_argument(
+        "--steps", type=int, default=20_000, help="of each training (default: 20000)"
+    )
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args(arguments)
     pd.DataFrame(rows(given.steps)).round(4).to_csv(given.out, index=False)

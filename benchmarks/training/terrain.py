@@ -1,4 +1,5 @@
-"""A walk over a terrain in two dimensions with five outcomes, and a small learner for it that codes places by tiles.
+"""A walk over a terrain in two dimensions with five outcomes, and a small learner for it that codes
+places by tiles.
 
 terrain = Terrain(seed=0)
 learner = TileCoded(terrain, seed=0)       # walks about at random, once
@@ -26,16 +27,18 @@ _RARITY = np.array([0.3, 0.25, 0.2, 0.15, 0.1])  # of the outcomes among the pat
 
 
 class Terrain(gym.Env[Floats, np.int64]):
-    """The unit square, in patches: each place has the outcome of the nearest of 24 points. A step goes north, east,
-    south or west, about .08 far, and counts at the outcome of where it leads; ``info["level"]`` says which. Walks start
-    anywhere and are cut off after 60 steps."""
+    """The unit square, in patches: each place has the outcome of the nearest of 24 points. A step
+    goes north, east, south or west, about .08 far, and counts at the outcome of where it leads;
+    ``info["level"]`` says which. Walks start anywhere and are cut off after 60 steps."""
 
     metadata = {"render_modes": []}  # noqa: RUF012
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
         self.points = rng.random((_PATCHES, 2))
-        kinds = np.repeat(np.arange(5), np.diff(np.round(np.cumsum([0, *_RARITY]) * _PATCHES).astype(int)))
+        kinds = np.repeat(
+            np.arange(5), np.diff(np.round(np.cumsum([0, *_RARITY]) * _PATCHES).astype(int))
+        )
         self.outcomes = rng.permutation(kinds)
         self.observation_space = gym.spaces.Box(0.0, 1.0, (2,), np.float64)
         self.action_space = gym.spaces.Discrete(len(_WAYS))
@@ -47,9 +50,13 @@ class Terrain(gym.Env[Floats, np.int64]):
 
     def moved(self, places: Floats, actions: NDArray[Any], rng: np.random.Generator) -> Floats:
         """Where steps from places (n, 2) lead."""
-        return np.asarray(np.clip(places + _WAYS[actions] + _NOISE * rng.standard_normal(places.shape), 0.0, 1.0))
+        return np.asarray(
+            np.clip(places + _WAYS[actions] + _NOISE * rng.standard_normal(places.shape), 0.0, 1.0)
+        )
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
         """Start anywhere."""
         super().reset(seed=seed)
         self._place, self._left = self.np_random.random((1, 2)), STEPS
@@ -59,11 +66,17 @@ class Terrain(gym.Env[Floats, np.int64]):
         """One step; its reward is 0, for what outcomes are worth nobody has said."""
         self._place = self.moved(self._place, np.array([action]), self.np_random)
         self._left -= 1
-        return self._place[0], 0.0, False, self._left == 0, {"level": int(self.level(self._place)[0])}
+        return (
+            self._place[0],
+            0.0,
+            False,
+            self._left == 0,
+            {"level": int(self.level(self._place)[0])},
+        )
 
     def shares(self, policy: TiledPolicy, walks: int = 2000, seed: int = 0) -> Floats:
-        """(5,) as ``qlearn.rollout_shares`` measures them, of many walks at once, the same for every policy; what comes
-        after the cut is left out."""
+        """(5,) as ``qlearn.rollout_shares`` measures them, of many walks at once, the same for
+        every policy; what comes after the cut is left out."""
         rng = np.random.default_rng(seed)
         places, shares, left = rng.random((walks, 2)), np.zeros(5), 1.0
         for _ in range(STEPS):
@@ -74,7 +87,9 @@ class Terrain(gym.Env[Floats, np.int64]):
 
 
 class TiledPolicy:
-    """Takes the action with the greatest mean over tilings of the values ``q`` (tilings, tiles, actions)."""
+    """Takes the action with the greatest mean over tilings of the values ``q`` (tilings, tiles,
+    actions).
+    """
 
     def __init__(self, tiles: Tiles, q: Floats) -> None:
         self.tiles, self.q = tiles, q
@@ -89,7 +104,9 @@ class TiledPolicy:
 
 
 class Tiles:
-    """Some tilings of the unit square, each shifted against the others (Sutton and Barto 2018, 9.5.4)."""
+    """Some tilings of the unit square, each shifted against the others (Sutton and Barto 2018,
+    9.5.4).
+    """
 
     def __init__(self, tilings: int, across: int) -> None:
         self.tilings, self.across = tilings, across
@@ -106,15 +123,20 @@ class Tiles:
         return np.asarray(cell[..., 0] * (self.across + 1) + cell[..., 1])
 
     def mean(self, q: Floats, tiles: NDArray[np.int64]) -> Floats:
-        """The mean (n, actions) over tilings of q (tilings, tiles, actions) at tiles (tilings, n)."""
+        """The mean (n, actions) over tilings of q (tilings, tiles, actions) at tiles (tilings,
+        n).
+        """
         return np.asarray(q[np.arange(self.tilings)[:, None], tiles].mean(axis=0))
 
 
 class TileCoded:
-    """Learns from one batch of random walks, without a model, whatever outcomes are worth: fitted Q iteration (Ernst,
-    Geurts and Wehenkel 2005) with the means over tiles, which cannot diverge (Gordon 1995)."""
+    """Learns from one batch of random walks, without a model, whatever outcomes are worth: fitted Q
+    iteration (Ernst, Geurts and Wehenkel 2005) with the means over tiles, which cannot diverge
+    (Gordon 1995)."""
 
-    def __init__(self, terrain: Terrain, seed: int, samples: int = 60_000, tilings: int = 4, across: int = 14) -> None:
+    def __init__(
+        self, terrain: Terrain, seed: int, samples: int = 60_000, tilings: int = 4, across: int = 14
+    ) -> None:
         rng = np.random.default_rng(seed)
         places, self._actions = rng.random((samples, 2)), rng.integers(len(_WAYS), size=samples)
         reached = terrain.moved(places, self._actions, rng)
@@ -122,14 +144,21 @@ class TileCoded:
         self._from, self._to = self.tiles.of(places), self.tiles.of(reached)
         shape = (self.tiles.count, len(_WAYS))
         self._cells = [np.ravel_multi_index((row, self._actions), shape) for row in self._from]
-        self._seen = [np.maximum(np.bincount(cell, minlength=np.prod(shape)), 1) for cell in self._cells]
+        self._seen = [
+            np.maximum(np.bincount(cell, minlength=np.prod(shape)), 1) for cell in self._cells
+        ]
 
     def train(self, values: Floats, sweeps: int = 60) -> TiledPolicy:
         """A good policy where outcomes are worth these values (5,)."""
         tiles, ways = self.tiles, len(_WAYS)
-        gain, q = (1 - DISCOUNT) * values[self._levels], np.zeros((self.tiles.tilings, self.tiles.count, ways))
+        gain, q = (
+            (1 - DISCOUNT) * values[self._levels],
+            np.zeros((self.tiles.tilings, self.tiles.count, ways)),
+        )
         for _ in range(sweeps):
             target = gain + DISCOUNT * tiles.mean(q, self._to).max(axis=1)
             for i, (cell, seen) in enumerate(zip(self._cells, self._seen, strict=True)):
-                q[i] = (np.bincount(cell, target, minlength=tiles.count * ways) / seen).reshape(-1, ways)
+                q[i] = (np.bincount(cell, target, minlength=tiles.count * ways) / seen).reshape(
+                    -1, ways
+                )
         return TiledPolicy(tiles, q)

@@ -1,11 +1,13 @@
-"""How many questions and trainings a policy from any trainer costs, and whether what is said of it holds.
+"""How many questions and trainings a policy from any trainer costs, and whether what is said of it
+holds.
 
-    python -m benchmarks.training.training_questions --out benchmarks/RESULTS-training.md    a quarter of an hour
-    python -m benchmarks.training.training_questions --problems 2                            a minute; rough figures
+    python -m benchmarks.training.training_questions --out benchmarks/RESULTS-training.md    a
+    quarter of an hour python -m benchmarks.training.training_questions --problems 2
+    a minute; rough figures
 
-Random MDPs (|S| = 50, |A| = 5, discount .95) and ICU-Sepsis as black boxes that are solved exactly, or badly on
-purpose; a terrain in two dimensions with a tile-coded learner; deep-sea-treasure with hidden weights; and what wrappers
-cost.
+Random MDPs (|S| = 50, |A| = 5, discount .95) and ICU-Sepsis as black boxes that are solved exactly,
+or badly on purpose; a terrain in two dimensions with a tile-coded learner; deep-sea-treasure with
+hidden weights; and what wrappers cost.
 """
 
 from __future__ import annotations
@@ -23,9 +25,25 @@ import numpy as np
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from benchmarks.training import black_boxes, terrain
 from benchmarks.training.treasure import treasure
-from elicit import Comparator, FlippingTutor, PolytopeComparator, PosteriorComparator, TruthfulTutor, Tutor, objectives
+from elicit import (
+    Comparator,
+    FlippingTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    TruthfulTutor,
+    Tutor,
+    objectives,
+)
 from elicit.model.scale import Floats, normalise
-from qlearn import InteractiveTraining, LevelVector, OrdinalMDP, OrdinalReward, Status, draw_values, random_mdp
+from qlearn import (
+    InteractiveTraining,
+    LevelVector,
+    OrdinalMDP,
+    OrdinalReward,
+    Status,
+    draw_values,
+    random_mdp,
+)
 from qlearn.problems.icu_sepsis import icu_sepsis
 
 ERROR = 0.1
@@ -33,8 +51,8 @@ Problem = Callable[[int], tuple[OrdinalMDP, Floats]]
 
 
 class Run(NamedTuple):
-    """Of one problem; ``equal``: what training on equal gaps loses; ``short``: how far below its optimum a training
-    ended at most, where that is known."""
+    """Of one problem; ``equal``: what training on equal gaps loses; ``short``: how far below its
+    optimum a training ended at most, where that is known."""
 
     asked: int
     trained: int
@@ -46,26 +64,36 @@ class Run(NamedTuple):
     short: float = np.nan
 
 
-def black_box(problem: Problem, seed: int, truthful: bool = True, poor: bool = False, gap: float | None = 0.0) -> Run:
+def black_box(
+    problem: Problem, seed: int, truthful: bool = True, poor: bool = False, gap: float | None = 0.0
+) -> Run:
     """A tabular problem, its loss from where episodes start."""
     mdp, values = problem(seed)
-    comparator: Comparator = PolytopeComparator(mdp.k) if truthful else PosteriorComparator(mdp.k, seed=seed)
+    comparator: Comparator = (
+        PolytopeComparator(mdp.k) if truthful else PosteriorComparator(mdp.k, seed=seed)
+    )
     tutor: Tutor = TruthfulTutor(values) if truthful else FlippingTutor(values, ERROR, seed=seed)
     train = black_boxes.poor(mdp, seed) if poor else black_boxes.exact(mdp)
-    training = InteractiveTraining(comparator, discount=mdp.discount, tolerance=0.01, optimality_gap=gap)
+    training = InteractiveTraining(
+        comparator, discount=mdp.discount, tolerance=0.01, optimality_gap=gap
+    )
     result = black_boxes.run(training, mdp, train, tutor)
     loss = black_boxes.loss_of(mdp, result, values)
     even = black_boxes.exact(mdp)(np.linspace(0, 1, mdp.k))
     best = float(result.shares @ normalise(values)) + loss
     equal = best - float(black_boxes.shares_of(mdp, even) @ normalise(values))
     scales = [(policy.trained_on, policy.shares) for policy in result.policies]
-    short = max(float((black_boxes.shares_of(mdp, black_boxes.exact(mdp)(w)) - x) @ w) for w, x in scales)
+    short = max(
+        float((black_boxes.shares_of(mdp, black_boxes.exact(mdp)(w)) - x) @ w) for w, x in scales
+    )
     bound, seen = result.loss_bound, result.observed_gap
     return Run(result.asked, result.trained, loss, bound, result.status, seen, equal, short)
 
 
 def on_terrain(seed: int) -> Run:
-    """The terrain, its loss against the same learner trained on the true values, by 20,000 walks."""
+    """The terrain, its loss against the same learner trained on the true values, by 20,000
+    walks.
+    """
     place = terrain.Terrain(seed)
     learner, values = terrain.TileCoded(place, seed), draw_values(5, seed=seed)
     training = InteractiveTraining(PolytopeComparator(5), discount=terrain.DISCOUNT, tolerance=0.01)
@@ -88,7 +116,9 @@ def for_treasure(seed: int) -> Run:
     """Deep-sea-treasure with weights drawn uniformly."""
     problem, weights = treasure(), np.random.default_rng(seed).dirichlet([1.0, 1.0])
     box, tutor = (np.zeros(2), np.ones(2)), TruthfulTutor(objectives.values(weights))
-    training = InteractiveTraining(PolytopeComparator(3), discount=0.95, optimality_gap=0.0, objectives=box)
+    training = InteractiveTraining(
+        PolytopeComparator(3), discount=0.95, optimality_gap=0.0, objectives=box
+    )
     while not training.finished:
         if (values := training.to_train()) is not None:
             policy = problem.train(objectives.weights(values))
@@ -107,11 +137,29 @@ def line(name: str, runs: Sequence[Run]) -> list[str]:
     """One row of the table: counts with intervals, losses in percent."""
     loss, bound = np.array([run.loss for run in runs]), np.array([run.bound for run in runs])
     known, equal = np.isfinite(bound), 100 * np.array([run.equal for run in runs])
-    kept = f"{100 * np.mean(loss[known] <= bound[known] + 1e-9):.1f}% of {known.sum()}" if known.any() else "none given"
+    kept = (
+        f"{100 * np.mean(loss[known] <= bound[known] + 1e-9):.1f}% of {known.sum()}"
+        if known.any()
+        else "none given"
+    )
     ends = {run.status.name for run in runs}
-    cells = [name, str(len(runs)), with_interval([run.asked for run in runs], 1), str(max(run.asked for run in runs))]
-    cells += [with_interval([run.trained for run in runs], 1), with_interval(100 * loss, 2), f"{100 * loss.max():.2f}"]
-    return [*cells, kept, f"{equal.mean():.1f}, {equal.max():.1f}", ", ".join(sorted(ends)).lower().replace("_", " ")]
+    cells = [
+        name,
+        str(len(runs)),
+        with_interval([run.asked for run in runs], 1),
+        str(max(run.asked for run in runs)),
+    ]
+    cells += [
+        with_interval([run.trained for run in runs], 1),
+        with_interval(100 * loss, 2),
+        f"{100 * loss.max():.2f}",
+    ]
+    return [
+        *cells,
+        kept,
+        f"{equal.mean():.1f}, {equal.max():.1f}",
+        ", ".join(sorted(ends)).lower().replace("_", " "),
+    ]
 
 
 def kinds(problems: int) -> dict[str, Callable[[], list[Run]]]:
@@ -123,7 +171,9 @@ def kinds(problems: int) -> dict[str, Callable[[], list[Run]]]:
 
     return {
         "random MDP, k = 5, truthful": lambda: [black_box(paper(5), s) for s in range(problems)],
-        "random MDP, k = 5, 10% flips": lambda: [black_box(paper(5), s, truthful=False) for s in range(2 * problems)],
+        "random MDP, k = 5, 10% flips": lambda: [
+            black_box(paper(5), s, truthful=False) for s in range(2 * problems)
+        ],
         "random MDP, k = 10, truthful": lambda: [black_box(paper(10), s) for s in range(problems)],
         "ICU-Sepsis, truthful": lambda: [black_box(clinic, s) for s in range(min(problems, 5))],
         "terrain, tile-coded, truthful": lambda: [on_terrain(s) for s in range(min(problems, 12))],
@@ -151,7 +201,18 @@ def broken(gap: float | None, runs: Sequence[Run]) -> list[str]:
     return [*cells[:4], str(len(finite)), *cells[4:]]
 
 
-HEAD = ("problem", "runs", "questions", "most", "trainings", "loss %", "worst", "bound kept", "equal gaps lose", "ends")
+HEAD = (
+    "problem",
+    "runs",
+    "questions",
+    "most",
+    "trainings",
+    "loss %",
+    "worst",
+    "bound kept",
+    "equal gaps lose",
+    "ends",
+)
 
 
 def costs(repeats: int = 9, steps: int = 20_000) -> Iterator[list[str]]:
@@ -191,11 +252,16 @@ def report(problems: int) -> Iterator[list[str]]:
     """The parts of the report, as they come."""
     yield ["# Training by few questions", "", machine()]
     yield [
-        "Tolerance 1% of the value range. Means with 95% t-intervals, and the greatest. *Loss*: in percent of the "
-        "value range, from where episodes start; of the terrain against the same learner trained on the true "
-        "values (below 0: better than that, by chance). *Bound kept*: of the runs with a finite bound, those that "
-        "lose no more. *Equal gaps lose*: what training on the guess of equal gaps (objectives: equal weights) "
-        "loses, on average and at most. *Ends*: the statuses. Exact trainings state a gap of 0; the tile-coded "
+        "Tolerance 1% of the value range. Means with 95% t-intervals, and the greatest. *Loss*: in "
+        "percent of the "
+        "value range, from where episodes start; of the terrain against the same learner trained "
+        "on the true "
+        "values (below 0: better than that, by chance). *Bound kept*: of the runs with a finite "
+        "bound, those that "
+        "lose no more. *Equal gaps lose*: what training on the guess of equal gaps (objectives: "
+        "equal weights) "
+        "loses, on average and at most. *Ends*: the statuses. Exact trainings state a gap of 0; "
+        "the tile-coded "
         "learner states none, so that there is no bound."
     ]
     yield markdown(HEAD, [line(name, runs()) for name, runs in kinds(problems).items()], 1)
@@ -204,17 +270,26 @@ def report(problems: int) -> Iterator[list[str]]:
         "",
         "It solves the random MDP and then forgets half of its states, others each time.",
     ]
-    rows = [broken(gap, [black_box(paper(5), s, poor=True, gap=gap) for s in range(problems)]) for gap in STATED]
+    rows = [
+        broken(gap, [black_box(paper(5), s, poor=True, gap=gap) for s in range(problems)])
+        for gap in STATED
+    ]
     yield [
-        *markdown(("gap stated", "ends", "gap seen", "true gap", "finite bounds", "kept", "not kept"), rows, 1),
+        *markdown(
+            ("gap stated", "ends", "gap seen", "true gap", "finite bounds", "kept", "not kept"),
+            rows,
+            1,
+        ),
         "",
-        "Gaps: mean, and the greatest. *Kept* and *not kept*: of the runs with a finite bound in which the stated gap "
+        "Gaps: mean, and the greatest. *Kept* and *not kept*: of the runs with a finite bound in "
+        "which the stated gap "
         "held, and (in brackets) of those in which it did not hold and no later policy showed it.",
     ]
     yield [
         "## What wrappers cost",
         "",
-        "Steps a second in share of the raw environment's (`gymnasium.make`), the level from a function; measured in "
+        "Steps a second in share of the raw environment's (`gymnasium.make`), the level from a "
+        "function; measured in "
         "turns, the median of nine.",
     ]
     yield markdown(("environment", "OrdinalReward", "LevelVector"), list(costs()), 1)
@@ -233,7 +308,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--problems", type=int, default=20, help="of each kind (default: 20)")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
-    publish(report(given.problems), given.out, f"0-{given.problems - 1}, 0-{2 * given.problems - 1} where she errs")
+    publish(
+        report(given.problems),
+        given.out,
+        f"0-{given.problems - 1}, 0-{2 * given.problems - 1} where she errs",
+    )
 
 
 if __name__ == "__main__":

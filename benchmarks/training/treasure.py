@@ -1,4 +1,6 @@
-"""MO-Gymnasium's deep-sea-treasure as a problem of two objectives without an order: treasure, and little time."""
+"""MO-Gymnasium's deep-sea-treasure as a problem of two objectives without an order: treasure, and
+little time.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,10 @@ from qlearn.problems.gymnasium import deep_sea_treasure
 
 
 class Treasure(NamedTuple):
-    """``mdp``: its tables. ``worth`` (k, 2): what a share of time at each level counts towards the two objectives, so
-    that a policy's shares times it are its discounted treasure over the greatest, and 1 less its discounted time at sea
-    over the longest there can be: the package's two returns, each brought to 0..1."""
+    """``mdp``: its tables. ``worth`` (k, 2): what a share of time at each level counts towards the
+    two objectives, so that a policy's shares times it are its discounted treasure over the
+    greatest, and 1 less its discounted time at sea over the longest there can be: the package's two
+    returns, each brought to 0..1."""
 
     mdp: OrdinalMDP
     worth: Floats
@@ -33,5 +36,6 @@ def treasure(discount: float = 0.95) -> Treasure:
     """The problem. Raises ImportError without the packages."""
     mdp = deep_sea_treasure(discount)
     values = np.array([0.0, *(float(label.split()[1]) for label in mdp.labels[1:])])
-    # a treasure reached after T steps is rewarded at the T-th, a step before the time that lasts begins
+    # a treasure reached after T steps is rewarded at the T-th, a step before the time that lasts
+    # begins
     return Treasure(mdp, np.column_stack([values / values.max() / discount, values > 0]))

@@ -1,4 +1,6 @@
-"""The pictures of docs/proofs.md, drawn from runs: ``python docs/pictures/draw.py``. Texts stay texts in the SVGs."""
+"""The pictures of docs/proofs.md, drawn from runs: ``python docs/pictures/draw.py``. Texts stay
+texts in the SVGs.
+"""
 
 from __future__ import annotations
 
@@ -48,14 +50,29 @@ def two_verdicts() -> plt.Figure:
         elicit.plot.polytope(known, ax, labels=LEVELS, cuts=False)
         for text in ax.texts:
             text.set_visible(False)
-        ax.plot(*line_of(d).T, color="black", linewidth=1.6, label="scales that see left and right as equal")
+        ax.plot(
+            *line_of(d).T,
+            color="black",
+            linewidth=1.6,
+            label="scales that see left and right as equal",
+        )
         low, high = (float(bound[0]) for bound in known.bounds([d]))
         verdict = elicit.Verdict(int(known.compare([d])[0]))
-        says = "nobody need be asked" if verdict != elicit.Verdict.UNKNOWN else "the tutor must be asked"
-        ax.set_title(f"{verdict}: {says}\nd . e lies between {low:+.2f} and {high:+.2f}", fontsize=10)
+        says = (
+            "nobody need be asked"
+            if verdict != elicit.Verdict.UNKNOWN
+            else "the tutor must be asked"
+        )
+        ax.set_title(
+            f"{verdict}: {says}\nd . e lies between {low:+.2f} and {high:+.2f}", fontsize=10
+        )
         ax.get_legend().remove()
-        ax.set(xlabel=f"value of {LEVELS[1]}", ylabel=f"value of {LEVELS[2]}" if ax is axes[0] else "")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False, fontsize=9)
+        ax.set(
+            xlabel=f"value of {LEVELS[1]}", ylabel=f"value of {LEVELS[2]}" if ax is axes[0] else ""
+        )
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False, fontsize=9
+    )
     figure.subplots_adjust(bottom=0.18, top=0.88, left=0.07, right=0.99, wspace=0.08)
     return figure
 
@@ -76,10 +93,14 @@ def line_of(d: tuple[float, ...]) -> np.ndarray:
 
 
 def what_it_may_lose() -> plt.Figure:
-    """The bound on the loss and the true loss after each answer of one run, both at the worst state."""
+    """The bound on the loss and the true loss after each answer of one run, both at the worst
+    state.
+    """
     mdp, values = qlearn.random_mdp(n_states=100, n_actions=5, n_levels=10, seed=3)
     tutor = elicit.TruthfulTutor(values)
-    learner = qlearn.InteractivePolicyIteration(mdp, elicit.PolytopeComparator(k=10), tolerance=0.001)
+    learner = qlearn.InteractivePolicyIteration(
+        mdp, elicit.PolytopeComparator(k=10), tolerance=0.001
+    )
     bounds, losses = [], []
     while True:
         queries = learner.ask()
@@ -91,11 +112,30 @@ def what_it_may_lose() -> plt.Figure:
         learner.tell([tutor(query) for query in queries])
     figure, ax = plt.subplots(figsize=(7.2, 4.2))
     colour, asked = elicit.plot.STYLES["polytope"]["color"], np.arange(len(bounds) + 1)
-    bounds, losses = [*bounds, bounds[-1]], [*losses, losses[-1]]  # the last step is as wide as the others
-    ax.step(asked, bounds, where="post", color=colour, linewidth=2, label="what the policy may lose at most: proven")
-    ax.step(asked, losses, where="post", color="black", linestyle=(0, (4, 2)), label="what it does lose: hidden")
+    bounds, losses = (
+        [*bounds, bounds[-1]],
+        [*losses, losses[-1]],
+    )  # the last step is as wide as the others
+    ax.step(
+        asked,
+        bounds,
+        where="post",
+        color=colour,
+        linewidth=2,
+        label="what the policy may lose at most: proven",
+    )
+    ax.step(
+        asked,
+        losses,
+        where="post",
+        color="black",
+        linestyle=(0, (4, 2)),
+        label="what it does lose: hidden",
+    )
     ax.axhline(0.1, color="0.5", linewidth=0.8)
-    ax.annotate("the tolerance: .1%", (0, 0.1), (2, 3), textcoords="offset points", fontsize=9, color="0.3")
+    ax.annotate(
+        "the tolerance: .1%", (0, 0.1), (2, 3), textcoords="offset points", fontsize=9, color="0.3"
+    )
     ax.set_yscale("symlog", linthresh=0.1, linscale=0.7)
     ax.set(ylim=(-0.005, 130), xlim=(0, asked[-1]), xlabel="answers")
     ax.set_ylabel("loss at the worst state,\n% of the value range")
@@ -108,7 +148,11 @@ def what_it_may_lose() -> plt.Figure:
     return figure
 
 
-PICTURES = {"what-fits": what_fits, "two-verdicts": two_verdicts, "what-it-may-lose": what_it_may_lose}
+PICTURES = {
+    "what-fits": what_fits,
+    "two-verdicts": two_verdicts,
+    "what-it-may-lose": what_it_may_lose,
+}
 
 
 def draw(folder: Path) -> None:

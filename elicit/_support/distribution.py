@@ -1,4 +1,6 @@
-"""The installed distribution: its version, and the command that installs a package that is missing."""
+"""The installed distribution: its version, and the command that installs a package that is
+missing.
+"""
 
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed_version
@@ -12,13 +14,16 @@ _EXTRAS |= dict.fromkeys(("stable_baselines3", "torch"), "sb3")
 
 
 def version() -> str:
-    """The version of the installed distribution, which both packages are parts of. Raises AttributeError where it is
-    not installed, so that asking a module for ``__version__`` then fails as for any name that it lacks."""
+    """The version of the installed distribution, which both packages are parts of. Raises
+    AttributeError where it is not installed, so that asking a module for ``__version__`` then fails
+    as for any name that it lacks."""
     try:
         return installed_version(NAME)
     except PackageNotFoundError:
         where = "in a clone: pip install -e '.[all]'"
-        raise AttributeError(f"{NAME} is not installed, so its version is not known; {where}") from None
+        raise AttributeError(
+            f"{NAME} is not installed, so its version is not known; {where}"
+        ) from None
 
 
 def with_advice(error: ModuleNotFoundError) -> ModuleNotFoundError:

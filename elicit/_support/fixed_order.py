@@ -1,8 +1,9 @@
 """Linear algebra whose sums have a fixed order, so that results are the same on every processor.
 
-A BLAS library picks its kernels by the processor, and each adds up in an order of its own. The last bits then
-differ from machine to machine. A choice that depends on them differs too, and so does every question after it.
-What questions are chosen by is computed here instead: element by element, without fused products.
+A BLAS library picks its kernels by the processor, and each adds up in an order of its own. The last
+bits then differ from machine to machine. A choice that depends on them differs too, and so does
+every question after it. What questions are chosen by is computed here instead: element by element,
+without fused products.
 """
 
 from typing import Any
@@ -18,7 +19,8 @@ Floats = NDArray[np.float64]
 def product(a: ArrayLike, b: ArrayLike) -> Floats:
     """Return the matrix product of a (n, p) or (p,) and b (p, m) or (p,).
 
-    The sum over p goes from the first to the last for a matrix b. For a vector b it is NumPy's pairwise sum.
+    The sum over p goes from the first to the last for a matrix b. For a vector b it is NumPy's
+    pairwise sum.
     """
     left, right = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if right.ndim == 1:
@@ -31,7 +33,9 @@ def product(a: ArrayLike, b: ArrayLike) -> Floats:
 
 
 def _product_of_arrays(a: Floats, b: Floats, out: Floats) -> None:
-    """Add ``a @ b`` to ``out`` one row of b at a time: the stand-in until the loops are compiled."""
+    """Add ``a @ b`` to ``out`` one row of b at a time: the stand-in until the loops are
+    compiled.
+    """
     for j in range(len(b)):
         out += a[:, j, None] * b[j]
 
@@ -68,8 +72,8 @@ def sums_to_zero(p: int) -> Floats:
 def null_basis(rows: Floats, tolerance: float = 1e-12) -> Floats:
     """Return an orthonormal basis (p, q) of the vectors that rows (m, p) are orthogonal to.
 
-    A row counts as dependent on those before it where what they leave of it is at most ``tolerance`` of the
-    largest row.
+    A row counts as dependent on those before it where what they leave of it is at most
+    ``tolerance`` of the largest row.
     """
     p = rows.shape[1]
     size = np.sqrt((rows * rows).sum(axis=1).max(initial=0.0))
@@ -92,7 +96,9 @@ def null_basis(rows: Floats, tolerance: float = 1e-12) -> Floats:
 
 
 def _orthogonal_to(span: list[Floats], x: Floats) -> Floats:
-    """Return what is left of x (p,) orthogonal to orthonormal vectors, by Gram and Schmidt, twice."""
+    """Return what is left of x (p,) orthogonal to orthonormal vectors, by Gram and Schmidt,
+    twice.
+    """
     for _ in range(2):
         for unit in span:
             x = x - (x * unit).sum() * unit
@@ -100,15 +106,18 @@ def _orthogonal_to(span: list[Floats], x: Floats) -> Floats:
 
 
 class LeastSquares:
-    """The factors of a matrix (m, q), m >= q, for least squares: Householder's, columns and rows sorted by size.
+    """The factors of a matrix (m, q), m >= q, for least squares: Householder's, columns and rows
+    sorted by size.
 
-    ``shape`` (q, q) is a matrix whose product with its own transpose is the inverse of ``matrix.T @ matrix``, where
-    directions in which the matrix is below ``least`` of its size count as that large.
+    ``shape`` (q, q) is a matrix whose product with its own transpose is the inverse of ``matrix.T @
+    matrix``, where directions in which the matrix is below ``least`` of its size count as that
+    large.
     """
 
     def __init__(self, matrix: Floats, least: float = 1e-13) -> None:
         m, q = matrix.shape
-        # rows of very different sizes are factored stably where the largest come first (Powell and Reid 1969)
+        # rows of very different sizes are factored stably where the largest come first (Powell and
+        # Reid 1969)
         self._rows = np.argsort(-np.abs(matrix).max(axis=1), kind="stable")
         work = matrix[self._rows]
         self._columns = np.arange(q)
@@ -164,7 +173,9 @@ class LeastSquares:
 
 
 def principal_axes(matrix: Floats) -> Floats:
-    """Return orthonormal eigenvectors of a symmetric matrix (p, p), as columns, by Jacobi's rotations."""
+    """Return orthonormal eigenvectors of a symmetric matrix (p, p), as columns, by Jacobi's
+    rotations.
+    """
     a, p = matrix.copy(), len(matrix)
     axes = np.eye(p)
     for _ in range(30):
@@ -176,12 +187,17 @@ def principal_axes(matrix: Floats) -> Floats:
                 if a[i, j] == 0.0:
                     continue
                 ratio = (a[j, j] - a[i, i]) / (2.0 * a[i, j])
-                tangent = (1.0 if ratio >= 0 else -1.0) / (abs(ratio) + np.sqrt(ratio * ratio + 1.0))
+                tangent = (1.0 if ratio >= 0 else -1.0) / (
+                    abs(ratio) + np.sqrt(ratio * ratio + 1.0)
+                )
                 cosine = 1.0 / np.sqrt(tangent * tangent + 1.0)
                 sine = tangent * cosine
                 for x in (a, axes):
                     first, second = x[:, i].copy(), x[:, j].copy()
-                    x[:, i], x[:, j] = cosine * first - sine * second, sine * first + cosine * second
+                    x[:, i], x[:, j] = (
+                        cosine * first - sine * second,
+                        sine * first + cosine * second,
+                    )
                 first, second = a[i].copy(), a[j].copy()
                 a[i], a[j] = cosine * first - sine * second, sine * first + cosine * second
     return axes

@@ -1,9 +1,9 @@
 """Randomness that can be indexed: one 64-bit key, and a stateless hash of (key, counters).
 
-``fold(key, a, b, ...)`` is the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) applied once per counter.
-Numbers drawn this way do not depend on the order of drawing, so two runs that share a key share their exploration and
-their transitions (common random numbers). ``mix`` and ``unit`` are ``fold`` and ``uniform`` for compiled code, one
-number at a time.
+``fold(key, a, b, ...)`` is the finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) applied
+once per counter. Numbers drawn this way do not depend on the order of drawing, so two runs that
+share a key share their exploration and their transitions (common random numbers). ``mix`` and
+``unit`` are ``fold`` and ``uniform`` for compiled code, one number at a time.
 """
 
 import hashlib
@@ -31,7 +31,9 @@ def key_of(seed: Seed) -> int:
         return int(seed.generate_state(1, np.uint64)[0])
     if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) and seed >= 0:
         return int(np.random.SeedSequence(int(seed)).generate_state(1, np.uint64)[0])
-    raise TypeError(f"a seed must be a non-negative int, a numpy SeedSequence or a Generator, not {seed!r}")
+    raise TypeError(
+        f"a seed must be a non-negative int, a numpy SeedSequence or a Generator, not {seed!r}"
+    )
 
 
 def name_code(name: str) -> int:

@@ -1,8 +1,9 @@
 """Interpret first, compile with numba what lasts, and keep the machine code on disk.
 
-A call from Python of a function that is ``compiled`` runs machine code where that is on the disk; else the function and
-all that it calls are interpreted, to the same numbers, until that has taken about as long as it would take to compile
-them. So a few lines wait for no compiler, and what takes minutes is compiled after seconds.
+A call from Python of a function that is ``compiled`` runs machine code where that is on the disk;
+else the function and all that it calls are interpreted, to the same numbers, until that has taken
+about as long as it would take to compile them. So a few lines wait for no compiler, and what takes
+minutes is compiled after seconds.
 
 ``NUMBA_DISABLE_JIT=1`` interprets always; ``ELICIT_COMPILE_FIRST=1`` compiles at the first call.
 """
@@ -38,26 +39,33 @@ _SECONDS_TO_BEGIN = 0.5  # of the first that a process compiles
 
 
 def compiled(function: F) -> F:
-    """The function to be interpreted first and compiled if it lasts, the machine code kept on disk between processes.
-    No option that lets sums be reordered: compiled or not, the numbers are the same to the last bit.
+    """The function to be interpreted first and compiled if it lasts, the machine code kept on disk
+    between processes. No option that lets sums be reordered: compiled or not, the numbers are the
+    same to the last bit.
 
-    Arrays are better assigned element by element: for a whole one, numba compiles what its error message takes, which
-    are seconds in every process that compiles at all."""
+    Arrays are better assigned element by element: for a whole one, numba compiles what its error
+    message takes, which are seconds in every process that compiles at all."""
     return _made(function)
 
 
 def loosely(function: F) -> F:
-    """``compiled``, with products and sums fused and reordered: for numbers whose rounding nothing hangs on."""
+    """``compiled``, with products and sums fused and reordered: for numbers whose rounding nothing
+    hangs on.
+    """
     return _made(function, fastmath={"contract", "reassoc"})
 
 
 def unlocked(function: F) -> F:
-    """``compiled``, and other threads may run meanwhile: for functions whose arrays no other thread writes to."""
+    """``compiled``, and other threads may run meanwhile: for functions whose arrays no other thread
+    writes to.
+    """
     return _made(function, nogil=True)
 
 
 def for_each_number(function: F) -> F:
-    """``compiled``, in a version for each number that stands in a call: for loops whose length is known so."""
+    """``compiled``, in a version for each number that stands in a call: for loops whose length is
+    known so.
+    """
     made = _made(function)
     if isinstance(made, Compiled):
         made.literal = True
@@ -65,8 +73,8 @@ def for_each_number(function: F) -> F:
 
 
 def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
-    """``compiled``, with a function that is called in its place as long as it is not: one that returns the same to the
-    last bit, whole arrays at a time, and so does not take seconds."""
+    """``compiled``, with a function that is called in its place as long as it is not: one that
+    returns the same to the last bit, whole arrays at a time, and so does not take seconds."""
 
     def made(function: F) -> F:
         made = _made(function)
@@ -78,8 +86,9 @@ def compiled_beside(stand_in: Callable[..., Any]) -> Callable[[F], F]:
 
 
 def expect(function: Callable[..., Any], seconds: float) -> None:
-    """Say how long a call to come would take if a compiled function were interpreted: it is not, where to compile it
-    takes less. For loops that do not come back to Python before they are done."""
+    """Say how long a call to come would take if a compiled function were interpreted: it is not,
+    where to compile it takes less. For loops that do not come back to Python before they are
+    done."""
     if isinstance(function, Compiled):
         function.expect(seconds)
 
@@ -95,7 +104,9 @@ def compiling() -> Iterator[None]:
 
 
 class Compiled:
-    """A function with its two lives: compiled ones that call it call its machine code, interpreted ones its source."""
+    """A function with its two lives: compiled ones that call it call its machine code, interpreted
+    ones its source.
+    """
 
     literal = False  # whether numbers that stand in a call have versions of their own
     patient = not os.environ.get("ELICIT_COMPILE_FIRST")
@@ -125,7 +136,9 @@ class Compiled:
         return result
 
     def expect(self, seconds: float) -> None:
-        """Once the seconds of interpreting, past and to come, are too many, the function is compiled when called."""
+        """Once the seconds of interpreting, past and to come, are too many, the function is
+        compiled when called.
+        """
         self._lasts = self._lasts or self._spent + seconds > self._patience
 
     @cached_property
@@ -135,20 +148,28 @@ class Compiled:
         while new:
             found |= new
             new = {other for each in new for other in _called_by(each._function).values()} - found
-        return _SECONDS_TO_BEGIN + _SECONDS_A_BYTE * sum(len(each._function.__code__.co_code) for each in found)
+        return _SECONDS_TO_BEGIN + _SECONDS_A_BYTE * sum(
+            len(each._function.__code__.co_code) for each in found
+        )
 
     @cached_property
     def _may_be_kept(self) -> bool:
-        """False where no file was on the disk, when the process first asked, that could be this function's."""
+        """False where no file was on the disk, when the process first asked, that could be this
+        function's.
+        """
         return any(self._function.__name__ in name for name in _names_in(self._place))
 
     def _interpreted(self, arguments: tuple[Any, ...]) -> Any:
-        with np.errstate(all="ignore"):  # as machine code has it: hashes wrap around, and 1/0 is infinite
+        with np.errstate(
+            all="ignore"
+        ):  # as machine code has it: hashes wrap around, and 1/0 is infinite
             return _boxed(self._source(*arguments))
 
     @cached_property
     def _source(self) -> Callable[..., Any]:
-        """The function, calling others of its kind in their interpreted form, and ``math`` without its errors."""
+        """The function, calling others of its kind in their interpreted form, and ``math`` without
+        its errors.
+        """
         scope: dict[str, Any] = {"__builtins__": builtins}
         named = self._function.__globals__
         for name in _names_of(self._function.__code__) & named.keys():
@@ -159,8 +180,8 @@ class Compiled:
 
 
 class _Callee(types.Dispatcher):  # type: ignore[misc, unused-ignore]  # numba is untyped in some versions
-    """What numba sees of a function where another calls it. A number that stands in the call is one like any other: a
-    version for each would be compiled otherwise."""
+    """What numba sees of a function where another calls it. A number that stands in the call is one
+    like any other: a version for each would be compiled otherwise."""
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
         plain = tuple(map(_unliteral, args)), {name: _unliteral(kws[name]) for name in kws}
@@ -177,13 +198,19 @@ def _as_numba_sees_it(function: Compiled, _: Any) -> Any:
 
 def _names_of(code: CodeType) -> set[str]:
     """What a function's code, and code within it, names."""
-    return set(code.co_names).union(*(_names_of(part) for part in code.co_consts if isinstance(part, CodeType)))
+    return set(code.co_names).union(
+        *(_names_of(part) for part in code.co_consts if isinstance(part, CodeType))
+    )
 
 
 def _called_by(function: Any) -> dict[str, Compiled]:
     """The compiled functions that a function names."""
     scope = function.__globals__
-    return {name: scope[name] for name in _names_of(function.__code__) if isinstance(scope.get(name), Compiled)}
+    return {
+        name: scope[name]
+        for name in _names_of(function.__code__)
+        if isinstance(scope.get(name), Compiled)
+    }
 
 
 def _boxed(result: Any) -> Any:
@@ -194,7 +221,9 @@ def _boxed(result: Any) -> Any:
 
 
 def _without_errors(name: str) -> Callable[..., float]:
-    """A function of ``math`` that returns what C's does where Python's raises: infinity, or not a number."""
+    """A function of ``math`` that returns what C's does where Python's raises: infinity, or not a
+    number.
+    """
     function, fallback = getattr(math, name), getattr(np, name)
 
     def quiet(*arguments: Any) -> float:
@@ -207,7 +236,9 @@ def _without_errors(name: str) -> Callable[..., float]:
 
 
 _MATH = SimpleNamespace(**vars(math))
-vars(_MATH).update({name: _without_errors(name) for name in ("exp", "expm1", "ldexp", "log", "sqrt")})
+vars(_MATH).update(
+    {name: _without_errors(name) for name in ("exp", "expm1", "ldexp", "log", "sqrt")}
+)
 
 
 class _Here(local):
@@ -224,7 +255,9 @@ class _NotKept(Exception):
 
 
 class _Refuser(event.Listener):
-    """Breaks off what numba begins to compile where that is not wanted: it alone knows what is on its disk."""
+    """Breaks off what numba begins to compile where that is not wanted: it alone knows what is on
+    its disk.
+    """
 
     def on_start(self, event: Any) -> None:
         if _here.only_kept:
@@ -245,7 +278,9 @@ def _made(function: F, **options: Any) -> F:
     usual, file = _settings.CACHE_DIR, Path(function.__code__.co_filename)
     home = _package_of(file)
     _PACKAGES.add(home)  # what this function calls was imported, and is known here, before it
-    packages = {_HOME} if home == _HOME else _PACKAGES  # this one calls nothing of the others, whatever was imported
+    packages = (
+        {_HOME} if home == _HOME else _PACKAGES
+    )  # this one calls nothing of the others, whatever was imported
     _settings.CACHE_DIR = place = _cache_of(usual, file.parent, frozenset(packages))
     try:
         made: Any = njit(cache=True, **options)(function)
@@ -272,9 +307,9 @@ _OURS: set[Any] = set()
 
 @cache
 def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
-    """Where to keep the machine code of a folder's functions: a place of its own for each state of the sources, of
-    whole packages, so that it does not depend on what was imported first. numba looks for changes in a function's own
-    file only, not in the files of the functions it calls."""
+    """Where to keep the machine code of a folder's functions: a place of its own for each state of
+    the sources, of whole packages, so that it does not depend on what was imported first. numba
+    looks for changes in a function's own file only, not in the files of the functions it calls."""
     sources = {path: path.read_bytes() for home in packages for path in home.rglob("*.py")}
     digest = hashlib.blake2b(digest_size=8)
     for path in sorted(sources):
@@ -284,8 +319,8 @@ def _cache_of(usual: str, folder: Path, packages: frozenset[Path]) -> str:
 
 
 def first_on_this_machine() -> bool:
-    """Whether no process has said before that it compiles these sources, or would have to each time, since nothing can
-    be kept; from now on one has."""
+    """Whether no process has said before that it compiles these sources, or would have to each
+    time, since nothing can be kept; from now on one has."""
     place = Path(_cache_of(_settings.CACHE_DIR, Path(__file__).parent, frozenset({_HOME})))
     try:
         place.mkdir(parents=True, exist_ok=True)
@@ -298,8 +333,8 @@ def first_on_this_machine() -> bool:
 
 
 class _Announcer(event.Listener):
-    """Says on the standard error what a first call waits for, and when that is over: once on a machine, not in every
-    process that compiles beside it or later."""
+    """Says on the standard error what a first call waits for, and when that is over: once on a
+    machine, not in every process that compiles beside it or later."""
 
     _QUIET = 3.0  # seconds without anything to compile, after which it is over
 
@@ -332,7 +367,9 @@ class _Announcer(event.Listener):
                 waits.start()
 
     def _finish(self, quiet: float) -> None:
-        """Say that it is over, where that has not been said and nothing was compiled for so many seconds."""
+        """Say that it is over, where that has not been said and nothing was compiled for so many
+        seconds.
+        """
         with self._lock:
             if self._begun is not None and not self._under_way and monotonic() >= self._end + quiet:
                 _say(f"compiled, in {self._end - self._begun:.0f} s")

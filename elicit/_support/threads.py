@@ -1,5 +1,6 @@
-"""Linear algebra on one thread, whatever the machine has: how a sum is split among threads shows in its last digits,
-which can decide what is asked next; and systems of a few hundred unknowns are solved ten times faster so."""
+"""Linear algebra on one thread, whatever the machine has: how a sum is split among threads shows in
+its last digits, which can decide what is asked next; and systems of a few hundred unknowns are
+solved ten times faster so."""
 
 from contextlib import ContextDecorator
 from functools import cached_property
@@ -12,7 +13,9 @@ from threadpoolctl import LibController, OpenBLASController, ThreadpoolControlle
 
 
 class _Depth(local):
-    """How many blocks this thread is in, and what it has to set back where the limit is a thread's own."""
+    """How many blocks this thread is in, and what it has to set back where the limit is a thread's
+    own.
+    """
 
     def __init__(self) -> None:
         self.blocks = 0
@@ -20,20 +23,25 @@ class _Depth(local):
 
 
 class _OneThread(ContextDecorator):
-    """A block, or a decorated function, in which BLAS has one thread. The limit is that of the whole process in most
-    libraries: it ends when the last of the threads that are in such a block leaves it, whichever that is. To enter a
-    block costs some microseconds, within another one next to nothing."""
+    """A block, or a decorated function, in which BLAS has one thread. The limit is that of the
+    whole process in most libraries: it ends when the last of the threads that are in such a block
+    leaves it, whichever that is. To enter a block costs some microseconds, within another one next
+    to nothing."""
 
     def __init__(self) -> None:
         self._depth, self._lock, self._inside = _Depth(), Lock(), 0
-        self._before: dict[LibController, int] = {}  # how many threads the process had, where it was not one
+        self._before: dict[
+            LibController, int
+        ] = {}  # how many threads the process had, where it was not one
 
     @cached_property
     def _libraries(self) -> tuple[list[LibController], list[LibController]]:
         """Those whose limit is a thread's own, and those whose limit is the process's."""
         own, shared = list[LibController](), list[LibController]()
         for library in ThreadpoolController().select(user_api="blas").lib_controllers:
-            by_openmp = isinstance(library, OpenBLASController) and library.threading_layer == "openmp"
+            by_openmp = (
+                isinstance(library, OpenBLASController) and library.threading_layer == "openmp"
+            )
             (own if by_openmp else shared).append(library)
         return own, shared
 
@@ -41,8 +49,8 @@ class _OneThread(ContextDecorator):
         if self._depth.blocks == 0:
             with self._lock:
                 own, shared = self._libraries
-                # the block counts as entered last: after an interruption (Ctrl+C) before that, the next one sets limits
-                # again, and knows what to set back
+                # the block counts as entered last: after an interruption (Ctrl+C) before that, the
+                # next one sets limits again, and knows what to set back
                 self._depth.own = _limited(own) | self._depth.own
                 self._before = _limited(shared) | self._before
                 self._inside, self._depth.blocks = self._inside + 1, 1
@@ -50,7 +58,10 @@ class _OneThread(ContextDecorator):
             self._depth.blocks += 1
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
     ) -> None:
         self._depth.blocks -= 1
         if self._depth.blocks == 0:
@@ -77,8 +88,8 @@ def _restore(before: dict[LibController, int]) -> None:
 
 
 def _set(library: LibController, n: int) -> None:
-    """Set the number of threads, also where another thread has set it last: OpenBLAS's controller would then do
-    nothing, and whoever leaves last could not lift what the first set."""
+    """Set the number of threads, also where another thread has set it last: OpenBLAS's controller
+    would then do nothing, and whoever leaves last could not lift what the first set."""
     OpenBLASController.clear_controlling_thread(force=True)
     library.set_num_threads(n)
     OpenBLASController.clear_controlling_thread(force=True)

@@ -1,4 +1,6 @@
-"""Checks of settings, which raise nothing raw whatever they are given: a text, None, nan, or a number without end."""
+"""Checks of settings, which raise nothing raw whatever they are given: a text, None, nan, or a
+number without end.
+"""
 
 from collections.abc import Sized
 from math import inf, isfinite
@@ -7,7 +9,9 @@ from typing import Any
 
 
 def is_number(value: Any, least: float = -inf, most: float = inf) -> bool:
-    """Return whether a setting is a finite number in ``least`` .. ``most``; a text, None, True or False is none."""
+    """Return whether a setting is a finite number in ``least`` .. ``most``; a text, None, True or
+    False is none.
+    """
     if isinstance(value, bool) or not isinstance(value, Real):
         return False
     try:

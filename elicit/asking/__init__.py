@@ -1,4 +1,5 @@
-"""Questions and their answers: elicitations, the best of a list, questions of simple bags, and cuts.
+"""Questions and their answers: elicitations, the best of a list, questions of simple bags, and
+cuts.
 
 Imports from ``tutors``, for the log of answers, ``comparators`` and below.
 """

@@ -1,4 +1,6 @@
-"""The pairs that the tutor has answered, by value: wherever, and whichever way round, each was compared."""
+"""The pairs that the tutor has answered, by value: wherever, and whichever way round, each was
+compared.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,8 @@ from elicit.model.scale import Floats, tail_sums
 
 
 class AnsweredPairs:
-    """The tutor's answers to pairs, for lookups by value. Two differences within ``pairs.nearness`` are one pair;
-    the latest answer to a pair counts."""
+    """The tutor's answers to pairs, for lookups by value. Two differences within ``pairs.nearness``
+    are one pair; the latest answer to a pair counts."""
 
     def __init__(self, k: int) -> None:
         nothing = np.empty(0, np.int64)
@@ -31,7 +33,9 @@ class AnsweredPairs:
     def copy(self) -> AnsweredPairs:
         """A table of its own: what is added to it leaves this one as it is."""
         new = object.__new__(AnsweredPairs)
-        new.table = self.table._replace(said=self.table.said.copy(), binding=self.table.binding.copy())
+        new.table = self.table._replace(
+            said=self.table.said.copy(), binding=self.table.binding.copy()
+        )
         return new  # rows behind the last are free, and whoever adds one overwrites them
 
     @property
@@ -60,7 +64,9 @@ class AnsweredPairs:
         if len(self):
             expect(find_all, 1e-5 * t.size)
             find_all(np.ascontiguousarray(t), self.table, rows, ways)
-        return np.where(rows == NOT_THERE, Verdict.UNKNOWN, ways * self.table.said[rows]).astype(np.int8)
+        return np.where(rows == NOT_THERE, Verdict.UNKNOWN, ways * self.table.said[rows]).astype(
+            np.int8
+        )
 
     def _append(self, t: Floats, verdict: int, binding: bool) -> None:
         table, row = self.table, len(self)

@@ -1,8 +1,10 @@
-"""Questions made for people: pairs of simple bags, "of 10 days: 10 stable, or 6 critical and 4 well?"
+"""Questions made for people: pairs of simple bags, "of 10 days: 10 stable, or 6 critical and 4
+well?"
 
-What a learner needs to know comes as long vectors of odd shares. A *bag question* sets one level for certain against a
-mixture of a worse and a better one in small whole numbers of days (the time trade-off of Torrance, Thomas and Sackett
-1972). Its answer often settles the same thing; where it tells less, more questions are needed.
+What a learner needs to know comes as long vectors of odd shares. A *bag question* sets one level
+for certain against a mixture of a worse and a better one in small whole numbers of days (the time
+trade-off of Torrance, Thomas and Sackett 1972). Its answer often settles the same thing; where it
+tells less, more questions are needed.
 """
 
 from collections.abc import Sequence
@@ -28,7 +30,9 @@ MOST_QUESTIONS = 200_000
 
 
 class BagQuestions(NamedTuple):
-    """n questions: ``left`` and ``right`` (n, k) in whole days, and how easy each is to judge (n,), in (0, 1]."""
+    """n questions: ``left`` and ``right`` (n, k) in whole days, and how easy each is to judge (n,),
+    in (0, 1].
+    """
 
     left: Floats
     right: Floats
@@ -39,8 +43,9 @@ class BagQuestions(NamedTuple):
 class Bags:
     """Settings of questions about bags.
 
-    ``days``: the number in a bag; 10 or fewer are easy to picture. ``simplicity`` in 0..1: the share of the best
-    question's information that may be given up for an easier question. Raises ValueError."""
+    ``days``: the number in a bag; 10 or fewer are easy to picture. ``simplicity`` in 0..1: the
+    share of the best question's information that may be given up for an easier question. Raises
+    ValueError."""
 
     days: int = 10
     simplicity: float = 0.3
@@ -51,26 +56,30 @@ class Bags:
         require(is_number(self.simplicity, 0, 1), "simplicity", "a number in 0..1", self.simplicity)
 
     def questions(self, k: int) -> BagQuestions:
-        """All bag questions about k levels, those with the fewest and roundest numbers first. Raises ValueError where
-        there are more than ``MOST_QUESTIONS``."""
+        """All bag questions about k levels, those with the fewest and roundest numbers first.
+        Raises ValueError where there are more than ``MOST_QUESTIONS``."""
         k, days = check_levels(k), int(self.days)
         count = comb(k, 3) * (days - 1)
         if count > MOST_QUESTIONS:
             fewer = MOST_QUESTIONS // comb(k, 3) + 1
             advice = f"set days to {fewer} or fewer" if fewer > 1 else "take fewer levels"
             raise ValueError(
-                f"bags of {days} days over k = {k} levels make {count:,} questions, more than the {MOST_QUESTIONS:,} "
+                f"bags of {days} days over k = {k} levels make {count:,} questions, more than the "
+                f"{MOST_QUESTIONS:,} "
                 f"that are looked through at a time: {advice}"
             )
         return _all_questions(k, days)
 
     @one_thread
-    def best(self, draws: Draws, about: ArrayLike, lapse: float = 0.0, skip: Sequence[int] = ()) -> tuple[int, Floats]:
-        """Return which of ``questions`` to ask, and what each tells, in bits, of the signs of ``about`` (c, k):
-        the easiest of those that tell at least (1 - simplicity) of what the best does; -1 where none tells anything.
-        ``draws`` say what is plausible, ``lapse`` how often a tutor answers at random; ``skip`` are rows not to ask.
-        Raises ValueError for differences that are no finite numbers of the draws' k levels, for a lapse outside 0..1,
-        and for a row to skip that ``questions`` has not."""
+    def best(
+        self, draws: Draws, about: ArrayLike, lapse: float = 0.0, skip: Sequence[int] = ()
+    ) -> tuple[int, Floats]:
+        """Return which of ``questions`` to ask, and what each tells, in bits, of the signs of
+        ``about`` (c, k): the easiest of those that tell at least (1 - simplicity) of what the best
+        does; -1 where none tells anything. ``draws`` say what is plausible, ``lapse`` how often a
+        tutor answers at random; ``skip`` are rows not to ask. Raises ValueError for differences
+        that are no finite numbers of the draws' k levels, for a lapse outside 0..1, and for a row
+        to skip that ``questions`` has not."""
         k = len(draws.gaps) + 1
         wanted_signs, asked = as_vectors(about, k), self.questions(k)
         require(is_number(lapse, 0, 1), "lapse", "a number in 0..1", lapse)
@@ -115,14 +124,15 @@ def _all_questions(k: int, days: int) -> BagQuestions:
 def ease(days: int, good: int, ends: bool) -> float:
     """Return how easy a mixture of ``good`` better days and the rest worse is to judge, in (0, 1].
 
-    Halves are easier than fifths, and these than tenths. The worst and the best level (``ends``) are the easiest to
-    have in mind."""
+    Halves are easier than fifths, and these than tenths. The worst and the best level (``ends``)
+    are the easiest to have in mind."""
     return 2.0 * gcd(days, good) / days * (1.0 if ends else 0.7)
 
 
 def says_left(scores: Floats, precision: Floats, lapse: float) -> Floats:
-    """The chance (n, m) that a tutor says "left is better", for d.e (n, m) under m scales and precisions (m,): eq. (6),
-    and a coin in a share ``lapse`` of the answers. An infinite precision never errs, but tosses a coin at d.e = 0."""
+    """The chance (n, m) that a tutor says "left is better", for d.e (n, m) under m scales and
+    precisions (m,): eq. (6), and a coin in a share ``lapse`` of the answers. An infinite precision
+    never errs, but tosses a coin at d.e = 0."""
     with np.errstate(over="ignore", invalid="ignore"):
         chance = np.asarray(-(precision * scores))
         if not np.isfinite(precision).all():
@@ -141,8 +151,9 @@ def entropy(chance: Floats) -> Floats:
 
 
 def information(chance: Floats, events: NDArray[np.bool_], weights: Floats) -> Floats:
-    """Mutual information (n,), in bits, of an answer with ``chance`` (n, m) under m scales of these weights (m,) and of
-    each of ``events`` (c, m), true or false under each scale: the mean over the events."""
+    """Mutual information (n,), in bits, of an answer with ``chance`` (n, m) under m scales of these
+    weights (m,) and of each of ``events`` (c, m), true or false under each scale: the mean over the
+    events."""
     prior = product(events, weights)
     some = (prior > 0) & (prior < 1 - 1e-12)  # what is sure tells nothing
     if not some.any():

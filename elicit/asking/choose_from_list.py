@@ -1,7 +1,9 @@
-"""The best of a plain list of vectors, or their order, with few questions: ask and tell, without an MDP.
+"""The best of a plain list of vectors, or their order, with few questions: ask and tell, without an
+MDP.
 
-It chooses as if the comparator's best guess at the scale were right, collects the comparisons that rest on the guess
-alone, and asks about the one whose answer is most open; when none is left, the choice holds whatever the scale.
+It chooses as if the comparator's best guess at the scale were right, collects the comparisons that
+rest on the guess alone, and asks about the one whose answer is most open; when none is left, the
+choice holds whatever the scale.
 """
 
 import hashlib
@@ -28,20 +30,24 @@ from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, as_vectors, dot, tail_sums
 
-_CONTENDERS = 8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs
+_CONTENDERS = (
+    8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs
+)
 _Indices = NDArray[np.intp]
-_Plan = tuple[list[int], int, _Indices]  # ranking, how many comparisons are guesses, pairs (n, 2) to ask about
+_Plan = tuple[
+    list[int], int, _Indices
+]  # ranking, how many comparisons are guesses, pairs (n, 2) to ask about
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Choice:
     """The result of a choice.
 
-    best: index of the best vector, the first in the list of equals. order: all indices, best first, or
-    None if only the best was wanted. name: that of the best. asked: questions told, among them
-    ``cannot_tell`` without a verdict. decided: how many pairs each tier settled ("equal", "dominance",
-    "lp", "tutor", "guess", ...). answers: what the comparator learned from. guarantee: computes ``loss_bound`` and
-    ``confidence``.
+    best: index of the best vector, the first in the list of equals. order: all indices, best first,
+    or None if only the best was wanted. name: that of the best. asked: questions told, among them
+    ``cannot_tell`` without a verdict. decided: how many pairs each tier settled ("equal",
+    "dominance", "lp", "tutor", "guess", ...). answers: what the comparator learned from. guarantee:
+    computes ``loss_bound`` and ``confidence``.
     """
 
     best: int
@@ -61,19 +67,22 @@ class Choice:
 
     @property
     def loss_bound(self) -> float:
-        """By how much any other vector can be better than the best, in units of e_k - e_1: a share of the value range
-        where vectors are shares."""
+        """By how much any other vector can be better than the best, in units of e_k - e_1: a share
+        of the value range where vectors are shares."""
         return self._guaranteed[0]
 
     @property
     def confidence(self) -> float:
-        """The probability with which ``loss_bound`` holds: 1 where it is proven of every scale that the answers allow,
-        a posterior's level, nan where none can be stated."""
+        """The probability with which ``loss_bound`` holds: 1 where it is proven of every scale that
+        the answers allow, a posterior's level, nan where none can be stated."""
         return self._guaranteed[1]
 
     def __repr__(self) -> str:
         order = "" if self.order is None else f", order={self.order}"
-        return f"Choice(best={self.best}{order}, name={self.name!r}, status={self.status.name}, asked={self.asked})"
+        return (
+            f"Choice(best={self.best}{order}, name={self.name!r}, status={self.status.name}, "
+            f"asked={self.asked})"
+        )
 
 
 def choose(
@@ -86,12 +95,14 @@ def choose(
     known: Known = (),
     labels: Sequence[str] | None = None,
 ) -> "Choosing":
-    """Find the best of a list of vectors, or their order, by asking what the comparator cannot tell.
+    """Find the best of a list of vectors, or their order, by asking what the comparator cannot
+    tell.
 
     Parameters
     ----------
     vectors
-        The alternatives, (n, k): how much of each level, worst first. They must have equal totals, as shares do.
+        The alternatives, (n, k): how much of each level, worst first. They must have equal totals,
+        as shares do.
     comparator
         Decides comparisons from the answers so far.
     order
@@ -99,11 +110,13 @@ def choose(
     names
         The n alternatives' names, for people. Questions and the result show them.
     max_queries
-        Largest number of questions. The best guess at the scale decides what is still open after it.
+        Largest number of questions. The best guess at the scale decides what is still open after
+        it.
     check_totals
         ``False`` accepts vectors of unequal totals, and takes the worst level as worth nothing.
     known
-        Earlier answers: ``Answers``, an ``AnswerLog``, or a list of ``Answer``. They are learned, and not asked again.
+        Earlier answers: ``Answers``, an ``AnswerLog``, or a list of ``Answer``. They are learned,
+        and not asked again.
     labels
         The k levels' names, worst first, for people. Questions show them.
 
@@ -115,20 +128,27 @@ def choose(
     Raises
     ------
     ValueError
-        If vectors are not finite, not (n, k), or of unequal totals. If there are not n ``names`` or not k ``labels``.
+        If vectors are not finite, not (n, k), or of unequal totals. If there are not n ``names`` or
+        not k ``labels``.
     TypeError
         If ``comparator`` is none.
 
     Notes
     -----
-    With unequal totals the choice would depend on what the worst level is worth, which an order of levels does not say.
+    With unequal totals the choice would depend on what the worst level is worth, which an order of
+    levels does not say.
     """
     check_comparator_made(comparator)
     rows = as_vectors(vectors, comparator.k, name="vectors").copy()
     n = len(rows)
     if n == 0:
         raise ValueError("there is nothing to choose from: vectors has no rows")
-    require(names is None or is_list(names, n), "names", f"None or {n} names, one for each of the vectors", names)
+    require(
+        names is None or is_list(names, n),
+        "names",
+        f"None or {n} names, one for each of the vectors",
+        names,
+    )
     _check_labels(labels, n, comparator.k)
     if check_totals:
         totals = rows.sum(axis=1)
@@ -137,12 +157,15 @@ def choose(
         found = f"vector 0 has total {totals[0]:g} and vector {i} has {totals[i]:g}"
         if off[i] > 1e-9 * np.abs(rows).sum(axis=1).max():
             raise ValueError(
-                f"vectors must have equal totals, but {found}: which is better would depend on what the worst level is "
-                "worth. Divide each by its total, or fill up with the worst level, or say check_totals=False to take "
+                f"vectors must have equal totals, but {found}: which is better would depend on "
+                "what the worst level is "
+                "worth. Divide each by its total, or fill up with the worst level, or say "
+                "check_totals=False to take "
                 "the worst level as worth nothing"
             )
     fingerprint = hashlib.blake2b(rows.tobytes() + bytes([bool(order)]), digest_size=8).hexdigest()
-    # where the tutor cannot tell, the one that is ahead by the best guess, which is always left, stays ahead
+    # where the tutor cannot tell, the one that is ahead by the best guess, which is always left,
+    # stays ahead
     elicitation = Elicitation(
         comparator,
         fingerprint,
@@ -151,35 +174,54 @@ def choose(
         undecided=Verdict.BETTER,
         labels=None if labels is None else [str(x) for x in labels],
     )
-    return Choosing(rows, elicitation, bool(order), [str(x) for x in (range(n) if names is None else names)])
+    return Choosing(
+        rows, elicitation, bool(order), [str(x) for x in (range(n) if names is None else names)]
+    )
 
 
 def _check_labels(labels: Sequence[str] | None, n: int, k: int) -> None:
-    """Raise ValueError unless ``labels`` is None or k names. n names were meant as those of the alternatives."""
+    """Raise ValueError unless ``labels`` is None or k names. n names were meant as those of the
+    alternatives.
+    """
     if n != k and is_list(labels, n):
         raise ValueError(
-            f"labels must be {k} names, one a level, worst first, but there are {n}, one for each of the vectors: pass "
+            f"labels must be {k} names, one a level, worst first, but there are {n}, one for each "
+            "of the vectors: pass "
             "the names of alternatives as names="
         )
-    require(labels is None or is_list(labels, k), "labels", f"None or {k} names, one a level, worst first", labels)
+    require(
+        labels is None or is_list(labels, k),
+        "labels",
+        f"None or {k} names, one a level, worst first",
+        labels,
+    )
 
 
 class Choosing:
     """A choice under way, as ``choose`` returns it. Holds no tutor, file or clock."""
 
-    def __init__(self, vectors: Floats, elicitation: Elicitation, order: bool, names: list[str]) -> None:
+    def __init__(
+        self, vectors: Floats, elicitation: Elicitation, order: bool, names: list[str]
+    ) -> None:
         n = len(vectors)
         self._vectors = vectors
         self._wants_order = order
         self._names = names
         self._elicitation = elicitation
         self._verdicts = np.full((n, n), Verdict.UNKNOWN, dtype=np.int8)  # so far
-        self._judged = np.zeros((n, n), dtype=np.int8)  # 0: not with all that is known now; 1: so; 2: for good
-        self._standing = list(range(n))  # best of: those not beaten so far, in the order of the list
+        self._judged = np.zeros(
+            (n, n), dtype=np.int8
+        )  # 0: not with all that is known now; 1: so; 2: for good
+        self._standing = list(
+            range(n)
+        )  # best of: those not beaten so far, in the order of the list
         self._learns = True  # False for a comparator that answers teach nothing
         self._guessed = 0  # comparisons that rest on the best guess, once the budget is spent
         self._ranking: list[int] = []
-        self._pair = (0, 0)  # the rows that the query is about; the first is ahead by the best guess
+        self._pair = (
+            0,
+            0,
+        )  # the rows that the query is about; the first is ahead by the best guess
         self._advance()
 
     def ask(self) -> tuple[Query, ...]:
@@ -191,12 +233,15 @@ class Choosing:
         """The comparator, which holds what is known of the scale."""
         return self._elicitation.comparator
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take the answer to the pending query; with the verdict None the vector that is ahead stays ahead.
+    def tell(
+        self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
+    ) -> tuple[Answer, ...]:
+        """Take the answer to the pending query; with the verdict None the vector that is ahead
+        stays ahead.
 
-        Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the comparator's
-        InconsistentAnswers through, unless ``on_conflict="drop"``: then such an answer settles its own pair only, and
-        is returned. Where it raises, nothing has changed.
+        Raises StaleAnswer where no such query is pending (see ``query.match``), and lets the
+        comparator's InconsistentAnswers through, unless ``on_conflict="drop"``: then such an answer
+        settles its own pair only, and is returned. Where it raises, nothing has changed.
         """
         before = self._elicitation
         never_change = (self._vectors, before.comparator, before.answers)
@@ -237,7 +282,9 @@ class Choosing:
         )
 
     def _advance(self) -> None:
-        """Choose by what is known and, where that is silent, by the best guess; find the next question."""
+        """Choose by what is known and, where that is silent, by the best guess; find the next
+        question.
+        """
         scores = dot(tail_sums(self._vectors), np.diff(best_guess(self._elicitation.comparator)))
         by_guess = np.argsort(-scores, kind="stable")
         plan = self._plan_order if self._wants_order else self._plan_best
@@ -246,9 +293,12 @@ class Choosing:
             if not guessed or self._elicitation.spent:
                 self._guessed = guessed
                 return
-            # what no answer teaches is best asked in the order of the search, whose steps halve the rest
+            # what no answer teaches is best asked in the order of the search, whose steps halve the
+            # rest
             ahead, other = self._most_open(candidates) if self._learns else candidates[0].tolist()
-            self._judged[ahead, other] = 0  # another pair of the same difference may have been answered
+            self._judged[ahead, other] = (
+                0  # another pair of the same difference may have been answered
+            )
             if self._judge([ahead], other)[0] == Verdict.UNKNOWN:
                 break
         self._pair = ahead, other
@@ -256,8 +306,8 @@ class Choosing:
         self._elicitation.open([Pair(self._vectors[ahead], self._vectors[other], about)])
 
     def _plan_best(self, by_guess: _Indices) -> _Plan:
-        """The vectors not beaten so far, the best guess first; how many of them the guess alone puts
-        behind it; and the pairs worth a question, each with the better guess first."""
+        """The vectors not beaten so far, the best guess first; how many of them the guess alone
+        puts behind it; and the pairs worth a question, each with the better guess first."""
         left: list[int] = []
         for i in self._standing:
             codes = self._judge(left, i)
@@ -267,11 +317,16 @@ class Choosing:
         self._standing = left
         standing = by_guess[np.isin(by_guess, left)]
         first, second = np.triu_indices(min(len(standing), _CONTENDERS), 1)
-        return standing.tolist(), len(standing) - 1, np.stack([standing[first], standing[second]], axis=1)
+        return (
+            standing.tolist(),
+            len(standing) - 1,
+            np.stack([standing[first], standing[second]], axis=1),
+        )
 
     def _plan_order(self, by_guess: _Indices) -> _Plan:
-        """Plan the comparisons for the whole order: each vector is inserted from the end of those whose guess is
-        better, by a search that doubles its steps, so a good guess costs one comparison each."""
+        """Plan the comparisons for the whole order: each vector is inserted from the end of those
+        whose guess is better, by a search that doubles its steps, so a good guess costs one
+        comparison each."""
         self._judge(by_guess[:-1], by_guess[1:])
         groups: list[list[int]] = []
         guessed: list[tuple[int, int]] = []
@@ -293,31 +348,46 @@ class Choosing:
                     high, step = middle, 2 * step
             else:
                 groups.insert(low, [i])
-        return [i for group in groups for i in sorted(group)], len(guessed), np.array(guessed, dtype=np.intp)
+        return (
+            [i for group in groups for i in sorted(group)],
+            len(guessed),
+            np.array(guessed, dtype=np.intp),
+        )
 
     def _most_open(self, pairs: _Indices) -> tuple[int, int]:
-        """The pair whose d.e reaches about as far above 0 as below it: either answer then teaches much."""
-        low, high = bounds_of(self._elicitation.comparator, self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]])
+        """The pair whose d.e reaches about as far above 0 as below it: either answer then teaches
+        much.
+        """
+        low, high = bounds_of(
+            self._elicitation.comparator, self._vectors[pairs[:, 0]] - self._vectors[pairs[:, 1]]
+        )
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.minimum(high, -low) / (high - low)
         ahead, other = pairs[int(np.argmax(np.nan_to_num(share, nan=0.5)))].tolist()
         return ahead, other
 
-    def _enter(self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], judged: NDArray[np.int8]) -> None:
+    def _enter(
+        self, i: _Indices, j: _Indices, verdicts: NDArray[np.int8], judged: NDArray[np.int8]
+    ) -> None:
         """The verdicts (n,) on rows i against rows j, both (n,), and so those on j against i."""
         self._verdicts[i, j], self._judged[i, j], self._judged[j, i] = verdicts, judged, judged
         self._verdicts[j, i] = np.where(verdicts == Verdict.UNKNOWN, verdicts, -verdicts)
 
     def _judge(self, ahead: ArrayLike, other: ArrayLike) -> NDArray[np.int8]:
-        """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row. The comparator's are final, and
-        so is a tie; what else the tutor said stands until the comparator can tell."""
-        a, b = np.broadcast_arrays(np.asarray(ahead, dtype=np.intp), np.asarray(other, dtype=np.intp))
+        """Verdicts (n,) on rows ``ahead`` (n,) against rows ``other`` (n,) or one row. The
+        comparator's are final, and so is a tie; what else the tutor said stands until the
+        comparator can tell."""
+        a, b = np.broadcast_arrays(
+            np.asarray(ahead, dtype=np.intp), np.asarray(other, dtype=np.intp)
+        )
         stale = self._judged[a, b] == 0
         if stale.any():
             i, j = a[stale], b[stale]
             d = self._vectors[i] - self._vectors[j]
             verdicts, tiers = self._elicitation.judge(d)
-            verdicts[tiers == Tier.GUESS] = Verdict.UNKNOWN  # all guesses together go by one order, without circles
+            verdicts[tiers == Tier.GUESS] = (
+                Verdict.UNKNOWN
+            )  # all guesses together go by one order, without circles
             settled = verdicts != Verdict.UNKNOWN
             first = settled & (self._verdicts[i, j] == Verdict.UNKNOWN)
             self._elicitation.commit(d[first], Decisions(verdicts[first], tiers[first]))
@@ -328,6 +398,10 @@ class Choosing:
 
 
 def _loses_at_most(vectors: Floats, best: int, comparator: Comparator) -> tuple[float, float]:
-    """By how much another of the vectors (n, k) can be better than the best, and the confidence in that."""
-    high, confidence = simultaneous_bounds(comparator, np.delete(vectors, best, axis=0) - vectors[best])
+    """By how much another of the vectors (n, k) can be better than the best, and the confidence in
+    that.
+    """
+    high, confidence = simultaneous_bounds(
+        comparator, np.delete(vectors, best, axis=0) - vectors[best]
+    )
     return max(0.0, float(high.max(initial=0.0))), float(confidence)

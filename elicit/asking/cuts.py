@@ -1,9 +1,10 @@
 """Questions of one's own making that close several open questions at once.
 
-To show that d.e is at most a limit for each of many differences d, one can ask about each d. But once nearly all that
-is plausible agrees, such an answer is known beforehand and teaches next to nothing: it cuts off the thin part of the
-plausible set in which that one difference is open. A *cut* is a difference made for the purpose, between two mixtures
-of levels, and goes deeper: it takes away the parts in which several are open, and some of the rest.
+To show that d.e is at most a limit for each of many differences d, one can ask about each d. But
+once nearly all that is plausible agrees, such an answer is known beforehand and teaches next to
+nothing: it cuts off the thin part of the plausible set in which that one difference is open. A
+*cut* is a difference made for the purpose, between two mixtures of levels, and goes deeper: it
+takes away the parts in which several are open, and some of the rest.
 """
 
 from typing import NamedTuple
@@ -17,12 +18,19 @@ from elicit.model.comparator import Comparator, rough_bounds
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
 from elicit.model.scale import Floats, tail_sums
 
-_OWN = 4  # of the differences themselves, those of the greatest bounds, that are weighed against cuts
+_OWN = (
+    4  # of the differences themselves, those of the greatest bounds, that are weighed against cuts
+)
 _WAYS = 12  # directions, from the middle towards where differences are open
 _APART = 0.97  # cosine: directions closer than that count as one
 _NEAR = 0.3  # cosine: differences in this direction are cut off together
-_SHARES = (0.5, 0.7, 0.85)  # of what is plausible that a cut leaves where the answer is the likely one
-_SLACK = 0.1  # of the bound before, or of the limit: by how much bounds may be too high where cuts are weighed
+_SHARES = (
+    0.5,
+    0.7,
+    0.85,
+)  # of what is plausible that a cut leaves where the answer is the likely one
+# of the bound before, or of the limit: by how much bounds may be too high where cuts are weighed
+_SLACK = 0.1
 _FLAT = 1e-9  # of the longest: directions shorter than that have no room
 _GRAINS = 2.0**30  # of which a mixture of a cut is made
 
@@ -36,10 +44,11 @@ class Cut(NamedTuple):
 
 @one_thread
 def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, limit: float) -> Cut:
-    """The question whose answer, by what the two answers are worth and how likely they are, closes most of differences
-    d (n, k), n > 0: of these, upper bounds ``high`` (n,) on d.e are to come down to ``limit``, and each counts by how
-    many halvings it is away from that. ``draws`` say how likely an answer is; what it leaves is found by telling it to
-    the comparator, which has to have bounds that answers lower, such as a polytope's. Deterministic."""
+    """The question whose answer, by what the two answers are worth and how likely they are, closes
+    most of differences d (n, k), n > 0: of these, upper bounds ``high`` (n,) on d.e are to come
+    down to ``limit``, and each counts by how many halvings it is away from that. ``draws`` say how
+    likely an answer is; what it leaves is found by telling it to the comparator, which has to have
+    bounds that answers lower, such as a polytope's. Deterministic."""
 
     def halvings(bounds: Floats) -> float:
         return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
@@ -58,15 +67,19 @@ def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, l
 
     now, slack = halvings(high), _SLACK * np.maximum(limit, high)
     own = np.argsort(-high, kind="stable")[:_OWN]
-    found = [Cut(d[i], int(i)) for i in own] + [Cut(row, -1) for row in _cuts(draws, d, high, limit)]
+    found = [Cut(d[i], int(i)) for i in own] + [
+        Cut(row, -1) for row in _cuts(draws, d, high, limit)
+    ]
     return max(found, key=lambda cut: round(worth(cut.d), 9))  # of equals the first
 
 
 def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
-    """Differences (k,), below 0 for each of ``_SHARES`` of the draws, in directions towards where d (n, k) are open.
+    """Differences (k,), below 0 for each of ``_SHARES`` of the draws, in directions towards where d
+    (n, k) are open.
 
-    A direction is a vector of tail sums. Its length is the standard deviation of d.e over the draws, so that the
-    draws scatter alike to all sides, and the cosine of two directions is their correlation.
+    A direction is a vector of tail sums. Its length is the standard deviation of d.e over the
+    draws, so that the draws scatter alike to all sides, and the cosine of two directions is their
+    correlation.
     """
     spread = draws.gaps - product(draws.gaps, draws.weights)[:, None]
     covariance = product(spread * draws.weights, spread.T)
@@ -98,15 +111,17 @@ def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
     some = size > 1e-9
     found = []
     for t in [*ways[chosen], *(middle[some] / size[some, None])]:
-        for height in np.quantile(product(t, draws.gaps), _SHARES):  # gaps total 1: a constant in t shifts the cut
+        for height in np.quantile(
+            product(t, draws.gaps), _SHARES
+        ):  # gaps total 1: a constant in t shifts the cut
             found.append(_difference(t - height))
     return found
 
 
 def _difference(t: Floats) -> Floats:
-    """The difference (k,) of two mixtures without a level in common, of total 1 each, with tail sums t (p,) up to a
-    positive factor, in whole ``_GRAINS``: the same bits where draws differ by rounding, as those of answers told at
-    once do from those of answers told one by one."""
+    """The difference (k,) of two mixtures without a level in common, of total 1 each, with tail
+    sums t (p,) up to a positive factor, in whole ``_GRAINS``: the same bits where draws differ by
+    rounding, as those of answers told at once do from those of answers told one by one."""
     d = -np.diff(np.concatenate([[0.0], t, [0.0]]))
     d = np.round(d / np.maximum(d, 0.0).sum() * _GRAINS)
     more, less = d.argmax(), d.argmin()

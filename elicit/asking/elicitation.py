@@ -1,8 +1,10 @@
-"""An elicitation: what settles comparisons of vectors, and whom and what to ask, for whoever needs verdicts.
+"""An elicitation: what settles comparisons of vectors, and whom and what to ask, for whoever needs
+verdicts.
 
-It is given differences, and gives back verdicts or the word that the tutor must be asked; it is told on which verdicts
-its user acted. Here lives everything that is the same whoever asks: what the comparator knows, indifference, the
-question budget, audits, "cannot tell", "about equal", never asking a pair twice, and the counts.
+It is given differences, and gives back verdicts or the word that the tutor must be asked; it is
+told on which verdicts its user acted. Here lives everything that is the same whoever asks: what the
+comparator knows, indifference, the question budget, audits, "cannot tell", "about equal", never
+asking a pair twice, and the counts.
 """
 
 from collections import Counter
@@ -18,7 +20,15 @@ from elicit._support import jit
 from elicit._support.hashing import Seed, key_of
 from elicit._support.validation import is_list, is_number, is_whole, require
 from elicit.asking.answered_pairs import AnsweredPairs
-from elicit.asking.elicitation_kernel import BOUNDS, NO_FACT, PLACE, AskingRule, Facts, Judgement, settle_rows
+from elicit.asking.elicitation_kernel import (
+    BOUNDS,
+    NO_FACT,
+    PLACE,
+    AskingRule,
+    Facts,
+    Judgement,
+    settle_rows,
+)
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import (
@@ -46,19 +56,22 @@ Known: TypeAlias = Answers | Iterable[Answer | Entry]
 """What was answered before: Answers, an AnswerLog, or a list of Answer."""
 
 MAX_AUDITS = 50
-"""Of settled pairs put to the tutor, unless told otherwise: enough to tell a tenth of wrong answers from none."""
+"""Of settled pairs put to the tutor, unless told otherwise: enough to tell a tenth of wrong answers
+from none.
+"""
 
 _IN_A_ROW = 5
-"""Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such pairs are asked about
-no more. With one tie in place of two, value iteration asked such tutors three times as much as sharp ones
-(docs/about-equal.md)."""
+"""Answers "equal" to pairs that are certainly no farther apart than ``ALLOWANCE`` ties: then such
+pairs are asked about no more. With one tie in place of two, value iteration asked such tutors three
+times as much as sharp ones (docs/about-equal.md)."""
 
 Watch = Callable[[Floats, Decisions], None]
 OnConflict: TypeAlias = Literal["raise", "drop"]
 
 Place: TypeAlias = tuple[Hashable, ...]
-"""Names of where a pair is compared, such as a state and two of its actions: there its vectors may still change a
-little. The sentence that asks about it is one, for a log keeps it; the same with left and right exchanged another."""
+"""Names of where a pair is compared, such as a state and two of its actions: there its vectors may
+still change a little. The sentence that asks about it is one, for a log keeps it; the same with
+left and right exchanged another."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +89,8 @@ class Audit:
 
 
 class Pair(NamedTuple):
-    """Two vectors (k,) to ask about, in words for people, and where they are compared. With a ``tier`` other than TUTOR
-    it is an audit, of a pair that the answers settled by that tier."""
+    """Two vectors (k,) to ask about, in words for people, and where they are compared. With a
+    ``tier`` other than TUTOR it is an audit, of a pair that the answers settled by that tier."""
 
     left: Floats
     right: Floats
@@ -87,7 +100,9 @@ class Pair(NamedTuple):
 
 
 class Pending(NamedTuple):
-    """A query, the pair that it is about, and the verdict that the answers imply where it is an audit (else None)."""
+    """A query, the pair that it is about, and the verdict that the answers imply where it is an
+    audit (else None).
+    """
 
     query: Query
     pair: Pair
@@ -104,17 +119,18 @@ class Told(NamedTuple):
 class Elicitation:
     """Settles differences for one user, such as a learner, and keeps the answers and the counts.
 
-    ``indifference``: an undecided pair whose bounds lie within it counts as equal. ``max_queries``: beyond it undecided
-    pairs go by the sign at ``comparator.values``. ``audit``: share of the pairs decided by answers that is put to the
-    tutor all the same, picked by ``seed``, ``max_audits`` at most. ``batch``: how many questions at once.
-    ``undecided``: the verdict on a question's left vector where the tutor cannot tell. ``known``: what was answered
-    before. The comparator learns it, unless it has it; none of its pairs is asked again; its audits count as audits,
-    but its questions not as asked. ``labels``: the levels' names, for people, that queries carry. Raises ValueError,
-    InconsistentAnswers.
+    ``indifference``: an undecided pair whose bounds lie within it counts as equal. ``max_queries``:
+    beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``: share of the pairs
+    decided by answers that is put to the tutor all the same, picked by ``seed``, ``max_audits`` at
+    most. ``batch``: how many questions at once. ``undecided``: the verdict on a question's left
+    vector where the tutor cannot tell. ``known``: what was answered before. The comparator learns
+    it, unless it has it; none of its pairs is asked again; its audits count as audits, but its
+    questions not as asked. ``labels``: the levels' names, for people, that queries carry. Raises
+    ValueError, InconsistentAnswers.
 
-    A pair that is certainly near, no farther apart than about the comparator's ``tie``, may be called equal, and that
-    would teach next to nothing. Once the last few such pairs were, no more of them are asked about: they count as
-    equal.
+    A pair that is certainly near, no farther apart than about the comparator's ``tie``, may be
+    called equal, and that would teach next to nothing. Once the last few such pairs were, no more
+    of them are asked about: they count as equal.
     """
 
     def __init__(
@@ -134,12 +150,27 @@ class Elicitation:
     ) -> None:
         require(is_number(indifference, 0), "indifference", "a number of at least 0", indifference)
         limited = max_queries is not None
-        require(not limited or is_whole(max_queries, 0), "max_queries", "None or a whole number from 0 on", max_queries)
-        require(is_number(audit, 0, 1), "audit, the share of settled pairs to ask about,", "in 0..1", audit)
+        require(
+            not limited or is_whole(max_queries, 0),
+            "max_queries",
+            "None or a whole number from 0 on",
+            max_queries,
+        )
+        require(
+            is_number(audit, 0, 1),
+            "audit, the share of settled pairs to ask about,",
+            "in 0..1",
+            audit,
+        )
         require(is_whole(max_audits, 0), "max_audits", "a whole number of at least 0", max_audits)
         require(is_whole(batch, 1), "batch", "a whole number of at least 1", batch)
         k = comparator.k
-        require(labels is None or is_list(labels, k), "labels", f"None or {k} names, one a level", labels)
+        require(
+            labels is None or is_list(labels, k),
+            "labels",
+            f"None or {k} names, one a level",
+            labels,
+        )
         self.comparator = comparator
         self.batch = int(batch)
         self.answers = Answers.none(comparator.k)
@@ -150,8 +181,12 @@ class Elicitation:
         self.watch: Watch | None = None
         self.signs: Callable[[Floats], NDArray[np.int8]] | None = None
         self.pending: tuple[Pending, ...] = ()
-        self.told: tuple[Told, ...] = ()  # last; a user who empties it after acting sees what is still to be acted on
-        self.puts_off = False  # whether undecided pairs go by the best guess for now, to be asked about later
+        self.told: tuple[
+            Told, ...
+        ] = ()  # last; a user who empties it after acting sees what is still to be acted on
+        self.puts_off = (
+            False  # whether undecided pairs go by the best guess for now, to be asked about later
+        )
         self._fingerprint = fingerprint
         self._indifference = float(indifference)
         self._max_queries = max_queries
@@ -170,11 +205,13 @@ class Elicitation:
         self._learn_known(known)
 
     def judge(self, d: Floats, places: Callable[[int], Place] | None = None) -> Decisions:
-        """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is TUTOR, or, where answers
-        have settled it and the tutor is only to confirm it in an audit, the one that settled it. Counts nothing.
+        """Judge differences d (n, k): UNKNOWN where the tutor must be asked. Then the tier is
+        TUTOR, or, where answers have settled it and the tutor is only to confirm it in an audit,
+        the one that settled it. Counts nothing.
 
-        ``places`` gives the place of a row: where the tutor could not tell, its estimates keep changing a
-        little, and a person must not be asked about each new version of the same pair."""
+        ``places`` gives the place of a row: where the tutor could not tell, its estimates keep
+        changing a little, and a person must not be asked about each new version of the same
+        pair."""
         n, t = len(d), np.ascontiguousarray(tail_sums(d))
         verdicts, tiers = decide(self.comparator, d)
         unclear, close = np.full((2, n), UNSETTLED)
@@ -188,7 +225,9 @@ class Elicitation:
                 settle_rows(rows, t, asking, facts, out)
             rows = rows[out.needed[rows] != NO_FACT]
             of = [rows[out.needed[rows] == fact] for fact in (PLACE, BOUNDS)]
-            unclear[of[0]] = [places is not None and self._is_unclear(places(int(row))) for row in of[0]]
+            unclear[of[0]] = [
+                places is not None and self._is_unclear(places(int(row))) for row in of[0]
+            ]
             if len(of[1]):
                 low, high = bounds_of(self.comparator, d[of[1]])
                 near = (low >= -self.indifference) & (high <= self.indifference)
@@ -225,7 +264,9 @@ class Elicitation:
         """Make the pending queries of pairs judged UNKNOWN."""
         pending, number = [], self._number
         for pair in pairs:
-            query = Query.make(self._fingerprint, number, pair.left, pair.right, pair.about, self._labels)
+            query = Query.make(
+                self._fingerprint, number, pair.left, pair.right, pair.about, self._labels
+            )
             number += 1
             expected = None if pair.tier == Tier.TUTOR else _implied(self.comparator, query.d)
             pending.append(Pending(query, pair, expected))
@@ -236,11 +277,13 @@ class Elicitation:
         """The pending queries."""
         return tuple(p.query for p in self.pending)
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
-        """Take answers to pending queries: the verdict by query id (of "cannot tell" it is ``undecided``;
-        of an audit then what the answers imply), and the answers dropped as contradictory. Where it
-        raises, nothing has changed. Where it is interrupted (Ctrl+C), nothing has changed, or everything: then the
-        verdicts are in ``told``."""
+    def tell(
+        self, answers: Sequence[Answer], on_conflict: OnConflict
+    ) -> tuple[dict[str, Verdict], tuple[Answer, ...]]:
+        """Take answers to pending queries: the verdict by query id (of "cannot tell" it is
+        ``undecided``; of an audit then what the answers imply), and the answers dropped as
+        contradictory. Where it raises, nothing has changed. Where it is interrupted (Ctrl+C),
+        nothing has changed, or everything: then the verdicts are in ``told``."""
         if on_conflict not in ("raise", "drop"):
             raise ValueError(f"on_conflict must be 'raise' or 'drop', not {on_conflict!r}")
         answers = match(answers, self.ask())
@@ -250,15 +293,25 @@ class Elicitation:
         comparator, taken = learn(self.comparator, rows, on_conflict == "drop")
         equal_in_a_row = self._count_equal(answers)
         if not taken.all():
-            rows = Answers.of([answer for answer, took in zip(told, taken, strict=True) if took], self.comparator.k)
+            rows = Answers.of(
+                [answer for answer, took in zip(told, taken, strict=True) if took],
+                self.comparator.k,
+            )
         dropped = tuple(answer for answer, took in zip(told, taken, strict=True) if not took)
-        settled = [(answer, waiting[answer.query.id], any(answer is other for other in dropped)) for answer in answers]
-        verdicts = [self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled]
+        settled = [
+            (answer, waiting[answer.query.id], any(answer is other for other in dropped))
+            for answer in answers
+        ]
+        verdicts = [
+            self._act_on(answer, asked, unused, comparator) for answer, asked, unused in settled
+        ]
         # copies, for an interruption may come at any line: they replace what is there all at once
         answered, unclear, audits = self._answered.copy(), set(self._unclear), list(self.audits)
         counts, asked_so_far, cannot_tell = self.counts.copy(), self.asked, self.cannot_tell
         seen = []
-        for (answer, (query, pair, expected), unused), verdict in zip(settled, verdicts, strict=True):
+        for (answer, (query, pair, expected), unused), verdict in zip(
+            settled, verdicts, strict=True
+        ):
             del waiting[query.id]
             cannot_tell += answer.verdict is None
             if expected is None:
@@ -272,7 +325,9 @@ class Elicitation:
             overruled = expected is not None and verdict != expected  # by the audit's answer
             tier = int(Tier.KNOWN) if overruled else pair.tier
             counts[tier] += 1
-            seen.append((query.d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8))))
+            seen.append(
+                (query.d, Decisions(np.array([verdict], np.int8), np.array([tier], np.int8)))
+            )
         self._publish(
             comparator=comparator,
             answers=self.answers + rows,
@@ -281,7 +336,10 @@ class Elicitation:
             cannot_tell=cannot_tell,
             counts=counts,
             pending=tuple(waiting.values()),
-            told=tuple(Told(asked, verdict) for (_, asked, _), verdict in zip(settled, verdicts, strict=True)),
+            told=tuple(
+                Told(asked, verdict)
+                for (_, asked, _), verdict in zip(settled, verdicts, strict=True)
+            ),
             _answered=answered,
             _equal_in_a_row=equal_in_a_row,
             _unclear=unclear,
@@ -289,7 +347,9 @@ class Elicitation:
         if self.watch is not None:  # last, for it may fail
             for d, decisions in seen:
                 self.watch(d[None, :], decisions)
-        return {answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)}, dropped
+        return {
+            answer.query.id: verdict for answer, verdict in zip(answers, verdicts, strict=True)
+        }, dropped
 
     def _publish(self, **state: Any) -> None:
         """Set several attributes at once: no interruption, such as Ctrl+C, comes between them."""
@@ -297,26 +357,37 @@ class Elicitation:
 
     @property
     def room(self) -> int:
-        """Return how many answers in a row a compiled loop may take before this elicitation must see them.
+        """Return how many answers in a row a compiled loop may take before this elicitation must
+        see them.
 
         It is 0 if each answer may change what is asked next."""
         comparator = self.comparator
-        free = not (self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs)
+        free = not (
+            self._audit or self._tie or self._unclear or self.pending or self.guesses or self.signs
+        )
         if not free or not hasattr(type(comparator), "answers_to_next_step"):
             return 0
         left = cast(LearnsInSteps, comparator).answers_to_next_step
         return left if self._max_queries is None else min(left, self._max_queries - self.asked)
 
     def take(self, left: Floats, right: Floats, verdicts: Verdicts) -> None:
-        """Learn answers (n,), within the ``room`` there was, about vectors left and right (n, k) that a loop has put to
-        a tutor by itself: as if they had been asked and told one by one. The loop counts the comparisons."""
+        """Learn answers (n,), within the ``room`` there was, about vectors left and right (n, k)
+        that a loop has put to a tutor by itself: as if they had been asked and told one by one. The
+        loop counts the comparisons."""
         first = self._number
-        ids = [query_id(self._fingerprint, first + i, *pair) for i, pair in enumerate(zip(left, right, strict=True))]
+        ids = [
+            query_id(self._fingerprint, first + i, *pair)
+            for i, pair in enumerate(zip(left, right, strict=True))
+        ]
         told = Answers(left - right, verdicts, ids)
         comparator = self.comparator.update(told)
-        self._answered.add_many(told.d, verdicts)  # twice does no harm, should the rest be interrupted
+        self._answered.add_many(
+            told.d, verdicts
+        )  # twice does no harm, should the rest be interrupted
         number, asked = first + len(told), self.asked + len(told)
-        self._publish(comparator=comparator, answers=self.answers + told, _number=number, asked=asked)
+        self._publish(
+            comparator=comparator, answers=self.answers + told, _number=number, asked=asked
+        )
 
     @property
     def audits_left(self) -> int:
@@ -325,18 +396,22 @@ class Elicitation:
 
     @property
     def indifference(self) -> float:
-        """Undecided pairs whose bounds lie within it count as equal: as given; more once the tutor has called equal
-        what is near."""
+        """Undecided pairs whose bounds lie within it count as equal: as given; more once the tutor
+        has called equal what is near."""
         return max(self._indifference, self._near) if self.gave_up else self._indifference
 
     @property
     def gave_up(self) -> bool:
-        """True if pairs that are certainly near are no longer asked about, because the last ones were called equal."""
+        """True if pairs that are certainly near are no longer asked about, because the last ones
+        were called equal.
+        """
         return self._equal_in_a_row >= _IN_A_ROW
 
     @property
     def called_equal(self) -> bool:
-        """True if pairs called equal count as equal, though they may differ by more than the indifference."""
+        """True if pairs called equal count as equal, though they may differ by more than the
+        indifference.
+        """
         return self._tie > self._indifference and bool((self.answers.y == 0).any() or self.gave_up)
 
     @property
@@ -346,18 +421,23 @@ class Elicitation:
 
     @property
     def unsure(self) -> bool:
-        """True if pairs count as ties because the tutor could not tell (audits keep the verdict of the answers)."""
+        """True if pairs count as ties because the tutor could not tell (audits keep the verdict of
+        the answers).
+        """
         return bool(self._unclear) or self._untold
 
     @property
     def guesses(self) -> bool:
-        """True if pairs that would need the tutor are decided by the comparator's best guess at the scale."""
+        """True if pairs that would need the tutor are decided by the comparator's best guess at the
+        scale.
+        """
         return self.puts_off or self.spent
 
     def may_ask(self, d: Floats, places: Callable[[int], Place]) -> NDArray[np.bool_]:
         """Return which of the differences d (n, k) may be asked about.
 
-        Those may not that were answered before, or compared at a place where the tutor could not tell."""
+        Those may not that were answered before, or compared at a place where the tutor could not
+        tell."""
         new: NDArray[np.bool_] = self._answered.said(tail_sums(d)) == Verdict.UNKNOWN
         if self._unclear:
             new &= ~np.array([self._is_unclear(places(i)) for i in range(len(d))], dtype=np.bool_)
@@ -369,8 +449,13 @@ class Elicitation:
     def next_batch(self, d: Floats) -> list[int]:
         """Return which of the differences d (n, k), judged UNKNOWN, to ask about now.
 
-        They are the first ones, as many as batch and budget allow; of several rows about one pair only the first."""
-        room = self.batch if self._max_queries is None else max(1, min(self.batch, self._max_queries - self.asked))
+        They are the first ones, as many as batch and budget allow; of several rows about one pair
+        only the first."""
+        room = (
+            self.batch
+            if self._max_queries is None
+            else max(1, min(self.batch, self._max_queries - self.asked))
+        )
         return first_of_each_pair(d, room)
 
     def _learn_known(self, known: Known) -> None:
@@ -378,7 +463,8 @@ class Elicitation:
         k = self.comparator.k
         if isinstance(known, str | bytes | PathLike):
             raise TypeError(
-                f"known takes answers, not the path of a file: open it, known=elicit.AnswerLog({known!r}), or only "
+                "known takes answers, not the path of a file: open it, "
+                f"known=elicit.AnswerLog({known!r}), or only "
                 f"read it, known=elicit.AnswerLog.read({known!r})"
             )
         if isinstance(known, Answers):
@@ -387,9 +473,17 @@ class Elicitation:
                 self._answered.add(d, int(y), binding=bool(y == 0))
         else:
             if not isinstance(known, Iterable):
-                raise TypeError(f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}")
-            told = Answers.of([answer for answer in map(self._enter, known) if answer is not None], k)
-        own = cast(KeepsAnswers, self.comparator).answers if offers(self.comparator, "answers") else None
+                raise TypeError(
+                    f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}"
+                )
+            told = Answers.of(
+                [answer for answer in map(self._enter, known) if answer is not None], k
+            )
+        own = (
+            cast(KeepsAnswers, self.comparator).answers
+            if offers(self.comparator, "answers")
+            else None
+        )
         had = Counter(() if own is None else _rows(own))
         new = []
         for i, row in enumerate(_rows(told)):
@@ -401,13 +495,16 @@ class Elicitation:
                 untold = Answers(told.d[new], told.y[new], [told.ids[i] for i in new])
                 self._learn_in_order(untold)
             except InconsistentAnswers as error:
-                error.add_note("They are among what was known: leave one out of known=, of a log by log.retract(id)")
+                error.add_note(
+                    "They are among what was known: leave one out of known=, of a log by "
+                    "log.retract(id)"
+                )
                 raise
         self.answers = told
 
     def _learn_in_order(self, told: Answers) -> None:
-        """Have the comparator learn these answers, and count those that called equal what is near, as if they had been
-        told one by one."""
+        """Have the comparator learn these answers, and count those that called equal what is near,
+        as if they had been told one by one."""
         done = 0
         for i, y in enumerate(told.y if self._tie else ()):
             if y == 0 or self._equal_in_a_row:
@@ -421,16 +518,22 @@ class Elicitation:
         entry = known if isinstance(known, Entry) else Entry(known)
         answer = entry.answer
         if not isinstance(answer, Answer):
-            raise TypeError(f"known takes Answers, an AnswerLog, or a list of elicit.Answer, but among it is {known!r}")
+            raise TypeError(
+                "known takes Answers, an AnswerLog, or a list of elicit.Answer, but among it is "
+                f"{known!r}"
+            )
         if entry.retracted:
             return None
         if len(answer.query.left) != self.comparator.k:
             raise ValueError(
-                f"known is about other levels: query {answer.query.id} has {len(answer.query.left)}, but the "
+                f"known is about other levels: query {answer.query.id} has "
+                f"{len(answer.query.left)}, but the "
                 f"comparator was made for k = {self.comparator.k}"
             )
         if EXPECTED in entry.metadata:
-            self.audits.append(Audit(answer.query, Verdict(entry.metadata[EXPECTED]), answer.verdict))
+            self.audits.append(
+                Audit(answer.query, Verdict(entry.metadata[EXPECTED]), answer.verdict)
+            )
         if entry.repeat:  # the first answer stands
             return None
         said = self._undecided if answer.verdict is None else answer.verdict
@@ -441,7 +544,9 @@ class Elicitation:
         return answer if entry.used and answer.verdict is not None else None
 
     def _count_equal(self, answers: Sequence[Answer]) -> int:
-        """Count how many answers in a row are "equal" now, among those to pairs that are certainly near."""
+        """Count how many answers in a row are "equal" now, among those to pairs that are certainly
+        near.
+        """
         count = self._equal_in_a_row
         for answer in answers if self._tie else ():
             equal = answer.verdict is Verdict.EQUAL
@@ -450,14 +555,18 @@ class Elicitation:
         return count
 
     def _counted(self, d: Floats, equal: bool, count: int) -> int:
-        """The count after another answer, to a difference d (k,): only those to pairs that are certainly near count."""
+        """The count after another answer, to a difference d (k,): only those to pairs that are
+        certainly near count.
+        """
         low, high = bounds_of(self.comparator, d[None, :])
         near = max(-low[0], high[0]) <= self._near * (1.0 + 1e-9)
         return (count + 1 if equal else 0) if near else count
 
-    def _act_on(self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator) -> Verdict:
-        """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an audit's answer that the
-        others allow, what the comparator makes of it."""
+    def _act_on(
+        self, answer: Answer, asked: Pending, unused: bool, comparator: Comparator
+    ) -> Verdict:
+        """The verdict to act on. The tutor's, or what holds where she cannot tell; but of an
+        audit's answer that the others allow, what the comparator makes of it."""
         if answer.verdict is None:
             return self._undecided if asked.expected is None else asked.expected
         if asked.expected is None or unused or answer.verdict is Verdict.EQUAL:

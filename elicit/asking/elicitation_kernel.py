@@ -1,7 +1,9 @@
-"""The policy of an elicitation: what settles one pair, in which order, in code that numba can compile.
+"""The policy of an elicitation: what settles one pair, in which order, in code that numba can
+compile.
 
-The one statement of it is ``settle``, for whole arrays (``Elicitation.judge``) and for the learners' compiled loops. It
-goes by ``Facts``; where one is missing that is needed, it says which, and whoever calls finds it out.
+The one statement of it is ``settle``, for whole arrays (``Elicitation.judge``) and for the
+learners' compiled loops. It goes by ``Facts``; where one is missing that is needed, it says which,
+and whoever calls finds it out.
 """
 
 from typing import Any, NamedTuple
@@ -18,7 +20,12 @@ from elicit.model.comparator import BY_ANSWERS, Tier
 from elicit.model.pairs_kernel import NOT_THERE, PairTable, find, pair_code
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED, WORSE
 
-KNOWN, INDIFFERENT, GUESS, TUTOR = int(Tier.KNOWN), int(Tier.INDIFFERENT), int(Tier.GUESS), int(Tier.TUTOR)
+KNOWN, INDIFFERENT, GUESS, TUTOR = (
+    int(Tier.KNOWN),
+    int(Tier.INDIFFERENT),
+    int(Tier.GUESS),
+    int(Tier.TUTOR),
+)
 FIRST_BY_ANSWERS, LAST_BY_ANSWERS = int(min(BY_ANSWERS)), int(max(BY_ANSWERS))
 NO_FACT, COMPARATOR, PLACE, BOUNDS = range(4)  # which fact is needed to go on
 
@@ -30,7 +37,9 @@ class AskingRule(NamedTuple):
     audit: float  # share of the pairs settled by answers that the tutor is to confirm
     key: Any  # np.uint64, of what is drawn
     answered: PairTable  # all pairs that were answered
-    plain: bool  # no audits, and no answer that is not to be overruled: a comparator's verdict stands
+    plain: (
+        bool  # no audits, and no answer that is not to be overruled: a comparator's verdict stands
+    )
     unclear: bool  # whether somewhere the tutor could not tell
     guess: NDArray[np.float64]  # (p,) gaps to go by where the tutor is not to be asked; else (0,)
 
@@ -45,18 +54,22 @@ class Facts(NamedTuple):
 
 
 class Judgement(NamedTuple):
-    """Of one pair (or of n, as arrays): UNKNOWN means that the tutor must be asked, UNSETTLED that a fact is needed."""
+    """Of one pair (or of n, as arrays): UNKNOWN means that the tutor must be asked, UNSETTLED that
+    a fact is needed.
+    """
 
     verdict: Any
-    tier: Any  # who settled it; UNKNOWN by another than TUTOR is an audit: the tutor is to confirm what is settled
+    # who settled it; UNKNOWN by another than TUTOR is an audit: the tutor is to confirm what is
+    # settled
+    tier: Any
     certified: Any  # whether ``judge`` wrote a certificate
     needed: Any  # which fact
 
 
 @compiled
 def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
-    """The policy: what settles a pair with tail sums t (p,) whose verdict by the comparator is among the facts, or that
-    the tutor must be asked."""
+    """The policy: what settles a pair with tail sums t (p,) whose verdict by the comparator is
+    among the facts, or that the tutor must be asked."""
     verdict, tier = facts.verdict, facts.tier
     if verdict == UNSETTLED:
         return missing(COMPARATOR)
@@ -86,14 +99,19 @@ def settle(t: Any, asking: AskingRule, facts: Facts) -> Judgement:
 def settle_rows(rows: Any, t: Any, asking: AskingRule, facts: Facts, out: Judgement) -> None:
     """``settle`` for these rows of tail sums t (n, p), into the arrays (n,) of ``out``."""
     for i in rows:
-        found = settle(t[i], asking, Facts(facts.verdict[i], facts.tier[i], facts.unclear[i], facts.close[i]))
+        found = settle(
+            t[i], asking, Facts(facts.verdict[i], facts.tier[i], facts.unclear[i], facts.close[i])
+        )
         out.verdict[i], out.tier[i], out.needed[i] = found.verdict, found.tier, found.needed
 
 
 @compiled
-def judge_pair(d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingRule) -> Judgement:
-    """``settle`` of a difference d (k,) on which dominance is silent, as far as compiled code can find out the facts,
-    the comparator going by a rule. Overwrites t and sums (p,); ``certificate`` is as for ``judge``."""
+def judge_pair(
+    d: Any, t: Any, sums: Any, certificate: Any, rule: Rule, asking: AskingRule
+) -> Judgement:
+    """``settle`` of a difference d (k,) on which dominance is silent, as far as compiled code can
+    find out the facts, the comparator going by a rule. Overwrites t and sums (p,); ``certificate``
+    is as for ``judge``."""
     for j in range(len(t)):
         sums[j] = t[j]
     verdict, tier, certified = judge(d, t, 0.0, certificate, rule)

@@ -1,7 +1,8 @@
 """What a comparator knows, as plain arrays: the rule by which ``decision.judge_kernel`` judges.
 
-A loop that compares by the million cannot call Python for each comparison. It takes a comparator's ``rule`` anew after
-every update. One type for all rules, so that code that judges is compiled once, for whatever comparator.
+A loop that compares by the million cannot call Python for each comparison. It takes a comparator's
+``rule`` anew after every update. One type for all rules, so that code that judges is compiled once,
+for whatever comparator.
 """
 
 from functools import cache
@@ -72,18 +73,22 @@ def proven(known: Known) -> Rule:
 
 
 def outer(known: Known, inside: Floats) -> Rule:
-    """By proofs about a set around that of the plausible scales, and by points inside (p, m): what they leave open,
-    only the comparator can tell."""
+    """By proofs about a set around that of the plausible scales, and by points inside (p, m): what
+    they leave open, only the comparator can tell."""
     return nothing()._replace(kind=OUTER, known=known, scales=np.ascontiguousarray(inside))
 
 
 def weighted(gaps: Floats, weights: Floats, level: float) -> Rule:
-    """BETTER where scales of gaps (p, m) that carry the weight ``level`` say so; weights (m,) of total 1."""
+    """BETTER where scales of gaps (p, m) that carry the weight ``level`` say so; weights (m,) of
+    total 1.
+    """
     return nothing()._replace(kind=WEIGHTED, scales=gaps, weights=weights, level=level)
 
 
 def ensemble(gaps: Floats, left_out: int) -> Rule:
-    """BETTER where the last of the scales of gaps (p, m) says so, and all but so many of the others."""
+    """BETTER where the last of the scales of gaps (p, m) says so, and all but so many of the
+    others.
+    """
     return nothing()._replace(kind=ENSEMBLE, scales=gaps, level=float(left_out))
 
 
@@ -99,13 +104,18 @@ def rule_of(comparator: Comparator) -> Rule:
 
 @cache
 def compares_by_rule(kind: type) -> bool:
-    """Whether a class of comparators has a ``rule``, and no class derived from that one compares otherwise."""
+    """Whether a class of comparators has a ``rule``, and no class derived from that one compares
+    otherwise.
+    """
     places = [*enumerate(kind.__mro__)][::-1]
-    first = {name: i for name in ("rule", "compare") for i, parent in places if name in vars(parent)}
+    first = {
+        name: i for name in ("rule", "compare") for i, parent in places if name in vars(parent)
+    }
     return "rule" in first and first["rule"] <= first.get("compare", 0)
 
 
 def outlasts_answers(rule: Rule) -> bool:
-    """Whether what ``judge`` found with a rule before these answers still holds with this one: verdicts proven of K_t
-    do, while it has points inside (on a flat one a preference can become a tie)."""
+    """Whether what ``judge`` found with a rule before these answers still holds with this one:
+    verdicts proven of K_t do, while it has points inside (on a flat one a preference can become a
+    tie)."""
     return rule.kind == PROVEN and not np.isnan(rule.known.inside[0])

@@ -1,4 +1,6 @@
-"""Verdicts of any comparator, and the tier that decided each: by its rule, and by itself where that leaves any open."""
+"""Verdicts of any comparator, and the tier that decided each: by its rule, and by itself where that
+leaves any open.
+"""
 
 from collections.abc import Callable
 from typing import cast
@@ -16,8 +18,8 @@ from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
-    """``comparator.compare(d)`` of differences d (n, k), with the tiers (n,). Of a comparator without a rule, what is
-    neither equal nor dominated counts as MODEL."""
+    """``comparator.compare(d)`` of differences d (n, k), with the tiers (n,). Of a comparator
+    without a rule, what is neither equal nor dominated counts as MODEL."""
     rows = as_differences(d, comparator.k)
     if compares_by_rule(type(comparator)):
         settle = cast(Settling, comparator).settle if offers(comparator, "settle") else None
@@ -28,20 +30,31 @@ def decide(comparator: Comparator, d: ArrayLike) -> Decisions:
 
 
 def _checked(verdicts: object, comparator: Comparator, n: int) -> Verdicts:
-    """Return what a comparator's ``compare`` gave for n differences; raises TypeError unless it is codes (n,) int8."""
+    """Return what a comparator's ``compare`` gave for n differences; raises TypeError unless it is
+    codes (n,) int8.
+    """
     codes = np.asarray(verdicts)
-    if codes.shape == (n,) and codes.dtype == np.int8 and (codes >= Verdict.WORSE).all() and (codes <= UNKNOWN).all():
+    if (
+        codes.shape == (n,)
+        and codes.dtype == np.int8
+        and (codes >= Verdict.WORSE).all()
+        and (codes <= UNKNOWN).all()
+    ):
         return codes
     raise TypeError(
-        f"{type(comparator).__name__}.compare(d) must return an int8 array (n,) of verdicts, -1, 0, 1, or 2 where only "
-        f"the tutor can tell, but of {n} differences it returns {verdicts!r}, of shape {codes.shape} and type "
+        f"{type(comparator).__name__}.compare(d) must return an int8 array (n,) of verdicts, -1, "
+        "0, 1, or 2 where only "
+        f"the tutor can tell, but of {n} differences it returns {verdicts!r}, of shape "
+        f"{codes.shape} and type "
         f"{codes.dtype}; elicit.testing.check_comparator tries a comparator out"
     )
 
 
-def decide_by(rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | None = None) -> Decisions:
-    """Verdicts (n,) and tiers (n,) of valid differences d (n, k) by a rule; ``settle`` decides what it leaves open.
-    Raises TypeError where it leaves any open and there is no ``settle``."""
+def decide_by(
+    rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | None = None
+) -> Decisions:
+    """Verdicts (n,) and tiers (n,) of valid differences d (n, k) by a rule; ``settle`` decides what
+    it leaves open. Raises TypeError where it leaves any open and there is no ``settle``."""
     rows = np.require(d, requirements=["C", "W"])  # compiled code is made for one layout
     verdicts, tiers = np.empty(len(rows), dtype=np.int8), np.empty(len(rows), dtype=np.int8)
     jit.expect(judge_all, 2e-4 * len(rows))
@@ -49,7 +62,9 @@ def decide_by(rule: Rule, d: Floats, settle: Callable[[Floats], Decisions] | Non
         left = judge_all(rows, rule, verdicts, tiers)
     if left:
         if settle is None:
-            raise TypeError("a comparator whose rule leaves differences open must have a method settle(d)")
+            raise TypeError(
+                "a comparator whose rule leaves differences open must have a method settle(d)"
+            )
         open_rows = np.flatnonzero(verdicts == UNSETTLED)
         verdicts[open_rows], tiers[open_rows] = settle(rows[open_rows])
     return Decisions(verdicts, tiers)

@@ -1,7 +1,8 @@
-"""Votes of scales on a difference: the sign of d.e that enough of them share, by weight, by number, or over a box.
+"""Votes of scales on a difference: the sign of d.e that enough of them share, by weight, by number,
+or over a box.
 
-A scale is its gaps g, and votes by the sign of t.g. Weights are counted a block of scales at a time, and no more once
-neither sign can reach the level.
+A scale is its gaps g, and votes by the sign of t.g. Weights are counted a block of scales at a
+time, and no more once neither sign can reach the level.
 """
 
 from typing import Any
@@ -17,8 +18,8 @@ BLOCK = 64  # scales whose votes are counted before it is asked whether a level 
 
 @compiled
 def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: Any) -> int:
-    """The verdict on t.g + shift that scales of gaps (p, m) and total weight ``level`` share. Their scores are written
-    into at (m,), all of them where the verdict is not UNKNOWN."""
+    """The verdict on t.g + shift that scales of gaps (p, m) and total weight ``level`` share. Their
+    scores are written into at (m,), all of them where the verdict is not UNKNOWN."""
     m, up, down, left = len(at), 0.0, 0.0, 1.0
     for start in range(0, m, BLOCK):
         end = min(m, start + BLOCK)
@@ -27,7 +28,13 @@ def by_weight(t: Any, shift: float, gaps: Any, weights: Any, level: float, at: A
         up, down, left = up + above, down + below, left - both
         if max(up, down) + left < level - 2.0 * LEVEL_ROUNDING:
             return UNKNOWN
-    return BETTER if up >= level - LEVEL_ROUNDING else WORSE if down >= level - LEVEL_ROUNDING else UNKNOWN
+    return (
+        BETTER
+        if up >= level - LEVEL_ROUNDING
+        else WORSE
+        if down >= level - LEVEL_ROUNDING
+        else UNKNOWN
+    )
 
 
 @compiled
@@ -54,8 +61,8 @@ def scores_into(t: Any, shift: float, gaps: Any, start: int, out: Any) -> None:
 
 @loosely
 def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
-    """The weight (of weights (n,)) of positive scores (n,), of negative ones, and all of it. The order of a sum matters
-    less than ``LEVEL_ROUNDING``."""
+    """The weight (of weights (n,)) of positive scores (n,), of negative ones, and all of it. The
+    order of a sum matters less than ``LEVEL_ROUNDING``."""
     up, down, both = 0.0, 0.0, 0.0
     for q in range(len(at)):
         w = weights[q]
@@ -67,8 +74,8 @@ def signed_weights(at: Any, weights: Any) -> tuple[float, float, float]:
 
 @loosely
 def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
-    """A distance by which all scores at (m,) may sink, the weight of those that keep the sign ``side`` still reaching
-    the level; 0 for none."""
+    """A distance by which all scores at (m,) may sink, the weight of those that keep the sign
+    ``side`` still reaching the level; 0 for none."""
     mean = 0.0
     for q in range(len(at)):
         mean += weights[q] * at[q]
@@ -83,8 +90,8 @@ def spare_score(at: Any, side: int, weights: Any, level: float) -> float:
 
 @compiled
 def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
-    """The verdict on t.g + shift that the last of the scales of gaps (p, m) gives, if all but ``left_out`` of the
-    others share it."""
+    """The verdict on t.g + shift that the last of the scales of gaps (p, m) gives, if all but
+    ``left_out`` of the others share it."""
     last, against = gaps.shape[1] - 1, 0
     at = np.empty(last + 1)
     scores_into(t, shift, gaps, 0, at)
@@ -101,7 +108,9 @@ def by_count(t: Any, shift: float, gaps: Any, left_out: int) -> int:
 
 @compiled
 def by_box(d: Any, shift: float, ends: Any) -> int:
-    """The verdict on d.e + shift that all scales share whose levels 2..k lie between the two ends (p, 2)."""
+    """The verdict on d.e + shift that all scales share whose levels 2..k lie between the two ends
+    (p, 2).
+    """
     least, greatest = 0.0, 0.0
     for j in range(len(ends)):
         low, high = d[j + 1] * ends[j, 0], d[j + 1] * ends[j, 1]

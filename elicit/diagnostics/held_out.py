@@ -26,7 +26,8 @@ _RESAMPLES = 1000
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Scores of a comparator's predictions of answers that it has not learned from; see ``held_out``.
+    """Scores of a comparator's predictions of answers that it has not learned from; see
+    ``held_out``.
 
     Intervals have the level given. They are Wilson's (1927) for shares, and percentiles of a
     bootstrap over the answers for the log-likelihood. Both take the answers as independent. Neither
@@ -73,25 +74,43 @@ class HeldOutTable(dict[str, HeldOut]):
     """A dict from names to ``HeldOut``; ``str()`` is an aligned table."""
 
     def __str__(self) -> str:
-        table = [["", "decided", "right of decided", "wrong of decided", "right by values", "log-likelihood"]]
+        table = [
+            [
+                "",
+                "decided",
+                "right of decided",
+                "wrong of decided",
+                "right by values",
+                "log-likelihood",
+            ]
+        ]
         for name, score in self.items():
             shares = (score.decided, score.accuracy, score.wrong, score.by_values)
             cells = ["-" if math.isnan(share.value) else share.percent for share in shares]
             likelihood = "{:.3f} ({:.3f} to {:.3f})".format(*score.log_likelihood)
-            table.append([name, *cells, "-" if math.isnan(score.log_likelihood.value) else likelihood])
+            table.append(
+                [name, *cells, "-" if math.isnan(score.log_likelihood.value) else likelihood]
+            )
         widths = [max(map(len, column)) for column in zip(*table, strict=True)]
         lines = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in table]
         for name, score in self.items():
             how = "answer by answer" if score.folds == "sequential" else f"in {score.folds} folds"
             lines.append(
-                f"{name}{': ' * bool(name)}{score.scored} answers held out {how}, {score.ties} ties not scored"
-                + f"; contradictory answers in {score.contradicted}, {score.dropped} dropped" * bool(score.dropped)
+                f"{name}{': ' * bool(name)}{score.scored} answers held out {how}, {score.ties} "
+                "ties not scored"
+                + f"; contradictory answers in {score.contradicted}, {score.dropped} dropped"
+                * bool(score.dropped)
             )
         return "\n".join(lines)
 
 
 def held_out(
-    comparator: Comparator, answers: Told, folds: Folds = 10, *, level: float = 0.95, seed: Seed | None = 0
+    comparator: Comparator,
+    answers: Told,
+    folds: Folds = 10,
+    *,
+    level: float = 0.95,
+    seed: Seed | None = 0,
 ) -> HeldOut:
     """Return the scores of a comparator on answers of a log that it has not learned from.
 
@@ -135,7 +154,9 @@ def held_out(
     For others it is the prediction of a comparator that ``Foretells``.
     """
     check_level(level)
-    return _score(comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed_of(seed)))
+    return _score(
+        comparator, read_log(answers, comparator.k).answers, folds, level, key_of(seed_of(seed))
+    )
 
 
 def _score(comparator: Comparator, rows: Answers, folds: Folds, level: float, key: int) -> HeldOut:
@@ -210,7 +231,9 @@ def compare_held_out(
     if not comparators:
         return HeldOutTable()
     key, rows = key_of(seed_of(seed)), read_log(answers, next(iter(comparators.values())).k).answers
-    return HeldOutTable({name: _score(each, rows, folds, level, key) for name, each in comparators.items()})
+    return HeldOutTable(
+        {name: _score(each, rows, folds, level, key) for name, each in comparators.items()}
+    )
 
 
 def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
@@ -238,11 +261,14 @@ def wilson(count: float, n: int, level: float = 0.95) -> Estimate:
 def _foretell(comparator: Comparator, d: Floats) -> Floats:
     """Return a comparator's predictions on d (n, k), as rows (3, n).
 
-    They are the verdicts, d.e at ``.values``, and the probability of the answer "left is better", nan without one."""
+    They are the verdicts, d.e at ``.values``, and the probability of the answer "left is better",
+    nan without one."""
     t, chance = tail_sums(d), np.full(len(d), math.nan)
     if isinstance(comparator, PosteriorComparator):
         draws = comparator.draws
-        each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(t @ draws.gaps * draws.precision)
+        each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(
+            t @ draws.gaps * draws.precision
+        )
         chance = each @ draws.weights
     elif offers(comparator, "probability"):
         found = cast(Foretells, comparator).probability(d)

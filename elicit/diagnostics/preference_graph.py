@@ -38,7 +38,8 @@ class Step(NamedTuple):
 
 
 class Implied(NamedTuple):
-    """A conclusion about two nodes: ``better`` is better than ``worse`` (verdict BETTER) or as good (EQUAL).
+    """A conclusion about two nodes: ``better`` is better than ``worse`` (verdict BETTER) or as good
+    (EQUAL).
 
     ``steps`` leads from the one to the other.
     """
@@ -64,7 +65,9 @@ class Cycle(NamedTuple):
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """All answers on the cycle. To break it, all answers of one of its steps must be withdrawn."""
+        """All answers on the cycle. To break it, all answers of one of its steps must be
+        withdrawn.
+        """
         return tuple(name for step in self.steps for name in step.ids)
 
 
@@ -97,25 +100,38 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
     """
     graph = nx.DiGraph()
     nodes: dict[bytes, int] = {}
-    said: dict[tuple[int, int], tuple[list[str], list[str]]] = {}  # answers that say "better", and "equal"
+    said: dict[
+        tuple[int, int], tuple[list[str], list[str]]
+    ] = {}  # answers that say "better", and "equal"
     for answer in (entry.answer for entry in entries_of(answers) if entry.used):
         query = answer.query
         k = len(graph.nodes[0]["vector"]) if graph else len(query.left)
         if len(query.left) != k:
-            raise ValueError(f"query {query.id} is about {len(query.left)} levels, but the first answer is about {k}")
-        left, right = (nodes.setdefault((v[1:] + 0.0).tobytes(), len(nodes)) for v in (query.left, query.right))
+            raise ValueError(
+                f"query {query.id} is about {len(query.left)} levels, but the first answer is "
+                f"about {k}"
+            )
+        left, right = (
+            nodes.setdefault((v[1:] + 0.0).tobytes(), len(nodes)) for v in (query.left, query.right)
+        )
         for node, vector in ((left, query.left), (right, query.right)):
             if node not in graph:
                 graph.add_node(node, vector=vector)
         if answer.verdict is not None and (answer.verdict != Verdict.EQUAL or left != right):
-            for edge in [(left, right)] * (answer.verdict >= 0) + [(right, left)] * (answer.verdict <= 0):
+            for edge in [(left, right)] * (answer.verdict >= 0) + [(right, left)] * (
+                answer.verdict <= 0
+            ):
                 said.setdefault(edge, ([], []))[answer.verdict == Verdict.EQUAL].append(query.id)
     for (start, end), (better, equal) in said.items():
         kind = "better" if better else "equal"
         graph.add_edge(start, end, ids=(*better, *equal), kind=kind, dominates=False)
-    vectors = np.array([graph.nodes[node]["vector"] for node in range(len(graph) if dominance else 0)])
+    vectors = np.array(
+        [graph.nodes[node]["vector"] for node in range(len(graph) if dominance else 0)]
+    )
     for above, vector in enumerate(vectors):
-        for below in np.flatnonzero(by_order(tail_sums(vector - vectors)) == Verdict.BETTER).tolist():
+        for below in np.flatnonzero(
+            by_order(tail_sums(vector - vectors)) == Verdict.BETTER
+        ).tolist():
             if (above, below) in graph.edges:
                 graph.edges[above, below]["dominates"] = True
             else:
@@ -124,7 +140,8 @@ def preference_graph(answers: Iterable[Answer | Entry], dominance: bool = True) 
 
 
 def follows(graph: nx.DiGraph) -> list[Implied]:
-    """Return conclusions by transitivity about pairs that no edge joins: nobody needs to ask about them.
+    """Return conclusions by transitivity about pairs that no edge joins: nobody needs to ask about
+    them.
 
     For each pair it is the chain with the fewest answers, and among those one with the fewest
     steps. Two nodes that are as good as each other are listed once, the first one shown as
@@ -148,9 +165,17 @@ def follows(graph: nx.DiGraph) -> list[Implied]:
             if worse != better and (better, worse) not in joined:
                 steps = _steps(graph, path)
                 tie = all(step.kind == "equal" for step in steps)
-                found.append(Implied(better, worse, Verdict.EQUAL if tie else Verdict.BETTER, steps))
-    ties = {(one.better, one.worse) for one in found if one.verdict == Verdict.EQUAL and one.better < one.worse}
-    return [one for one in found if one.verdict != Verdict.EQUAL or (one.worse, one.better) not in ties]
+                found.append(
+                    Implied(better, worse, Verdict.EQUAL if tie else Verdict.BETTER, steps)
+                )
+    ties = {
+        (one.better, one.worse)
+        for one in found
+        if one.verdict == Verdict.EQUAL and one.better < one.worse
+    }
+    return [
+        one for one in found if one.verdict != Verdict.EQUAL or (one.worse, one.better) not in ties
+    ]
 
 
 def cycles(graph: nx.DiGraph) -> list[Cycle]:
@@ -178,12 +203,16 @@ def cycles(graph: nx.DiGraph) -> list[Cycle]:
         search per node and per cycle.
     """
     minimal = {_circles(_only(graph, said, nodes))[0] for said, nodes in _circles(graph)}
-    return [Cycle(_steps(graph, (*nodes, nodes[0]))) for _, nodes in sorted(minimal, key=_fewest_first)]
+    return [
+        Cycle(_steps(graph, (*nodes, nodes[0]))) for _, nodes in sorted(minimal, key=_fewest_first)
+    ]
 
 
 _Nodes: TypeAlias = tuple[int, ...]
 _Said: TypeAlias = tuple[int, int, str]
-"""What one or more answers say about two nodes: better, worse, and "better"; or both in order, and "equal"."""
+"""What one or more answers say about two nodes: better, worse, and "better"; or both in order, and
+"equal".
+"""
 
 
 def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
@@ -191,7 +220,11 @@ def _steps(graph: nx.DiGraph, path: Iterable[int]) -> tuple[Step, ...]:
     steps = []
     for edge in pairwise(path):
         about = graph.edges[edge]
-        steps.append(Step(*edge, "dominance", ()) if about["dominates"] else Step(*edge, about["kind"], about["ids"]))
+        steps.append(
+            Step(*edge, "dominance", ())
+            if about["dominates"]
+            else Step(*edge, about["kind"], about["ids"])
+        )
     return tuple(steps)
 
 
@@ -201,15 +234,22 @@ def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
     Each comes as the answers on it, of each such set one circle only, and its nodes, the smallest
     first.
     """
-    better = [edge for edge, about in graph.edges.items() if about["kind"] == "better" and not about["dominates"]]
+    better = [
+        edge
+        for edge, about in graph.edges.items()
+        if about["kind"] == "better" and not about["dominates"]
+    ]
     without = nx.DiGraph(graph)
     without.remove_edges_from(better)
     found = []
-    # A circle of dominance and "better" is found from the "better" step: dominance is tried against "equal" only.
+    # A circle of dominance and "better" is found from the "better" step: dominance is tried against
+    # "equal" only.
     for whole, dominates in ((graph, False), (without, True)):
         for nodes in nx.strongly_connected_components(whole):
             part = whole.subgraph(nodes).copy()
-            ends: dict[int, list[int]] = {}  # the end of each strict step, and the starts that lead to it
+            ends: dict[
+                int, list[int]
+            ] = {}  # the end of each strict step, and the starts that lead to it
             for start, end, about in part.edges(data=True):
                 if about["dominates"] == dominates and (dominates or about["kind"] == "better"):
                     ends.setdefault(end, []).append(start)
@@ -227,13 +267,19 @@ def _circles(graph: nx.DiGraph) -> list[tuple[frozenset[_Said], _Nodes]]:
 
 def _only(graph: nx.DiGraph, said: frozenset[_Said], nodes: _Nodes) -> nx.DiGraph:
     """Return the graph of these nodes as if nothing else had been said about them."""
-    edges = {(better, worse) for better, worse, _ in said} | {(b, a) for a, b, kind in said if kind == "equal"}
+    edges = {(better, worse) for better, worse, _ in said} | {
+        (b, a) for a, b, kind in said if kind == "equal"
+    }
     inner = graph.subgraph(nodes)
-    return inner.edge_subgraph(edge for edge, about in inner.edges.items() if about["dominates"] or edge in edges)
+    return inner.edge_subgraph(
+        edge for edge, about in inner.edges.items() if about["dominates"] or edge in edges
+    )
 
 
 def _shortest_paths(graph: nx.DiGraph, start: int) -> dict[int, list[int]]:
-    """Return the path with the fewest answers, then the fewest steps, from a node to each it reaches."""
+    """Return the path with the fewest answers, then the fewest steps, from a node to each it
+    reaches.
+    """
     answer = len(graph) + 1  # more than any number of steps
     paths: dict[int, list[int]] = nx.single_source_dijkstra_path(
         graph, start, weight=lambda _, __, about: 1 if about["dominates"] else 1 + answer
@@ -245,7 +291,9 @@ def _said(graph: nx.DiGraph, nodes: _Nodes) -> frozenset[_Said]:
     """Return the answers that a circle needs."""
     steps = _steps(graph, (*nodes, nodes[0]))
     return frozenset(
-        (min(s[:2]), max(s[:2]), s.kind) if s.kind == "equal" else (s.better, s.worse, s.kind) for s in steps if s.ids
+        (min(s[:2]), max(s[:2]), s.kind) if s.kind == "equal" else (s.better, s.worse, s.kind)
+        for s in steps
+        if s.ids
     )
 
 

@@ -1,4 +1,5 @@
-"""Reports on the tutor behind a log: error rates, precision, side bias, held-out scores of comparators.
+"""Reports on the tutor behind a log: error rates, precision, side bias, held-out scores of
+comparators.
 
 Nothing here knows the hidden scale. Wrong answers show in three ways: a question was asked twice,
 an answer contradicts the order of the levels, or, by the model of ``PosteriorComparator``, it fits
@@ -31,9 +32,13 @@ from elicit.tutors.answer_log import AnswerLog, Entry, entries_of
 Told = Answers | Iterable[Entry | Answer]
 """An ``AnswerLog`` or any iterable of its entries or of Answers, else bare ``Answers``."""
 
-_ROOTS = np.linspace(0.03, 0.98, 9)  # square roots of the nine lapses tried: the likelihood changes fastest near 0
+_ROOTS = np.linspace(
+    0.03, 0.98, 9
+)  # square roots of the nine lapses tried: the likelihood changes fastest near 0
 _LAPSE = 4.0  # a priori the lapse is Beta(1, 4)
-_BOUNDLESS = math.exp(PRECISION[0] + 1.25 * PRECISION[1])  # an upper end of the precision above it comes from the prior
+_BOUNDLESS = math.exp(
+    PRECISION[0] + 1.25 * PRECISION[1]
+)  # an upper end of the precision above it comes from the prior
 _SHOWN = 5  # number of doubtful answers that a report names
 
 
@@ -118,9 +123,13 @@ class TutorReport:
     left_p: float
 
     def __str__(self) -> str:
-        kinds = f"{self.ties} of them ties, {self.unused} not learned from; {self.cannot_tell} more could not be told"
+        kinds = (
+            f"{self.ties} of them ties, {self.unused} not learned from; {self.cannot_tell} more "
+            "could not be told"
+        )
         lines = {
-            "answers": f"{self.answers} over {self.k} levels, {kinds}, {self.retracted} were retracted",
+            "answers": f"{self.answers} over {self.k} levels, {kinds}, {self.retracted} were "
+            "retracted",
             "errors": "not known: no answer prefers a side",
             "": "not known from questions asked again: there are none without ties",
             "order": "no question was settled by the order of the levels alone",
@@ -128,14 +137,25 @@ class TutorReport:
         }
         if self.answers > self.ties:
             lines["errors"] = f"{self.error_rate.percent} of the answers are wrong, by the model"
-            lines["precision"] = "{:.3g} ({:.3g} to {:.3g}) logits per unit of d.e".format(*self.precision)
-            lines["precision"] += ", the upper end being the prior's" * (self.precision.high > _BOUNDLESS)
-            lines["lapse"] = f"{self.lapse.percent} of the answers are given at random, half of these wrongly"
+            lines["precision"] = "{:.3g} ({:.3g} to {:.3g}) logits per unit of d.e".format(
+                *self.precision
+            )
+            lines["precision"] += ", the upper end being the prior's" * (
+                self.precision.high > _BOUNDLESS
+            )
+            lines["lapse"] = (
+                f"{self.lapse.percent} of the answers are given at random, half of these wrongly"
+            )
             names = [f"{name} ({100 * p:.0f}%)" for name, p in self.doubtful]
-            lines["doubtful"] = ", ".join(names[:_SHOWN]) or "no answer is more probably wrong than right"
+            lines["doubtful"] = (
+                ", ".join(names[:_SHOWN]) or "no answer is more probably wrong than right"
+            )
             lines["doubtful"] += f" and {len(names) - _SHOWN} more" * (len(names) > _SHOWN)
         if not math.isnan(self.error_rate_repeated.value):
-            lines[""] = f"{self.error_rate_repeated.percent} by questions asked again, if errors are independent"
+            lines[""] = (
+                f"{self.error_rate_repeated.percent} by questions asked again, if errors are "
+                "independent"
+            )
         if self.by_order:
             settled = f"{self.by_order} answers that the order of the levels settles"
             lines["order"] = f"{self.against_order} of {settled} defy it"
@@ -144,10 +164,14 @@ class TutorReport:
             lines["repeats"] = f"{self.repeated} questions were asked again; {agree}"
         lines["sides"] = "which side was shown left is not known: give the log, not bare Answers"
         if self.sided:
-            lines["sides"] = f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
+            lines["sides"] = (
+                f"{self.left_share.percent} of {self.sided} answers prefer the side shown left"
+            )
             bias = "a bias" if self.left_p < 1 - self.level else "no sign of a bias"
             tested = f" ({self.exchanged} shown exchanged), p = {self.left_p:.2g}: {bias}"
-            untested = ", but sides were never exchanged at random: that may be what was asked, not a bias"
+            untested = (
+                ", but sides were never exchanged at random: that may be what was asked, not a bias"
+            )
             lines["sides"] += untested if math.isnan(self.left_p) else tested
         title = f"Tutor report, {100 * self.level:g}% intervals in brackets"
         return "\n".join([title, *(f"  {name:<10}{text}" for name, text in lines.items())])
@@ -162,7 +186,8 @@ def tutor_report(
     particles: int | None = None,
     seed: Seed | None = 0,
 ) -> TutorReport:
-    """Estimate how often a tutor errs, the precision and consistency of the answers, and a side bias.
+    """Estimate how often a tutor errs, the precision and consistency of the answers, and a side
+    bias.
 
     Parameters
     ----------
@@ -202,8 +227,8 @@ def tutor_report(
     (path sampling, Gelman and Meng 1998).
 
     Some twenty answers to questions that were asked because nobody could predict them say little
-    about errors: then the priors dominate. If no answer distinguishes a large precision from a larger
-    one, as with a tutor who never errs at near ties, its upper end is the prior's.
+    about errors: then the priors dominate. If no answer distinguishes a large precision from a
+    larger one, as with a tutor who never errs at near ties, its upper end is the prior's.
     """
     check_level(level)
     told = read_log(log, k)
@@ -233,7 +258,9 @@ def tutor_report(
         repeated=repeated,
         couples=len(couples),
         consistency=exact_share(int(agree.sum()), len(couples), level),
-        error_rate_repeated=Estimate(*((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ)),
+        error_rate_repeated=Estimate(
+            *((1.0 - math.sqrt(1.0 - 2.0 * min(q, 0.5))) / 2.0 for q in differ)
+        ),
         **(_fit_model(answers, level, prior, particles, seed) if decisive.any() else {}),
         sided=sided,
         exchanged=exchanged,
@@ -254,11 +281,17 @@ def exact_share(count: int, n: int, level: float = 0.95) -> Estimate:
     -------
     Estimate
     """
-    return Estimate(count / n, *binomtest(count, n).proportion_ci(level, method="exact")) if n else NOTHING
+    return (
+        Estimate(count / n, *binomtest(count, n).proportion_ci(level, method="exact"))
+        if n
+        else NOTHING
+    )
 
 
 class _Record(NamedTuple):
-    """The answers that stand, which of them were shown exchanged (n,) if known, and the others' counts."""
+    """The answers that stand, which of them were shown exchanged (n,) if known, and the others'
+    counts.
+    """
 
     answers: Answers
     swapped: NDArray[np.bool_] | None
@@ -292,7 +325,13 @@ def read_log(log: Told, k: int | None) -> _Record:
     entries = entries_of(log)
     standing = [entry for entry in entries if not entry.retracted]
     told = [entry.answer for entry in standing if entry.answer.verdict is not None]
-    levels = k or (log.k if isinstance(log, AnswerLog) else len(entries[0].answer.query.left) if entries else None)
+    levels = k or (
+        log.k
+        if isinstance(log, AnswerLog)
+        else len(entries[0].answer.query.left)
+        if entries
+        else None
+    )
     if levels is None:
         raise ValueError("the log is empty, so that nothing says how many levels there are: give k")
     return _Record(
@@ -300,20 +339,28 @@ def read_log(log: Told, k: int | None) -> _Record:
         np.array([answer.swapped for answer in told], dtype=np.bool_),
         len(standing) - len(told),
         sum(entry.retracted for entry in entries),
-        sum(not entry.used and not entry.repeat and entry.answer.verdict is not None for entry in standing),
+        sum(
+            not entry.used and not entry.repeat and entry.answer.verdict is not None
+            for entry in standing
+        ),
     )
 
 
 def _couples(answers: Answers) -> tuple[NDArray[np.intp], int]:
-    """Return rows (m, 2) that answer the same pair, and how many pairs were answered more than once.
+    """Return rows (m, 2) that answer the same pair, and how many pairs were answered more than
+    once.
 
     No row is in two couples, so that couples are independent. A vector against itself is no
     question.
     """
     pairs, asked = pair_numbers(answers.d), np.any(answers.d != 0, axis=1)
-    rows = [np.flatnonzero(asked & (pairs == pair)) for pair in dict.fromkeys(pairs[asked].tolist())]
+    rows = [
+        np.flatnonzero(asked & (pairs == pair)) for pair in dict.fromkeys(pairs[asked].tolist())
+    ]
     couples = [mine[: len(mine) // 2 * 2].reshape(-1, 2) for mine in rows]
-    return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(len(mine) > 1 for mine in rows)
+    return np.concatenate([np.empty((0, 2), np.intp), *couples]), sum(
+        len(mine) > 1 for mine in rows
+    )
 
 
 @one_thread
@@ -332,20 +379,26 @@ def _fit_model(
     tied = answers.y == 0
     every, slopes, shares, doubts = [], [], [], []
     for lapse in lapses.tolist():
-        model = PosteriorComparator(answers.k, lapse=lapse, particles=m, prior=prior, seed=key, tie=0.0)
+        model = PosteriorComparator(
+            answers.k, lapse=lapse, particles=m, prior=prior, seed=key, tie=0.0
+        )
         draws = model.update(answers).draws
         every.append(draws)
         scores = t @ draws.gaps
         sigma = expit(scores * draws.precision)
         slope = (0.5 - sigma) / (lapse / 2 + (1 - lapse) * sigma)
-        slope[tied] = (slope[tied] + (sigma[tied] - 0.5) / (lapse / 2 + (1 - lapse) * (1 - sigma[tied]))) / 2
+        slope[tied] = (
+            slope[tied] + (sigma[tied] - 0.5) / (lapse / 2 + (1 - lapse) * (1 - sigma[tied]))
+        ) / 2
         slopes.append(slope.sum(axis=0) @ draws.weights)
         shares.append((scores[~tied] < 0).mean(axis=0))
         doubts.append((scores < 0) @ draws.weights)
 
     fine = (np.arange(4000) + 0.5) / 4000
     roots = np.clip(np.sqrt(fine), 0.0, _ROOTS[-1])
-    log_density = PchipInterpolator(_ROOTS, 2 * _ROOTS * np.array(slopes), extrapolate=True).antiderivative()(roots)
+    log_density = PchipInterpolator(
+        _ROOTS, 2 * _ROOTS * np.array(slopes), extrapolate=True
+    ).antiderivative()(roots)
     density = np.exp(log_density - log_density.max()) * (1.0 - fine) ** (_LAPSE - 1.0)
     density /= density.sum()
     mass = np.array([np.interp(roots, _ROOTS, hat) @ density for hat in np.eye(len(_ROOTS))])
@@ -353,15 +406,25 @@ def _fit_model(
     kept = kept[: np.searchsorted(np.cumsum(density[kept]), level) + 1]
     half = 0.5 / len(fine)
 
-    weights = np.concatenate([share * draws.weights for share, draws in zip(mass, every, strict=True)])
+    weights = np.concatenate(
+        [share * draws.weights for share, draws in zip(mass, every, strict=True)]
+    )
     tails = [(1 - level) / 2, (1 + level) / 2]
     wrong = np.concatenate(shares)
     precisions = np.concatenate([draws.precision for draws in every])
-    middle, low, high = np.quantile(precisions, [0.5, *tails], weights=weights, method="inverted_cdf")
+    middle, low, high = np.quantile(
+        precisions, [0.5, *tails], weights=weights, method="inverted_cdf"
+    )
     doubt = np.where(tied, 0.0, mass @ np.array(doubts))
-    names = [(answers.ids[i], float(doubt[i])) for i in np.argsort(-doubt, kind="stable") if doubt[i] > 0.5]
+    names = [
+        (answers.ids[i], float(doubt[i]))
+        for i in np.argsort(-doubt, kind="stable")
+        if doubt[i] > 0.5
+    ]
     return {
-        "error_rate": _around(wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")),
+        "error_rate": _around(
+            wrong @ weights, *np.quantile(wrong, tails, weights=weights, method="inverted_cdf")
+        ),
         "precision": Estimate(float(middle), float(low), float(high)),
         "lapse": _around(fine @ density, fine[kept].min() - half, fine[kept].max() + half),
         "doubtful": tuple(names),

@@ -1,4 +1,5 @@
-"""The analytic centre of K_t: the point that maximises the product of its distances to all constraints.
+"""The analytic centre of K_t: the point that maximises the product of its distances to all
+constraints.
 
 It is the polytope's single best guess at the scale (``values``). It is also a strictly interior
 point, which proves on which side of 0 some plausible d.e lies.
@@ -23,7 +24,9 @@ Flags = NDArray[np.bool_]
 
 
 class _Shape(NamedTuple):
-    """All constraints of a region, in an order that depends on their set only: rows (m, p), limits (m,)."""
+    """All constraints of a region, in an order that depends on their set only: rows (m, p), limits
+    (m,).
+    """
 
     rows: Floats
     limits: Floats
@@ -31,7 +34,9 @@ class _Shape(NamedTuple):
 
 
 class _Hull(NamedTuple):
-    """The affine hull {g : equal g = to, sum g = 1} of a flat region; ``flat`` marks the rows it comes from."""
+    """The affine hull {g : equal g = to, sum g = 1} of a flat region; ``flat`` marks the rows it
+    comes from.
+    """
 
     flat: Flags
     equal: Floats
@@ -112,7 +117,8 @@ def _deepest_point(shape: _Shape, hull: _Hull) -> Floats | None:
 
 
 def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
-    """Return a point with room in every constraint in which some point of the region has room, and its hull.
+    """Return a point with room in every constraint in which some point of the region has room, and
+    its hull.
 
     It is the mean of exact vertices, one for each constraint in which the mean so far has no room.
     """
@@ -124,7 +130,10 @@ def _relative_interior(shape: _Shape, region: Region) -> tuple[Floats, _Hull]:
         if product(shape.rows[i], mean) - shape.limits[i] > _FLAT * shape.size[i]:
             continue
         corner = minimise_exactly(-shape.rows[i], region).g
-        flat[i] = float(product(shape.rows[i], corner.astype(np.float64))) - shape.limits[i] <= _FLAT * shape.size[i]
+        flat[i] = (
+            float(product(shape.rows[i], corner.astype(np.float64))) - shape.limits[i]
+            <= _FLAT * shape.size[i]
+        )
         if not flat[i]:
             corners.append(corner)
     mean = (np.sum(corners, axis=0) / len(corners)).astype(np.float64)
@@ -137,7 +146,11 @@ def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
     g has room in all rows that are not flat.
     """
     p = len(g)
-    along = null_basis(np.concatenate([np.ones((1, p)), hull.equal])) if len(hull.equal) else sums_to_zero(p)
+    along = (
+        null_basis(np.concatenate([np.ones((1, p)), hull.equal]))
+        if len(hull.equal)
+        else sums_to_zero(p)
+    )
     if along.shape[1] == 0:
         return g
     g = climb(g, shape.rows[~hull.flat], shape.limits[~hull.flat], along)
@@ -146,7 +159,8 @@ def _newton(g: Floats, shape: _Shape, hull: _Hull) -> Floats:
 
 @one_thread
 def climb(x: Floats, rows: Floats, limits: Floats, along: Floats) -> Floats:
-    """Return the point of x + span(along) with the greatest product of the slacks of rows x >= limits.
+    """Return the point of x + span(along) with the greatest product of the slacks of rows x >=
+    limits.
 
     Damped Newton steps on the self-concordant barrier (Nesterov and Nemirovskii 1994).
 
@@ -170,12 +184,15 @@ def climb(x: Floats, rows: Floats, limits: Floats, along: Floats) -> Floats:
     last = np.inf
     for _ in range(200):
         slack = product(rows, x) - limits
-        # least squares on the scaled rows give the Newton step without squaring the condition number
+        # least squares on the scaled rows give the Newton step without squaring the condition
+        # number
         scaled = moves / slack[:, None]
         step = LeastSquares(scaled).solve(np.ones(len(slack)))
         along_rows = product(scaled, step)
         decrement = float(np.sqrt((along_rows * along_rows).sum()))
-        if decrement < 1e-10 or (decrement < 1e-4 and decrement > last / 2):  # as near as rounding allows
+        if decrement < 1e-10 or (
+            decrement < 1e-4 and decrement > last / 2
+        ):  # as near as rounding allows
             break
         last = decrement
         x = x + product(along, step) / (1.0 + decrement if decrement > 0.25 else 1.0)

@@ -1,4 +1,6 @@
-"""The two linear programs of section 3.1, least and greatest d.e over K_t, by Clarabel, made rigorous."""
+"""The two linear programs of section 3.1, least and greatest d.e over K_t, by Clarabel, made
+rigorous.
+"""
 
 from typing import Any, NamedTuple
 
@@ -25,7 +27,9 @@ class Solved(NamedTuple):
 
 
 class Programs:
-    """The programs min t.g over one region for many t, by one Clarabel solver whose objective is replaced."""
+    """The programs min t.g over one region for many t, by one Clarabel solver whose objective is
+    replaced.
+    """
 
     def __init__(self, region: Region) -> None:
         self.region = region
@@ -49,7 +53,9 @@ class Programs:
             a, b = np.concatenate([np.ones((1, p)), -rows]), np.append(1.0, -limits)
             cones = [clarabel.ZeroConeT(1), clarabel.NonnegativeConeT(len(limits))]
             no_quadratic = sparse.csc_matrix((p, p))
-            self._solver = clarabel.DefaultSolver(no_quadratic, t, sparse.csc_matrix(a), b, cones, settings)
+            self._solver = clarabel.DefaultSolver(
+                no_quadratic, t, sparse.csc_matrix(a), b, cones, settings
+            )
         else:
             self._solver.update(q=t)
         self.solves += 1
@@ -111,8 +117,12 @@ class Programs:
             return -1, point
         return 0, None
 
-    def _proven(self, t: Floats, found: Solved | None, inside: Floats | None) -> tuple[float, Floats | None]:
-        """Return the bound that a solution's multipliers prove, and its point pulled strictly inside or None."""
+    def _proven(
+        self, t: Floats, found: Solved | None, inside: Floats | None
+    ) -> tuple[float, Floats | None]:
+        """Return the bound that a solution's multipliers prove, and its point pulled strictly
+        inside or None.
+        """
         if found is None:
             return -np.inf, None
         point = None if inside is None else pull_inside(found.g, inside, self.region)

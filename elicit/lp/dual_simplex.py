@@ -1,8 +1,9 @@
 """A small dual simplex over K_t, once in floats and once in exact integers.
 
-It starts at the vertex that is best over K_0 and lets in the most violated row until none is left (Lemke 1954). Floats
-only propose: whoever uses their result must prove it. The exact method starts from the basis that floats propose and
-pivots in integers over one common denominator (Edmonds 1967), which costs a fiftieth of the same steps in fractions.
+It starts at the vertex that is best over K_0 and lets in the most violated row until none is left
+(Lemke 1954). Floats only propose: whoever uses their result must prove it. The exact method starts
+from the basis that floats propose and pivots in integers over one common denominator (Edmonds
+1967), which costs a fiftieth of the same steps in fractions.
 """
 
 from collections.abc import Sequence
@@ -34,9 +35,9 @@ class End(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Vertex:
-    """Least t.g over a region: ``value``, a minimiser g (p,), multipliers y (m,) >= 0 of the rows, and
-    ``basis``, the active constraints (j < p: g_j >= margin; p + i: row i). ``support``: where the
-    region is empty, rows that alone contradict each other and the order."""
+    """Least t.g over a region: ``value``, a minimiser g (p,), multipliers y (m,) >= 0 of the rows,
+    and ``basis``, the active constraints (j < p: g_j >= margin; p + i: row i). ``support``: where
+    the region is empty, rows that alone contradict each other and the order."""
 
     end: End
     value: Any
@@ -64,7 +65,11 @@ def minimise(t: Floats, region: Region) -> Vertex:
                 return Vertex(End.OPTIMAL, product(t, g), g, weights[p:], tuple(active))
             w, y = product(constraints[entering], inverse), product(goal, inverse)
             tolerance = _TOLERANCE * scale[entering]
-            ratios = [(max(y[i + 1], 0.0) / w[i + 1], c, i) for i, c in enumerate(active) if w[i + 1] > tolerance]
+            ratios = [
+                (max(y[i + 1], 0.0) / w[i + 1], c, i)
+                for i, c in enumerate(active)
+                if w[i + 1] > tolerance
+            ]
             if not ratios:
                 return Vertex(End.EMPTY, 0.0, g, np.zeros(m), tuple(active))
             leaving = min(ratios)[2]
@@ -76,8 +81,8 @@ def minimise(t: Floats, region: Region) -> Vertex:
 
 
 def minimise_exactly(t: Floats, region: Region) -> Vertex:
-    """Least t.g over the region in rationals (Fractions). An empty one gives End.EMPTY, and its proof in ``support``.
-    Started from the basis that floats propose."""
+    """Least t.g over the region in rationals (Fractions). An empty one gives End.EMPTY, and its
+    proof in ``support``. Started from the basis that floats propose."""
     p, m = region.p, len(region.rows)
     goal, unit = _integers(t)
     goals = np.stack([goal, _integers(_tie_break(p))[0]])
@@ -90,13 +95,22 @@ def minimise_exactly(t: Floats, region: Region) -> Vertex:
         entering = corner.violated(by_index)
         if entering is None:
             break
-        w, prices = corner.row(entering)[0] @ corner.inverse, goals[: 1 if by_index else 2] @ corner.inverse
+        w, prices = (
+            corner.row(entering)[0] @ corner.inverse,
+            goals[: 1 if by_index else 2] @ corner.inverse,
+        )
         active = corner.active
-        keys = {i: [*(prices[:, i + 1] * Fraction(1, w[i + 1])), c] for i, c in enumerate(active) if w[i + 1] > 0}
+        keys = {
+            i: [*(prices[:, i + 1] * Fraction(1, w[i + 1])), c]
+            for i, c in enumerate(active)
+            if w[i + 1] > 0
+        }
         if not keys:  # row = sum of w_i * active_i with w_i <= 0: it can nowhere reach its limit
             blamed = [c for i, c in enumerate(active) if w[i + 1] < 0] + [entering]
             support = tuple(sorted(c - p for c in blamed if c >= p))
-            return Vertex(End.EMPTY, Fraction(0), np.full(p, Fraction(0)), weights, tuple(active), support)
+            return Vertex(
+                End.EMPTY, Fraction(0), np.full(p, Fraction(0)), weights, tuple(active), support
+            )
         corner.pivot(entering, min(keys, key=keys.__getitem__))
     for c, weight in zip(corner.active, (goal @ corner.inverse)[1:], strict=True):
         if c >= p:
@@ -107,8 +121,9 @@ def minimise_exactly(t: Floats, region: Region) -> Vertex:
 
 
 class _Corner:
-    """A vertex of the constraints' arrangement: the active ones, and the inverse of their integer matrix
-    as integers ``inverse`` over ``denominator`` > 0. Limits are integers over the margin's denominator."""
+    """A vertex of the constraints' arrangement: the active ones, and the inverse of their integer
+    matrix as integers ``inverse`` over ``denominator`` > 0. Limits are integers over the margin's
+    denominator."""
 
     def __init__(self, region: Region, best: int) -> None:
         self.region = region
@@ -127,21 +142,35 @@ class _Corner:
         for c in basis:
             if c >= p:
                 w = corner.row(c)[0] @ corner.inverse
-                free = [i for i, old in enumerate(corner.active) if old < p and old not in gaps and w[i + 1] != 0]
+                free = [
+                    i
+                    for i, old in enumerate(corner.active)
+                    if old < p and old not in gaps and w[i + 1] != 0
+                ]
                 if not free:
                     return None
                 corner.pivot(c, free[0])
         return corner
 
     def row(self, c: int) -> tuple[Numbers, int, int]:
-        """Constraint c: integer coefficients (p,), its limit, and what the row was multiplied by."""
+        """Constraint c: integer coefficients (p,), its limit, and what the row was multiplied
+        by.
+        """
         if c not in self._rows:
-            whole, unit = _integers([*self._constraints[c], self._limits[c] if c >= self.region.p else 0.0])
-            self._rows[c] = whole[:-1], whole[-1] * self._unit if c >= self.region.p else self._margin, unit
+            whole, unit = _integers(
+                [*self._constraints[c], self._limits[c] if c >= self.region.p else 0.0]
+            )
+            self._rows[c] = (
+                whole[:-1],
+                whole[-1] * self._unit if c >= self.region.p else self._margin,
+                unit,
+            )
         return self._rows[c]
 
     def pivot(self, entering: int, leaving: int) -> None:
-        """Exchange the active constraint in place ``leaving`` for another; every division is exact."""
+        """Exchange the active constraint in place ``leaving`` for another; every division is
+        exact.
+        """
         w = self.row(entering)[0] @ self.inverse
         column, new = self.inverse[:, leaving + 1].copy(), int(w[leaving + 1])
         self.inverse = (self.inverse * new - np.outer(column, w)) // self.denominator
@@ -153,12 +182,14 @@ class _Corner:
 
     def point(self) -> tuple[Numbers, int]:
         """g as integers (p,) over a common denominator."""
-        g = self.inverse @ np.array([self._unit, *(self.row(c)[1] for c in self.active)], dtype=object)
+        g = self.inverse @ np.array(
+            [self._unit, *(self.row(c)[1] for c in self.active)], dtype=object
+        )
         return g, self.denominator * self._unit
 
     def violated(self, by_index: bool) -> int | None:
-        """A constraint that this corner misses: the worst, or the first, which cannot cycle (Bland 1977).
-        Floats sort out those that hold by more than any rounding."""
+        """A constraint that this corner misses: the worst, or the first, which cannot cycle (Bland
+        1977). Floats sort out those that hold by more than any rounding."""
         g, unit = self.point()
         most = 10**300 * unit
         point = np.array([min(max(x, -most), most) / unit for x in g])
@@ -167,7 +198,9 @@ class _Corner:
             magnitude = product(np.abs(self._constraints), np.abs(point)) + np.abs(self._limits)
             doubtful = np.flatnonzero(~(slack > rounding(len(g), magnitude)))
             if not by_index:
-                size = np.maximum(np.abs(self._constraints[doubtful]).max(axis=1, initial=0.0), 2.0**-1000)
+                size = np.maximum(
+                    np.abs(self._constraints[doubtful]).max(axis=1, initial=0.0), 2.0**-1000
+                )
                 doubtful = doubtful[np.argsort(slack[doubtful] / size, kind="stable")]
         for c in doubtful:
             row, limit, _ = self.row(int(c))
@@ -177,16 +210,19 @@ class _Corner:
 
 
 def _tie_break(p: int) -> Floats:
-    """A second objective (p,), which decides where the first is indifferent: without it, differences with
-    many equal tail sums stall the method (Charnes 1952)."""
+    """A second objective (p,), which decides where the first is indifferent: without it,
+    differences with many equal tail sums stall the method (Charnes 1952)."""
     return np.asarray((np.arange(1, p + 1) * 40503 % 65536) / 65536.0)
 
 
 def _order_vertex(best: int, p: int, one: Any) -> tuple[list[int], Numbers]:
-    """The vertex of K_0 whose gap ``best`` is the large one: its active constraints, and the inverse of
-    their matrix (rows: sum g = 1, then g_j = margin for each other j), in the type of ``one``."""
+    """The vertex of K_0 whose gap ``best`` is the large one: its active constraints, and the
+    inverse of their matrix (rows: sum g = 1, then g_j = margin for each other j), in the type of
+    ``one``."""
     active = [j for j in range(p) if j != best]
-    inverse: Numbers = np.full((p, p), 0 * one, dtype=object if isinstance(one, int) else np.float64)
+    inverse: Numbers = np.full(
+        (p, p), 0 * one, dtype=object if isinstance(one, int) else np.float64
+    )
     inverse[best, 0] = one
     for i, j in enumerate(active):
         inverse[j, i + 1], inverse[best, i + 1] = one, -one

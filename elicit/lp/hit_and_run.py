@@ -82,5 +82,8 @@ def _ellipsoid(rows: Floats, limits: Floats, inside: Floats) -> Floats:
 
     The directions have the covariance of the Dikin ellipsoid at ``inside``, up to a factor.
     """
-    along, slack = sums_to_zero(len(inside)), np.maximum(product(rows, inside) - limits, _LEAST_SLACK)
+    along, slack = (
+        sums_to_zero(len(inside)),
+        np.maximum(product(rows, inside) - limits, _LEAST_SLACK),
+    )
     return product(along, LeastSquares(product(rows, along) / slack[:, None], least=1e-12).shape)

@@ -1,4 +1,6 @@
-"""Contradictory answers: whether a region is empty, and a smallest set of answers that makes it so."""
+"""Contradictory answers: whether a region is empty, and a smallest set of answers that makes it
+so.
+"""
 
 from functools import partial
 
@@ -16,9 +18,9 @@ def is_empty(region: Region) -> Vertex | None:
 
 
 def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
-    """Owners of an irreducible contradictory set of rows, beside the order and the prior: the proof's
-    support, from which every answer is dropped that the contradiction does not need (Chinneck and
-    Dravnieks 1991). Rows of the prior (owner < 0) always stay."""
+    """Owners of an irreducible contradictory set of rows, beside the order and the prior: the
+    proof's support, from which every answer is dropped that the contradiction does not need
+    (Chinneck and Dravnieks 1991). Rows of the prior (owner < 0) always stay."""
     owners = sorted({int(region.owner[i]) for i in proof.support if region.owner[i] >= 0})
     for owner in list(owners):
         rest = [o for o in owners if o != owner]
@@ -29,27 +31,37 @@ def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
 
 
 def contradiction(region: Region, proof: Vertex, answers: Answers) -> InconsistentAnswers:
-    """Return the error that says that the answers leave the region empty, which this proof shows."""
+    """Return the error that says that the answers leave the region empty, which this proof
+    shows.
+    """
     return InconsistentAnswers(partial(_explained, region, proof, answers))
 
 
-def _explained(region: Region, proof: Vertex, answers: Answers) -> tuple[str, tuple[tuple[int, str], ...], bool]:
-    """Return the sentence, a minimal contradictory set as (row, id) pairs, and whether the margin is a culprit."""
+def _explained(
+    region: Region, proof: Vertex, answers: Answers
+) -> tuple[str, tuple[tuple[int, str], ...], bool]:
+    """Return the sentence, a minimal contradictory set as (row, id) pairs, and whether the margin
+    is a culprit.
+    """
     owners = minimal_conflict(region, proof)
     keep = np.isin(region.owner, owners) | (region.owner < 0)
     found = tuple((row, answers.ids[row]) for row in owners)
     margin = region.margin > 0 and is_empty(region.take(keep, margin=0.0)) is None
     listed = ", ".join(f"row {row} (id {name})" for row, name in found)
     said = (
-        f"no scale satisfies these answers together: {listed}. Each is needed for the contradiction: drop or "
+        f"no scale satisfies these answers together: {listed}. Each is needed for the "
+        "contradiction: drop or "
         "correct one of them."
         if len(found) > 1
-        else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, or the "
+        else f"no scale satisfies the answer in {listed}: it contradicts the order of the levels, "
+        "or the "
         "prior. Drop or correct it."
     )
     if margin:
         allowed = f"the margin {region.margin:g} is above the least gap they allow."
         said += f" With a margin of 0 they would be consistent: {allowed}"
     if any(answers.y[row] == 0 for row, _ in found):
-        said += " An answer 'equal' is taken to mean |d.e| <= tie: a wider tie may make room for them."
+        said += (
+            " An answer 'equal' is taken to mean |d.e| <= tie: a wider tie may make room for them."
+        )
     return said, found, margin

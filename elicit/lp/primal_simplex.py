@@ -1,7 +1,9 @@
-"""From corner to corner of K_t: the primal simplex method in floats, whose results are proofs or nothing.
+"""From corner to corner of K_t: the primal simplex method in floats, whose results are proofs or
+nothing.
 
-The corners' inverses are brought up to date pivot by pivot; what a walk finds is certain all the same: a point counts
-only if it is inside K_t by more than any rounding, and multipliers only through a bound that holds for any multipliers.
+The corners' inverses are brought up to date pivot by pivot; what a walk finds is certain all the
+same: a point counts only if it is inside K_t by more than any rounding, and multipliers only
+through a bound that holds for any multipliers.
 """
 
 import math
@@ -19,12 +21,16 @@ NEARLY = 1e-12  # multipliers this far below zero are set to zero, which keeps t
 def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
     """1 where s.g > target on K_t is proven, -1 where a point of K_t shows s.g < 0, else 0.
 
-    Goes from corner ``start`` along edges that lessen s.g (the steepest; Harris's ratio test), and keeps the
-    corner where it ends. ``out`` (m,), if it is not empty, marks rows that K_t is taken to lack: then -1 says
-    that some corner seems to have s.g < target, no corner is kept, and nothing is proven by it.
+    Goes from corner ``start`` along edges that lessen s.g (the steepest; Harris's ratio test), and
+    keeps the corner where it ends. ``out`` (m,), if it is not empty, marks rows that K_t is taken
+    to lack: then -1 says that some corner seems to have s.g < target, no corner is kept, and
+    nothing is proven by it.
     """
     p, m = len(s), len(known.limits)
-    inverse, active = known.inverses[start : start + 1].copy(), known.active[start : start + 1].copy()
+    inverse, active = (
+        known.inverses[start : start + 1].copy(),
+        known.active[start : start + 1].copy(),
+    )
     is_active = np.zeros(p + m, dtype=np.bool_)
     for i in range(len(out)):
         is_active[p + i] = out[i]  # never met
@@ -91,11 +97,14 @@ def redundant(known: Known) -> Any:
 
 
 @compiled
-def bound_of(rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, limits: Any) -> float:
-    """A lower bound on s.g over K_t for any multipliers y (1 + p-1,) of corner q's active constraints, negative ones
-    set to zero: the closed form over K_0 of s - rows'y, plus y.limits, less every rounding. Rows are at most 1,
-    their limits at most 2. Of the order's constraints the closed form knows the best multipliers itself.
-    ``rest`` (p,) holds s, and on return what the multipliers leave of it, s - rows'y."""
+def bound_of(
+    rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, limits: Any
+) -> float:
+    """A lower bound on s.g over K_t for any multipliers y (1 + p-1,) of corner q's active
+    constraints, negative ones set to zero: the closed form over K_0 of s - rows'y, plus y.limits,
+    less every rounding. Rows are at most 1, their limits at most 2. Of the order's constraints the
+    closed form knows the best multipliers itself. ``rest`` (p,) holds s, and on return what the
+    multipliers leave of it, s - rows'y."""
     p = len(rest)
     size, gained, weight = largest(rest), 0.0, 0.0
     for i in range(p - 1):
@@ -113,7 +122,9 @@ def bound_of(rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, l
 
 @compiled
 def least_in_order(t: Any, margin: float) -> float:
-    """Least t.g over K_0 = {g >= margin, sum g = 1}, in closed form (``scale.order_bounds`` of one row)."""
+    """Least t.g over K_0 = {g >= margin, sum g = 1}, in closed form (``scale.order_bounds`` of one
+    row).
+    """
     total, least = 0.0, t[0]
     for j in range(len(t)):
         total += t[j]
@@ -124,7 +135,9 @@ def least_in_order(t: Any, margin: float) -> float:
 
 @compiled
 def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known: Known) -> bool:
-    """Keep a corner and a point beside it that is certainly in K_t; says whether s < 0 is certain there."""
+    """Keep a corner and a point beside it that is certainly in K_t; says whether s < 0 is certain
+    there.
+    """
     p = len(g)
     point = np.empty(p)
     certain = pulled_inside(g, slack, known, point)
@@ -148,7 +161,9 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
 
 @compiled
 def pulled_inside(g: Any, slack: Any, known: Known, point: Any) -> bool:
-    """The nearest mixture of g and the known inner point that is certainly inside K_t, if floats find one."""
+    """The nearest mixture of g and the known inner point that is certainly inside K_t, if floats
+    find one.
+    """
     p, m = len(g), len(known.limits)
     least = 1e-11 * known.margin + 1e-300
     share = 0.0
@@ -176,12 +191,14 @@ def pulled_inside(g: Any, slack: Any, known: Known, point: Any) -> bool:
 
 @compiled
 def surely_inside(point: Any, known: Known, slack: Any) -> bool:
-    """Whether a point of total 1 satisfies every constraint by more than any rounding; by how much goes into
-    ``slack`` (p + m,)."""
+    """Whether a point of total 1 satisfies every constraint by more than any rounding; by how much
+    goes into ``slack`` (p + m,)."""
     p = len(point)
     slacks_of(point, known, slack)
     for c in range(len(slack)):
-        if not slack[c] > (1e-11 * known.margin + 1e-300 if c < p else doubt_of(known.limits[c - p], p)):
+        if not slack[c] > (
+            1e-11 * known.margin + 1e-300 if c < p else doubt_of(known.limits[c - p], p)
+        ):
             return False
     return True
 
@@ -190,7 +207,9 @@ def surely_inside(point: Any, known: Known, slack: Any) -> bool:
 def next_slot(known: Known) -> int:
     """The place of the next corner: the oldest makes room."""
     q: int = known.counts[SLOT]
-    known.kind[q] = DOUBTFUL_CORNER  # until it is complete: an interruption must not leave a false point
+    known.kind[q] = (
+        DOUBTFUL_CORNER  # until it is complete: an interruption must not leave a false point
+    )
     known.counts[SLOT] = (q + 1) % len(known.kind)
     known.counts[USED] = max(known.counts[USED], q + 1)
     return q
@@ -238,8 +257,9 @@ def rates_of(inverse: Any, column: int, known: Known, rate: Any) -> None:
 
 @compiled
 def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
-    """The multipliers y (p,) of the objective s at corner q: that of sum g = 1, then the active constraints'.
-    Returns the place among these of the negative one whose edge is steepest, -1 where none is, within rounding."""
+    """The multipliers y (p,) of the objective s at corner q: that of sum g = 1, then the active
+    constraints'. Returns the place among these of the negative one whose edge is steepest, -1 where
+    none is, within rounding."""
     p = len(s)
     for i in range(p):
         y[i] = 0.0
@@ -260,8 +280,8 @@ def multipliers(s: Any, inverses: Any, q: int, y: Any) -> int:
 
 @compiled
 def blocking(slack: Any, rate: Any, is_active: Any) -> int:
-    """The constraint that ends an edge: among those met first, within rounding, the one it meets most steeply;
-    -1 where none is met."""
+    """The constraint that ends an edge: among those met first, within rounding, the one it meets
+    most steeply; -1 where none is met."""
     reach = math.inf
     for c in range(len(slack)):
         room, speed = max(slack[c], 0.0) + 1e-13, -rate[c]
@@ -297,8 +317,8 @@ def pivot(inverse: Any, column: int, entering: int, known: Known) -> None:
 
 @compiled
 def inverse_of(active: Any, known: Known, inverse: Any) -> bool:
-    """The inverse (p, p) of [1; active constraints] afresh (Gauss and Jordan, with row exchanges); False where
-    they are linearly dependent, as far as floats can tell."""
+    """The inverse (p, p) of [1; active constraints] afresh (Gauss and Jordan, with row exchanges);
+    False where they are linearly dependent, as far as floats can tell."""
     p = inverse.shape[0]
     matrix = np.zeros((p, p))
     for j in range(p):
@@ -346,11 +366,15 @@ def largest(t: Any) -> float:
 
 @compiled
 def doubt_at(p: int, size: float) -> float:
-    """More than the rounding error of t.g at a known point, where no entry of t exceeds ``size``."""
+    """More than the rounding error of t.g at a known point, where no entry of t exceeds
+    ``size``.
+    """
     return (p + 8) * EPS * 4.0 * size + TINY
 
 
 @compiled
 def doubt_of(limit: float, p: int) -> float:
-    """More than the rounding error of a row's slack at a point whose components total 1 to within 1e-12."""
+    """More than the rounding error of a row's slack at a point whose components total 1 to within
+    1e-12.
+    """
     return 4.0 * ((p + 8) * EPS * (1.0 + abs(limit)) + TINY) + 1e-11 * abs(limit)

@@ -28,14 +28,18 @@ if TYPE_CHECKING:
     import cvxpy
 
 _LONGEST = 1000  # characters; a text beyond the parser's own limit would crash it
-_FORM = 'such as "e4 >= 2*e2 + 0.1": names of levels, numbers, + - * / and brackets on both sides of one >= or <='
+_FORM = (
+    'such as "e4 >= 2*e2 + 0.1": names of levels, numbers, + - * / and brackets on both sides of '
+    "one >= or <="
+)
 _NO_WORD = re.compile(r"\W+")  # characters that a name in a text cannot hold, such as a space
 _LIKE_A_NUMBER = re.compile(r"(?<![\w.])((?:\d+\.?\d*|\.\d+)[eE](\d+))(?![\w.])")
 
 
 @dataclass(frozen=True, eq=False)
 class Inequality:
-    """The inequality ``coefficients`` (k,) . e >= ``bound``, with the ``name`` that people know it by.
+    """The inequality ``coefficients`` (k,) . e >= ``bound``, with the ``name`` that people know it
+    by.
 
     Parameters
     ----------
@@ -55,7 +59,9 @@ class Inequality:
 
     def __post_init__(self) -> None:
         if np.ndim(self.coefficients) != 1:
-            raise ValueError(f"an inequality has coefficients of shape (k,), not {np.shape(self.coefficients)}")
+            raise ValueError(
+                f"an inequality has coefficients of shape (k,), not {np.shape(self.coefficients)}"
+            )
         row = as_vectors(self.coefficients, name="an inequality's coefficients")[0].copy()
         row.flags.writeable = False
         object.__setattr__(self, "coefficients", row)
@@ -72,7 +78,9 @@ class Prior(NamedTuple):
 
 
 Statement: TypeAlias = "Inequality | str | cvxpy.Constraint"
-PriorLike: TypeAlias = "Prior | tuple[ArrayLike, ArrayLike] | Statement | Sequence[Statement] | None"
+PriorLike: TypeAlias = (
+    "Prior | tuple[ArrayLike, ArrayLike] | Statement | Sequence[Statement] | None"
+)
 
 
 def inequality(
@@ -103,17 +111,24 @@ def inequality(
     """
     found = inequalities(text, k, labels, name)
     if len(found) > 1:
-        raise ValueError(f'"{text}" holds {len(found)} inequalities: write each by itself, or use inequalities()')
+        raise ValueError(
+            f'"{text}" holds {len(found)} inequalities: write each by itself, or use inequalities()'
+        )
     return found[0]
 
 
 def inequalities(
-    text: str | Sequence[str], k: int | None = None, labels: Sequence[str] | None = None, name: str | None = None
+    text: str | Sequence[str],
+    k: int | None = None,
+    labels: Sequence[str] | None = None,
+    name: str | None = None,
 ) -> tuple[Inequality, ...]:
-    """Read one text or several, each an inequality or a chain of them, for the ``prior`` of a comparator.
+    """Read one text or several, each an inequality or a chain of them, for the ``prior`` of a
+    comparator.
 
         labels = ["critical", "stable", "well"]
-        PolytopeComparator(3, prior=inequalities(["stable >= 0.4", "0.9*well >= stable"], labels=labels))
+        PolytopeComparator(3, prior=inequalities(["stable >= 0.4", "0.9*well >= stable"],
+        labels=labels))
 
     Parameters
     ----------
@@ -122,9 +137,11 @@ def inequalities(
     k
         The number of levels. It may be left out if ``labels`` is given.
     labels
-        The k levels' names, worst first. The text may use them, beside e1 to ek. Write "very_ill" for "very ill".
+        The k levels' names, worst first. The text may use them, beside e1 to ek. Write "very_ill"
+        for "very ill".
     name
-        What people know it by. By default the text. Several inequalities add their text to the name.
+        What people know it by. By default the text. Several inequalities add their text to the
+        name.
 
     Returns
     -------
@@ -134,13 +151,19 @@ def inequalities(
     Raises
     ------
     ValueError
-        If a text is anything but linear inequalities with >= or <=, or if it names an unknown level.
+        If a text is anything but linear inequalities with >= or <=, or if it names an unknown
+        level.
     """
     if not isinstance(text, str):
         for one in text:
             require(isinstance(one, str), "each inequality", "a text such as 'e2 >= 0.4'", one)
-        each = [(one, name if name is None or len(text) == 1 else f"{name}: {one.strip()}") for one in text]
-        return tuple(found for one, called in each for found in inequalities(one, k, labels, called))
+        each = [
+            (one, name if name is None or len(text) == 1 else f"{name}: {one.strip()}")
+            for one in text
+        ]
+        return tuple(
+            found for one, called in each for found in inequalities(one, k, labels, called)
+        )
     if k is None and labels is None:
         raise ValueError(f'how many levels is "{text}" about? Give k or labels')
     levels = _levels(check_levels(len(labels or ()) if k is None else k), labels)
@@ -159,17 +182,22 @@ def inequalities(
         if not np.isfinite(row).all():
             raise ValueError(f'"{text}" holds numbers too large to compute with')
         if not row[1:].any():
-            raise ValueError(f'"{text}" compares nothing: no level is left in it once both sides are subtracted')
+            raise ValueError(
+                f'"{text}" compares nothing: no level is left in it once both sides are subtracted'
+            )
         shown = name or text.strip()
         if len(signs) > 1:
-            link = f"{ast.unparse(parts[i])} {'>=' if sign > 0 else '<='} {ast.unparse(parts[i + 1])}"
+            link = (
+                f"{ast.unparse(parts[i])} {'>=' if sign > 0 else '<='} {ast.unparse(parts[i + 1])}"
+            )
             shown = f"{name}: {link}" if name else link
         out.append(Inequality(row[1:], float(0.0 - row[0]), shown))
     return tuple(out)
 
 
 def as_prior(prior: PriorLike, k: int) -> Prior | None:
-    """Return any statement of prior knowledge about k levels as one ``Prior``, or None if there is none.
+    """Return any statement of prior knowledge about k levels as one ``Prior``, or None if there is
+    none.
 
     Parameters
     ----------
@@ -197,21 +225,34 @@ def as_prior(prior: PriorLike, k: int) -> Prior | None:
         return _prior(a, b, tuple(str(name) for name in names), k)
     given: Any = [prior] if _is_statement(prior) else prior
     if not isinstance(given, (list, tuple)):
-        raise ValueError(f"a prior is (A, b) with A e >= b, or a list of inequalities, not {prior!r}")
+        raise ValueError(
+            f"a prior is (A, b) with A e >= b, or a list of inequalities, not {prior!r}"
+        )
     if all(_is_statement(one) for one in given):
         listed = [x for one in given for x in _stated(one, k)]
         for one in listed:
             if len(one.coefficients) != k:
-                raise ValueError(f'the prior\'s "{one.name}" is about {len(one.coefficients)} levels, not k = {k}')
+                raise ValueError(
+                    f'the prior\'s "{one.name}" is about {len(one.coefficients)} levels, not k = '
+                    f"{k}"
+                )
         rows = np.array([one.coefficients for one in listed])
-        return _prior(rows, [one.bound for one in listed], tuple(one.name for one in listed), k) if listed else None
+        return (
+            _prior(rows, [one.bound for one in listed], tuple(one.name for one in listed), k)
+            if listed
+            else None
+        )
     if len(given) != 2 or any(_is_statement(one) for one in given):
-        raise ValueError(f"a prior is (A, b) with A e >= b, or a list of inequalities, not {prior!r}")
+        raise ValueError(
+            f"a prior is (A, b) with A e >= b, or a list of inequalities, not {prior!r}"
+        )
     return _prior(given[0], given[1], None, k)
 
 
 def readable(coefficients: Floats, bound: float) -> str:
-    """Return coefficients (k,) . e >= bound as people write it, best level first: "2*e3 - e2 >= 0.1"."""
+    """Return coefficients (k,) . e >= bound as people write it, best level first: "2*e3 - e2 >=
+    0.1".
+    """
     terms = [(float(c), f"e{i + 1}") for i, c in enumerate(coefficients) if c != 0][::-1]
     sign = -1.0 if terms and terms[0][0] < 0 else 1.0
     text = ""
@@ -236,8 +277,14 @@ def _stated(one: Statement, k: int) -> Sequence[Inequality]:
         return inequalities(one, k)
     a, b, name = linear_rows(one, k)
     numbers = [readable(row, float(limit)) for row, limit in zip(a, b, strict=True)]
-    names = [name] * len(a) if one.size == 1 else [f"{name}: {shown}" if name else shown for shown in numbers]
-    return [Inequality(row, float(limit), shown) for row, limit, shown in zip(a, b, names, strict=True)]
+    names = (
+        [name] * len(a)
+        if one.size == 1
+        else [f"{name}: {shown}" if name else shown for shown in numbers]
+    )
+    return [
+        Inequality(row, float(limit), shown) for row, limit, shown in zip(a, b, names, strict=True)
+    ]
 
 
 def _prior(a: ArrayLike, b: ArrayLike, names: tuple[str, ...] | None, k: int) -> Prior:
@@ -246,7 +293,9 @@ def _prior(a: ArrayLike, b: ArrayLike, names: tuple[str, ...] | None, k: int) ->
     if names is None:
         names = tuple(readable(row, float(limit)) for row, limit in zip(rows, limits, strict=True))
     if len(names) != len(rows):
-        raise ValueError(f"a prior needs one name an inequality: {len(rows)} inequalities, {len(names)} names")
+        raise ValueError(
+            f"a prior needs one name an inequality: {len(rows)} inequalities, {len(names)} names"
+        )
     rows.flags.writeable = limits.flags.writeable = False
     return Prior(rows, limits, names)
 
@@ -269,22 +318,29 @@ def _levels(k: int, labels: Sequence[str] | None) -> dict[str, int]:
     for i, label in enumerate(labels or ()):
         word = normalize("NFKC", str(label))  # as the parser does with every name it reads
         if word.isidentifier() and levels.setdefault(word, i) != i:
-            raise ValueError(f'the label "{label}" of level {i + 1} is also a name of level {levels[word] + 1}')
+            raise ValueError(
+                f'the label "{label}" of level {i + 1} is also a name of level {levels[word] + 1}'
+            )
     words = [_NO_WORD.sub("_", normalize("NFKC", str(label))) for label in labels or ()]
     for i, word in enumerate(words):
-        if word.isidentifier() and words.count(word) == 1:  # otherwise it is ambiguous which level is meant
+        if (
+            word.isidentifier() and words.count(word) == 1
+        ):  # otherwise it is ambiguous which level is meant
             levels.setdefault(word, i)
     return levels
 
 
 def _parsed(text: str, k: int) -> ast.expr:
     if len(text) > _LONGEST:
-        raise ValueError(f"an inequality of {len(text)} characters is too long to read: {_LONGEST} are the most")
+        raise ValueError(
+            f"an inequality of {len(text)} characters is too long to read: {_LONGEST} are the most"
+        )
     for number, level in _LIKE_A_NUMBER.findall(text):
         if 1 <= int(level) <= k:
             factor = re.split("[eE]", number)[0]
             raise ValueError(
-                f'"{text}": {number} would be read as the number {float(number):g}. Write {factor}*e{level} for the '
+                f'"{text}": {number} would be read as the number {float(number):g}. Write '
+                f"{factor}*e{level} for the "
                 f"level, {float(number):g} for the number"
             )
     try:
@@ -297,9 +353,13 @@ def _direction(op: ast.cmpop, text: str) -> int:
     """Return 1 for >= and -1 for <=; raise ValueError for any other comparison."""
     if isinstance(op, (ast.Gt, ast.Lt)):
         sign = ">" if isinstance(op, ast.Gt) else "<"
-        raise ValueError(f'"{text}": write {sign}= for {sign}; the border always belongs to the scales that fit')
+        raise ValueError(
+            f'"{text}": write {sign}= for {sign}; the border always belongs to the scales that fit'
+        )
     if isinstance(op, ast.Eq):
-        raise ValueError(f'"{text}": write an equality as two inequalities, one with >= and one with <=')
+        raise ValueError(
+            f'"{text}": write an equality as two inequalities, one with >= and one with <='
+        )
     if not isinstance(op, (ast.GtE, ast.LtE)):
         raise ValueError(f'"{text}" states no inequality: write one {_FORM}')
     return 1 if isinstance(op, ast.GtE) else -1
@@ -308,7 +368,11 @@ def _direction(op: ast.cmpop, text: str) -> int:
 def _linear(node: ast.expr, levels: dict[str, int], text: str) -> Floats:
     """Return the expression as a constant and a coefficient a level (1 + k,)."""
     out: Floats = np.zeros(1 + max(levels.values()) + 1)
-    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
+    if (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, (int, float))
+        and not isinstance(node.value, bool)
+    ):
         try:
             out[0] = float(node.value)
         except OverflowError:
@@ -317,8 +381,10 @@ def _linear(node: ast.expr, levels: dict[str, int], text: str) -> Floats:
     if isinstance(node, ast.Name):
         if node.id not in levels:
             raise ValueError(
-                f'"{text}": no level is called "{node.id}"; there are {", ".join(levels)}. To use other names, give '
-                f'them: elicit.inequalities("{text}", labels=[...]), with one name a level, worst first'
+                f'"{text}": no level is called "{node.id}"; there are {", ".join(levels)}. To use '
+                "other names, give "
+                f'them: elicit.inequalities("{text}", labels=[...]), with one name a level, worst '
+                "first"
             )
         out[1 + levels[node.id]] = 1.0
         return out
@@ -337,6 +403,10 @@ def _linear(node: ast.expr, levels: dict[str, int], text: str) -> Floats:
             if not right[1:].any():
                 if isinstance(node.op, ast.Div) and right[0] == 0:
                     raise ValueError(f'"{text}" divides by zero')
-                scaled: Floats = left / right[0] if isinstance(node.op, ast.Div) else left * right[0]
+                scaled: Floats = (
+                    left / right[0] if isinstance(node.op, ast.Div) else left * right[0]
+                )
                 return scaled
-    raise ValueError(f'"{text}": "{ast.unparse(node)}" is not linear in the levels; write an inequality {_FORM}')
+    raise ValueError(
+        f'"{text}": "{ast.unparse(node)}" is not linear in the levels; write an inequality {_FORM}'
+    )

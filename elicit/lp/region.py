@@ -23,7 +23,9 @@ from elicit.model.query import Answers
 from elicit.model.scale import Floats, order_bounds
 
 TIE_BAND = 1e-9
-"""An answer "equal" means |d.e| <= tie, or <= TIE_BAND |d|_1 where that is wider (as it is where the tie is 0)."""
+"""An answer "equal" means |d.e| <= tie, or <= TIE_BAND |d|_1 where that is wider (as it is where
+the tie is 0).
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +75,19 @@ class Region:
 
     def take(self, keep: NDArray[Any], margin: float | None = None) -> Region:
         """Return the same region with only some of its rows, and perhaps another margin."""
-        return Region(self.margin if margin is None else margin, self.rows[keep], self.rhs[keep], self.owner[keep])
+        return Region(
+            self.margin if margin is None else margin,
+            self.rows[keep],
+            self.rhs[keep],
+            self.owner[keep],
+        )
 
     def plus(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> Region:
         """Return the same region cut by further rows."""
         join = np.concatenate
-        return Region(self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner]))
+        return Region(
+            self.margin, join([self.rows, rows]), join([self.rhs, rhs]), join([self.owner, owner])
+        )
 
 
 def rounding(p: int, magnitude: Any) -> Any:
@@ -100,15 +109,23 @@ def rounding(p: int, magnitude: Any) -> Any:
 
 
 def _unit_rows(d: Floats, name: str) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return tail sums of d (n, k) with a largest entry in [1/2, 1), d at the same scale, and exponents.
+    """Return tail sums of d (n, k) with a largest entry in [1/2, 1), d at the same scale, and
+    exponents.
 
     The tail sums are (n, p). The exponents (n,) are those of the powers of two by which they were
     divided. Raises ValueError if that would lose bits.
     """
-    t, small, exponents = np.empty((len(d), d.shape[1] - 1)), np.empty(d.shape), np.empty(len(d), dtype=np.int64)
+    t, small, exponents = (
+        np.empty((len(d), d.shape[1] - 1)),
+        np.empty(d.shape),
+        np.empty(len(d), dtype=np.int64),
+    )
     row = scale_rows(d, d.shape[1].bit_length(), t, small, exponents)
     if row >= 0:
-        raise ValueError(f"row {row} of {name} holds both huge and tiny numbers, {d[row]}: round the tiny ones to 0")
+        raise ValueError(
+            f"row {row} of {name} holds both huge and tiny numbers, {d[row]}: round the tiny ones "
+            "to 0"
+        )
     return t, small, exponents
 
 
@@ -142,7 +159,9 @@ def scale_rows(d: Any, spare: int, t: Any, small: Any, exponents: Any) -> int:
     return -1
 
 
-def answer_rows(answers: Answers, first: int, tie: float) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def answer_rows(
+    answers: Answers, first: int, tie: float
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Return the rows, right-hand sides and owners of the answers' cuts.
 
     An answer y = +-1 is the cut y t.g >= 0. An answer y = 0 is the band on both sides, as wide as
@@ -165,7 +184,9 @@ def answer_rows(answers: Answers, first: int, tie: float) -> tuple[Floats, Float
     with np.errstate(over="ignore"):
         tied = np.minimum(np.ldexp(tie, -exponent), 1.0)  # |t.g| <= 1 at this scale
     # a little wider, so that rounding cannot exclude any scale that the band allows
-    band = -(1 + 1e-14) * np.maximum(TIE_BAND * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND), tied)
+    band = -(1 + 1e-14) * np.maximum(
+        TIE_BAND * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND), tied
+    )
     rows, rhs, owner = [], [], []
     for i, y in enumerate(answers.y):
         if not t[i].any():
@@ -175,10 +196,16 @@ def answer_rows(answers: Answers, first: int, tie: float) -> tuple[Floats, Float
             rhs.append(band[i] if y == 0 else 0.0)
             owner.append(first + i)
     p = answers.k - 1
-    return np.array(rows).reshape(-1, p), np.array(rhs, dtype=np.float64), np.array(owner, dtype=np.int64)
+    return (
+        np.array(rows).reshape(-1, p),
+        np.array(rhs, dtype=np.float64),
+        np.array(owner, dtype=np.int64),
+    )
 
 
-def prior_rows(prior: Prior | tuple[Floats, Floats] | None, k: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
+def prior_rows(
+    prior: Prior | tuple[Floats, Floats] | None, k: int
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """Return rows, right-hand sides and owners of A e >= b in gap space.
 
     e is the cumulative sum of g, so A's tail sums are its rows.
@@ -197,9 +224,13 @@ def prior_rows(prior: Prior | tuple[Floats, Floats] | None, k: int) -> tuple[Flo
         return np.empty((0, k - 1)), np.empty(0), np.empty(0, dtype=np.int64)
     rows, _, exponent = _unit_rows(prior[0], "the prior's A")
     with np.errstate(over="ignore"):
-        rhs = np.clip(np.ldexp(prior[1], -exponent), -2.0, 2.0)  # |row.g| <= 1, so limits beyond make no difference
+        rhs = np.clip(
+            np.ldexp(prior[1], -exponent), -2.0, 2.0
+        )  # |row.g| <= 1, so limits beyond make no difference
     if ((np.ldexp(rhs, exponent) != prior[1]) & (np.abs(rhs) < 2)).any():
-        raise ValueError(f"the prior's b is too small beside its A: round {prior[1]} to 0 where it is nearly so")
+        raise ValueError(
+            f"the prior's b is too small beside its A: round {prior[1]} to 0 where it is nearly so"
+        )
     return rows, rhs, -1 - np.arange(len(rhs))
 
 
@@ -224,15 +255,21 @@ def certified_bound(t: Floats, y: Floats, region: Region) -> float:
     rows, rhs, weights = region.rows[used], region.rhs[used], y[used]
     with np.errstate(all="ignore"):
         rest = t - product(weights, rows)
-        size = float((np.abs(t) + product(weights, np.abs(rows))).max()) + float(product(weights, np.abs(rhs)))
+        size = float((np.abs(t) + product(weights, np.abs(rows))).max()) + float(
+            product(weights, np.abs(rhs))
+        )
         bound = float(
-            order_bounds(rest, region.margin)[0] + product(weights, rhs) - 5.0 * rounding(p + len(used), size)
+            order_bounds(rest, region.margin)[0]
+            + product(weights, rhs)
+            - 5.0 * rounding(p + len(used), size)
         )
     return bound if np.isfinite(bound) else -np.inf
 
 
 def strictly_inside(g: Floats, region: Region) -> bool:
-    """Return whether g, divided by its sum, satisfies every constraint by more than any rounding."""
+    """Return whether g, divided by its sum, satisfies every constraint by more than any
+    rounding.
+    """
     if not abs(float(g.sum()) - 1.0) < 1e-12:
         return False
     slack, doubt = _slack(g, region)
@@ -240,7 +277,8 @@ def strictly_inside(g: Floats, region: Region) -> bool:
 
 
 def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
-    """Return the nearest strictly interior mixture of g and a strictly interior centre, if there is one.
+    """Return the nearest strictly interior mixture of g and a strictly interior centre, if there is
+    one.
 
     The entries of g (p,) total about 1.
     """
@@ -261,10 +299,14 @@ def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
 
 
 def _slack(g: Floats, region: Region) -> tuple[Floats, Floats]:
-    """Return by how much g exceeds each limit (p + m,), and bounds on the rounding errors of that."""
+    """Return by how much g exceeds each limit (p + m,), and bounds on the rounding errors of
+    that.
+    """
     with np.errstate(all="ignore"):
         slack = np.concatenate([g - region.margin, product(region.rows, g) - region.rhs])
-        doubt = 4.0 * rounding(region.p, product(np.abs(region.rows), np.abs(g)) + np.abs(region.rhs))
+        doubt = 4.0 * rounding(
+            region.p, product(np.abs(region.rows), np.abs(g)) + np.abs(region.rhs)
+        )
         # the further terms: the components of g total 1 only to 1e-12
         order = np.full(region.p, 1e-11 * region.margin + 1e-300)
         return slack, np.concatenate([order, doubt + 1e-11 * np.abs(region.rhs)])

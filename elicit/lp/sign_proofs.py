@@ -30,14 +30,20 @@ def settle(t: Any, known: Known) -> int:
     if by_order != UNKNOWN:
         return by_order
     side = side_of(t, known.inside, doubt_at(len(t), 1.0))
-    if side != 0 and lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts) != NOWHERE:
+    if (
+        side != 0
+        and lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts) != NOWHERE
+    ):
         return side
     return search(t, known)[0]
 
 
 @compiled
-def glance(t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y: Any, rest: Any) -> tuple[int, int]:
-    """Return the verdict that the known vertices with the least and the greatest t.g prove, and the vertex.
+def glance(
+    t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y: Any, rest: Any
+) -> tuple[int, int]:
+    """Return the verdict that the known vertices with the least and the greatest t.g prove, and the
+    vertex.
 
     If these have both signs, it is (UNKNOWN, NOWHERE). Otherwise one of them may prove to be the
     best of all. ``corners`` are the arrays of ``Known`` about vertices, of which ``used`` are in
@@ -48,19 +54,29 @@ def glance(t: Any, doubt: float, side: int, used: int, corners: Any, at: Any, y:
     margin, cuts, limits, points, inverses, active, kind = corners
     above, below = signs_at_points(t, doubt, side, points, kind, at[:used])
     lowest, highest = outermost(at[:used], kind, False)
-    if lowest == NOWHERE or kind[lowest] != CORNER or kind[highest] != CORNER or not (above or below):
+    if (
+        lowest == NOWHERE
+        or kind[lowest] != CORNER
+        or kind[highest] != CORNER
+        or not (above or below)
+    ):
         return UNSETTLED, NOWHERE
     if above and below:
         return UNKNOWN, NOWHERE
     sign, best = (1, lowest) if above else (-1, highest)
     for j in range(len(t)):
         rest[j] = sign * t[j]
-    if multipliers(rest, inverses, best, y) >= 0 or not bound_of(rest, y, active, best, margin, cuts, limits) > 0.0:
+    if (
+        multipliers(rest, inverses, best, y) >= 0
+        or not bound_of(rest, y, active, best, margin, cuts, limits) > 0.0
+    ):
         return UNSETTLED, NOWHERE
     return (BETTER if above else WORSE), best
 
 
-def signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
+def signs_together(
+    t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any
+) -> tuple[bool, bool]:
     """Return the signs of ``signs_at_points``, computed for all points at once."""
     at[:] = 0.0
     for j in range(len(t)):
@@ -70,8 +86,11 @@ def signs_together(t: Any, doubt: float, side: int, points: Any, kind: Any, at: 
 
 
 @compiled_beside(signs_together)
-def signs_at_points(t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any) -> tuple[bool, bool]:
-    """Return whether t.g is certainly positive at some known point of K_t, and certainly negative at some.
+def signs_at_points(
+    t: Any, doubt: float, side: int, points: Any, kind: Any, at: Any
+) -> tuple[bool, bool]:
+    """Return whether t.g is certainly positive at some known point of K_t, and certainly negative
+    at some.
 
     ``side`` is its sign at one of them, or 0. t.g at each of the points (p, >= q) is written into
     ``at`` (q,).
@@ -92,7 +111,8 @@ def signs_at_points(t: Any, doubt: float, side: int, points: Any, kind: Any, at:
 
 @compiled
 def outermost(at: Any, kind: Any, with_basis: bool) -> tuple[int, int]:
-    """Return the known points of the least and the greatest number in at (q,), NOWHERE if there are none.
+    """Return the known points of the least and the greatest number in at (q,), NOWHERE if there are
+    none.
 
     If ``with_basis``, only points with a basis count.
     """
@@ -151,7 +171,9 @@ def search(t: Any, known: Known) -> tuple[int, int]:
 
 @compiled
 def to_unit(t: Any) -> float:
-    """Scale t by a power of two to a largest entry in [1/2, 1), if no bit is lost, and return that entry."""
+    """Scale t by a power of two to a largest entry in [1/2, 1), if no bit is lost, and return that
+    entry.
+    """
     size = largest(t)
     fraction, exponent = math.frexp(size)
     if exponent == 0:
@@ -179,7 +201,8 @@ def side_of(t: Any, g: Any, doubt: float) -> int:
 
 @compiled
 def lifting_row(t: Any, side: int, rows: Any, lifted: Any, masks: Any, counts: Any) -> int:
-    """Return a known row w with side * t >= lambda w for some lambda >= 0, NOWHERE if there is none.
+    """Return a known row w with side * t >= lambda w for some lambda >= 0, NOWHERE if there is
+    none.
 
     The row that was found last time comes first, which ``counts`` remembers.
     """

@@ -18,7 +18,8 @@ from elicit.model.scale import Floats, order_bounds, tail_sums
 
 
 def greatest(d: Floats, known: Known) -> Floats:
-    """Return upper bounds (n,) on d.e over K_t for valid differences d (n, k), tight up to rounding.
+    """Return upper bounds (n,) on d.e over K_t for valid differences d (n, k), tight up to
+    rounding.
 
     If the set is too flat for floats to have vertices, they are those that the order of the levels
     gives.
@@ -43,7 +44,9 @@ def greatest(d: Floats, known: Known) -> Floats:
 
 @compiled
 def greatest_all(t: Any, known: Known, high: Any) -> None:
-    """Lower each upper bound (n,) on t.g, t (n, p), to the bound that the best vertex's multipliers prove."""
+    """Lower each upper bound (n,) on t.g, t (n, p), to the bound that the best vertex's multipliers
+    prove.
+    """
     n, p = t.shape
     s, rest, y = np.empty(p), np.empty(p), np.empty(p)
     nothing = np.zeros(0, dtype=np.bool_)
@@ -67,7 +70,9 @@ def greatest_all(t: Any, known: Known, high: Any) -> None:
             multipliers(s, known.inverses, q, y)
             for j in range(p):
                 rest[j] = s[j]
-            found = max(found, bound_of(rest, y, known.active, q, known.margin, known.cuts, known.limits))
+            found = max(
+                found, bound_of(rest, y, known.active, q, known.margin, known.cuts, known.limits)
+            )
         if found > -math.inf:
             unit = largest(t[i]) / size
             high[i] = min(high[i], -found * unit + 4e-16 * abs(found) * unit)

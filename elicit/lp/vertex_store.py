@@ -1,7 +1,8 @@
-"""The upkeep of what is known of K_t: made from a region, cut by answers, pruned of what follows from the rest.
+"""The upkeep of what is known of K_t: made from a region, cut by answers, pruned of what follows
+from the rest.
 
-Everything here works on the arrays of ``vertices.Known``; a cut makes new ones, so that an older comparator still
-answers as before.
+Everything here works on the arrays of ``vertices.Known``; a cut makes new ones, so that an older
+comparator still answers as before.
 """
 
 import math
@@ -13,9 +14,28 @@ from numpy.typing import NDArray
 from elicit._support.jit import compiled
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.dual_simplex import minimise
-from elicit.lp.primal_simplex import corner_of, inverse_of, keep, next_slot, redundant, slacks_of, surely_inside
+from elicit.lp.primal_simplex import (
+    corner_of,
+    inverse_of,
+    keep,
+    next_slot,
+    redundant,
+    slacks_of,
+    surely_inside,
+)
 from elicit.lp.region import Region, strictly_inside
-from elicit.lp.vertices import CERTAIN_POINT, DOUBTFUL_CORNER, EPS, ROW, SLOT, SMALL, TINY, USED, Known, nothing_known
+from elicit.lp.vertices import (
+    CERTAIN_POINT,
+    DOUBTFUL_CORNER,
+    EPS,
+    ROW,
+    SLOT,
+    SMALL,
+    TINY,
+    USED,
+    Known,
+    nothing_known,
+)
 from elicit.model.scale import Floats
 
 MOST_CORNERS = 128
@@ -24,7 +44,9 @@ MOST_ROWS = 16  # rows proven beside the region's own
 
 
 def start(region: Region) -> Known:
-    """What is known before any comparison: the region's rows, and the corners of K_0 that lie in it."""
+    """What is known before any comparison: the region's rows, and the corners of K_0 that lie in
+    it.
+    """
     p, rows, limits = region.p, region.rows, region.rhs
     corners = max(8, min(MOST_CORNERS, MOST_NUMBERS // (p * p)))
     known = _with_rows(nothing_known(region.margin, rows, limits, corners), rows, limits)
@@ -39,8 +61,9 @@ def start(region: Region) -> Known:
 
 
 def cut(known: Known, region: Region) -> Known:
-    """The same for a region whose last row was not among its rows before: all rows that held still hold, and the
-    corners that the new row cannot cut off stay. Its inner point is still the old one: ``refresh``."""
+    """The same for a region whose last row was not among its rows before: all rows that held still
+    hold, and the corners that the new row cannot cut off stay. Its inner point is still the old
+    one: ``refresh``."""
     row, limit, given = region.rows[-1], region.rhs[-1], len(known.limits)
     new = _with_rows(known, row[None], region.rhs[-1:])
     stays = np.empty(known.counts[USED], dtype=np.bool_)
@@ -68,8 +91,8 @@ def refresh(known: Known, region: Region) -> Known:
 
 @compiled
 def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
-    """Marks the corners (q,) whose points have row.g >= limit beyond doubt, and those good for their bases alone that
-    are not far on the wrong side."""
+    """Marks the corners (q,) whose points have row.g >= limit beyond doubt, and those good for
+    their bases alone that are not far on the wrong side."""
     p = len(row)
     for q in range(len(stays)):
         excess, size = -limit, abs(limit)
@@ -83,9 +106,10 @@ def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
 
 @compiled
 def know_rows(known: Known, rows: Any, limits: Any) -> None:
-    """The known rows become rows w (r, p) with w.g >= 0, from rows.g >= limits and sum g = 1, rounded up where rounding
-    is needed; with their lifted versions, a little larger where negative and larger still where positive, so that
-    t >= lambda times that implies t >= lambda (1 + 2^-48) w; and their masks."""
+    """The known rows become rows w (r, p) with w.g >= 0, from rows.g >= limits and sum g = 1,
+    rounded up where rounding is needed; with their lifted versions, a little larger where negative
+    and larger still where positive, so that t >= lambda times that implies t >= lambda (1 + 2^-48)
+    w; and their masks."""
     for i in range(len(limits)):
         mask, tiny, limit = np.uint64(0), False, limits[i]
         for j in range(rows.shape[1]):
@@ -105,9 +129,9 @@ def know_rows(known: Known, rows: Any, limits: Any) -> None:
 
 @compiled
 def recentre(known: Known, row: Any, limit: float) -> bool:
-    """Move the inner point to the right side of a new row: half-way between the mean of the known points and the old
-    inner point, which is first moved across the cut towards that mean; or to the mean. False where neither is
-    certainly inside."""
+    """Move the inner point to the right side of a new row: half-way between the mean of the known
+    points and the old inner point, which is first moved across the cut towards that mean; or to the
+    mean. False where neither is certainly inside."""
     p, n = len(known.inside), 0
     mean = np.zeros(p)
     for q in range(known.counts[USED]):
@@ -127,7 +151,9 @@ def recentre(known: Known, row: Any, limit: float) -> bool:
     for weight in (0.5 + share / 2.0, 1.0):
         total = 0.0
         for j in range(p):
-            known.inside[j] = mean[j] / n if weight == 1.0 else (1.0 - weight) * old[j] + weight * mean[j] / n
+            known.inside[j] = (
+                mean[j] / n if weight == 1.0 else (1.0 - weight) * old[j] + weight * mean[j] / n
+            )
             total += known.inside[j]
         for j in range(p):
             known.inside[j] /= total
@@ -153,8 +179,8 @@ def has_point(known: Known) -> bool:
 
 
 def prune(known: Known, region: Region) -> tuple[Known, Region]:
-    """The same set without rows that follow from the others; they stay among the rows that are known to hold.
-    Corners that rest on them lose their basis."""
+    """The same set without rows that follow from the others; they stay among the rows that are
+    known to hold. Corners that rest on them lose their basis."""
     out = redundant(known)
     if not out.any():
         return known, region
@@ -168,7 +194,9 @@ def prune(known: Known, region: Region) -> tuple[Known, Region]:
     known = _only_corners(known, np.flatnonzero(~lost))
     region = region.take(~out)
     kept = np.append(np.ones(p, dtype=bool), ~out)
-    known = known._replace(cuts=np.ascontiguousarray(region.rows.T), limits=region.rhs, room=known.room[kept])
+    known = known._replace(
+        cuts=np.ascontiguousarray(region.rows.T), limits=region.rhs, room=known.room[kept]
+    )
     known = _with_latest_rows(known, rows)
     _find_some_corner(known, region)
     return known, region
@@ -192,7 +220,9 @@ def add_corner(known: Known, basis: tuple[int, ...]) -> None:
 
 def _with_rows(known: Known, rows: Floats, limits: Floats) -> Known:
     """Other known rows, from rows.g >= limits for rows (r, p)."""
-    known = known._replace(rows=np.empty(rows.shape), lifted=np.empty(rows.shape), masks=np.empty(len(rows), np.uint64))
+    known = known._replace(
+        rows=np.empty(rows.shape), lifted=np.empty(rows.shape), masks=np.empty(len(rows), np.uint64)
+    )
     know_rows(known, np.ascontiguousarray(rows), limits)
     return known
 
@@ -203,7 +233,9 @@ def _inserted(array: NDArray[Any], at: int, part: NDArray[Any]) -> NDArray[Any]:
 
 
 def _with_latest_rows(known: Known, rows: Floats) -> Known:
-    """Other known rows: of these (r, p) the region's own, which come first, and the latest of the others."""
+    """Other known rows: of these (r, p) the region's own, which come first, and the latest of the
+    others.
+    """
     given = len(known.limits)
     rows = np.concatenate([rows[:given], rows[given:][-MOST_ROWS:]])
     return _with_rows(known, rows, np.zeros(len(rows)))
@@ -213,13 +245,21 @@ def _only_corners(known: Known, stay: NDArray[np.intp]) -> Known:
     """A copy of the corners, only those of these numbers."""
     n = len(stay)
     points, inverses = np.zeros_like(known.points), np.empty_like(known.inverses)
-    active, kind, age = np.zeros_like(known.active), np.zeros_like(known.kind), np.zeros_like(known.age)
+    active, kind, age = (
+        np.zeros_like(known.active),
+        np.zeros_like(known.kind),
+        np.zeros_like(known.age),
+    )
     points[:, :n], active[:n] = known.points[:, stay], known.active[stay]
-    np.take(known.inverses, stay, axis=0, out=inverses[:n], mode="clip")  # "raise" would copy them twice
+    np.take(
+        known.inverses, stay, axis=0, out=inverses[:n], mode="clip"
+    )  # "raise" would copy them twice
     kind[:n], age[:n] = known.kind[stay], known.age[stay]
     counts = known.counts.copy()
     counts[USED], counts[SLOT] = n, n % len(kind)
-    return known._replace(points=points, inverses=inverses, active=active, kind=kind, age=age, counts=counts)
+    return known._replace(
+        points=points, inverses=inverses, active=active, kind=kind, age=age, counts=counts
+    )
 
 
 def _recentre_dearly(known: Known, region: Region) -> None:

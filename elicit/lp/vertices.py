@@ -8,9 +8,14 @@ from numpy.typing import NDArray
 from elicit.model.scale import Floats
 
 CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
-"""What a known corner is good for: its point alone, its point and its basis, its basis alone. A later cut may have
-taken the corner itself, by a hair, and left the point beside it: a basis is where to start, no proof of its own."""
-USED, SLOT, ROW = 0, 1, 2  # counters: corners in use, the next to be replaced, the row that settled last
+"""What a known corner is good for: its point alone, its point and its basis, its basis alone. A
+later cut may have taken the corner itself, by a hair, and left the point beside it: a basis is
+where to start, no proof of its own."""
+USED, SLOT, ROW = (
+    0,
+    1,
+    2,
+)  # counters: corners in use, the next to be replaced, the row that settled last
 
 EPS = 2.0**-52
 TINY = 2.0**-1000
@@ -18,7 +23,8 @@ SMALL = 2.0**-500  # a product of two numbers above this cannot underflow
 
 
 class Known(NamedTuple):
-    """What is known of K_t = {g >= margin, sum g = 1, rows g >= limits}, as plain arrays; p gaps, m rows.
+    """What is known of K_t = {g >= margin, sum g = 1, rows g >= limits}, as plain arrays; p gaps, m
+    rows.
 
     The corners' arrays and the counters change as walks find new corners.
     """
@@ -27,7 +33,8 @@ class Known(NamedTuple):
     cuts: Floats  # (p, m) the rows, transposed
     limits: Floats  # (m,)
     rows: Floats  # (r, p) rows w with w.g >= 0 on K_t
-    lifted: Floats  # (r, p) a little larger: t >= lambda * lifted, in floats, implies t >= lambda * w; else nan
+    # (r, p) a little larger: t >= lambda * lifted, in floats, implies t >= lambda * w; else nan
+    lifted: Floats
     masks: NDArray[np.uint64]  # (r,) bit j: entry j is not negative (of the first 64)
     inside: Floats  # (p,) a point strictly inside K_t; not a number where none is known
     room: Floats  # (p + m,) its distances to the constraints

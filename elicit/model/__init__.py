@@ -1,4 +1,5 @@
-"""The words everything speaks in: scales, queries, answers, verdicts, and what comparators and tutors are.
+"""The words everything speaks in: scales, queries, answers, verdicts, and what comparators and
+tutors are.
 
 Imports from ``_support``.
 """

@@ -1,4 +1,6 @@
-"""Answers in a CSV file, as columns of numbers: what ``Answers.from_csv`` reads and ``Answers.to_csv`` writes."""
+"""Answers in a CSV file, as columns of numbers: what ``Answers.from_csv`` reads and
+``Answers.to_csv`` writes.
+"""
 
 import csv
 import math
@@ -25,7 +27,9 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
     with _opened(file, "r") as text:
         name = str(getattr(text, "name", "the file"))
         # spreadsheets put a byte order mark at the beginning
-        rows = csv.reader((line.removeprefix("\ufeff" * (i == 0)) for i, line in enumerate(text)), strict=True)
+        rows = csv.reader(
+            (line.removeprefix("\ufeff" * (i == 0)) for i, line in enumerate(text)), strict=True
+        )
         try:
             header = next((cells for cells in rows if any(map(str.strip, cells))), [])
             if not header:
@@ -38,12 +42,26 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
                 if not any(map(str.strip, cells)):
                     continue
                 if len(cells) != len(names):
-                    raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(names)} columns")
+                    raise ValueError(
+                        f"{where} has {len(cells)} cells, but the header has {len(names)} columns"
+                    )
                 verdict = _verdict(cells[names.index("answer")], where)
                 if verdict is not None:
-                    numbers = [[_number(cells[i], names[i], where) for i in columns] for columns in levels]
-                    row = numbers[0] if len(numbers) == 1 else [a - b for a, b in zip(*numbers, strict=True)]
-                    told.append((row, verdict, cells[names.index("id")] if "id" in names else f"line {rows.line_num}"))
+                    numbers = [
+                        [_number(cells[i], names[i], where) for i in columns] for columns in levels
+                    ]
+                    row = (
+                        numbers[0]
+                        if len(numbers) == 1
+                        else [a - b for a, b in zip(*numbers, strict=True)]
+                    )
+                    told.append(
+                        (
+                            row,
+                            verdict,
+                            cells[names.index("id")] if "id" in names else f"line {rows.line_num}",
+                        )
+                    )
         except csv.Error as error:
             raise ValueError(f"line {rows.line_num} of {name} is no CSV: {error}") from None
         except UnicodeDecodeError as error:
@@ -53,7 +71,9 @@ def read_csv(file: File, k: int | None = None) -> tuple[Floats, NDArray[np.int8]
 
 
 def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) -> None:
-    """The columns id, d_1, ..., d_k, answer. Python writes floats so that they read back to the last bit."""
+    """The columns id, d_1, ..., d_k, answer. Python writes floats so that they read back to the
+    last bit.
+    """
     with _opened(file, "w") as text:
         rows = csv.writer(text)
         rows.writerow(["id", *(f"d_{i + 1}" for i in range(d.shape[1])), "answer"])
@@ -62,19 +82,25 @@ def write_csv(file: File, d: Floats, y: NDArray[np.int8], ids: Sequence[str]) ->
 
 
 def _level_columns(names: list[str], k: int | None, where: str) -> list[list[int]]:
-    """The places of d_1, ..., d_k, or those of left_1, ..., left_k and those of right_1, ..., right_k."""
+    """The places of d_1, ..., d_k, or those of left_1, ..., left_k and those of right_1, ...,
+    right_k.
+    """
     if twice := sorted({name for name in names if name and names.count(name) > 1}):
         raise ValueError(f"{where} names the column {twice[0]!r} twice")
     found = [match for match in map(_LEVEL.fullmatch, names) if match]
     kinds = {match[1] for match in found}
     if not kinds or ("d" in kinds and len(kinds) > 1) or "answer" not in names:
         raise ValueError(
-            f"{where} must name the columns left_1, ..., left_k, right_1, ..., right_k, answer, or else d_1, ..., d_k, "
+            f"{where} must name the columns left_1, ..., left_k, right_1, ..., right_k, answer, or "
+            "else d_1, ..., d_k, "
             f"answer, separated by commas; it names {', '.join(names)}"
         )
     for match in found:
         if match[2].startswith("0"):
-            raise ValueError(f"{where} names the column {match[0]!r}: levels are counted 1, 2, ..., the worst being 1")
+            raise ValueError(
+                f"{where} names the column {match[0]!r}: levels are counted 1, 2, ..., the worst "
+                "being 1"
+            )
     most = max(int(match[2]) for match in found)
     if k not in (None, most):
         raise ValueError(f"{where} has columns for {most} levels, not k = {k}")
@@ -90,12 +116,15 @@ def _verdict(cell: str, where: str) -> int | None:
     if word in NO_ANSWER:
         return None
     try:
-        number = float(WORDS.get(word, word))  # a column of whole numbers with holes is often written as 1.0
+        number = float(
+            WORDS.get(word, word)
+        )  # a column of whole numbers with holes is often written as 1.0
     except ValueError:
         number = math.nan
     if number not in (-1, 0, 1):
         raise ValueError(
-            f"{where}, column 'answer': {cell!r} is none of -1, 0, 1, {', '.join(WORDS)}; where the tutor could not "
+            f"{where}, column 'answer': {cell!r} is none of -1, 0, 1, {', '.join(WORDS)}; where "
+            "the tutor could not "
             'tell, leave it empty or say "cannot tell"'
         )
     return int(number)

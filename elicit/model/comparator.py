@@ -1,5 +1,5 @@
-"""The Comparator protocol and what a comparator may have beyond it, who settled a comparison, and the one table from
-signs to verdicts."""
+"""The Comparator protocol and what a comparator may have beyond it, who settled a comparison, and
+the one table from signs to verdicts."""
 
 from enum import IntEnum
 from typing import NamedTuple, Protocol, TypeGuard, cast, runtime_checkable
@@ -27,16 +27,19 @@ class Tier(IntEnum):
     MODEL = 6  # a statistical model
     KNOWN = 7  # this very pair was answered before
     INDIFFERENT = 8  # both signs possible, but too close to matter
-    GUESS = 9  # the question budget is spent, or the question put off: the sign at the comparator's best scale
+    # the question budget is spent, or the question put off: the sign at the comparator's best scale
+    GUESS = 9
     TUTOR = 10  # asked
 
 
 TIE = 0.01
-"""How far from equal two vectors may be that a tutor calls equal, unless a comparator is told otherwise: |d.e| as a
-share of the value range e_k - e_1."""
+"""How far from equal two vectors may be that a tutor calls equal, unless a comparator is told
+otherwise: |d.e| as a share of the value range e_k - e_1."""
 
 ALLOWANCE = 2.0
-"""Guarantees hold also where the tutor calls equal what is up to so many ties apart: people do not know their own."""
+"""Guarantees hold also where the tutor calls equal what is up to so many ties apart: people do not
+know their own.
+"""
 
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 """The tiers that rest on the tutor's answers."""
@@ -47,9 +50,11 @@ _MEMBERS = ("k", "values", "bounds", "compare", "update")
 
 @runtime_checkable
 class Comparator(Protocol):
-    """A comparator: what is known of the scale so far. A frozen value: ``update`` returns a new one.
+    """A comparator: what is known of the scale so far. A frozen value: ``update`` returns a new
+    one.
 
-    A comparator needs no more than these five members. ``OPTIONAL_PARTS`` lists what is used beyond them.
+    A comparator needs no more than these five members. ``OPTIONAL_PARTS`` lists what is used beyond
+    them.
     """
 
     @property
@@ -64,8 +69,8 @@ class Comparator(Protocol):
         """lo (n,), hi (n,) of d.e for differences d (n, k), in units of e_k - e_1."""
 
     def compare(self, d: ArrayLike) -> Verdicts:
-        """Verdicts (n,) int8 on differences d (n, k). Their totals are not checked: what two vectors differ by in total
-        counts as time at level 1, which is worth nothing."""
+        """Verdicts (n,) int8 on differences d (n, k). Their totals are not checked: what two
+        vectors differ by in total counts as time at level 1, which is worth nothing."""
 
     def update(self, answers: Answers) -> "Comparator":
         """A comparator that also knows these answers; this one still answers as before."""
@@ -80,19 +85,26 @@ class Decisions(NamedTuple):
 
 @runtime_checkable
 class BoundsAllAtOnce(Protocol):
-    """A comparator on which the guarantee for a policy can rest: it has a set of scales that holds the true one."""
+    """A comparator on which the guarantee for a policy can rest: it has a set of scales that holds
+    the true one.
+    """
 
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do:
-        1 for certain, if the answers are right; nan where none can be stated."""
+        """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence
+        with which they do: 1 for certain, if the answers are right; nan where none can be
+        stated."""
 
 
 @runtime_checkable
 class RoughBounds(Protocol):
-    """A comparator whose ``simultaneous_bounds`` take less time where they may be a little loose."""
+    """A comparator whose ``simultaneous_bounds`` take less time where they may be a little
+    loose.
+    """
 
     def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
-        """Such bounds (n,) on d.e of differences d (n, k), up to ``slack``, one or (n,), above the least there are."""
+        """Such bounds (n,) on d.e of differences d (n, k), up to ``slack``, one or (n,), above the
+        least there are.
+        """
 
 
 @runtime_checkable
@@ -100,13 +112,13 @@ class Foretells(Protocol):
     """A comparator with a model of the tutor's next answer."""
 
     def probability(self, d: ArrayLike) -> Floats | tuple[Floats, ...]:
-        """The probability (n,) that the tutor says left is better, of differences d (n, k); of several arrays (the
-        ends of an interval, say) the last is the best guess."""
+        """The probability (n,) that the tutor says left is better, of differences d (n, k); of
+        several arrays (the ends of an interval, say) the last is the best guess."""
 
 
 class Part(NamedTuple):
-    """An optional part of a comparator. protocol: the name of its type. signature: how it is called. gives: what it is
-    or returns. use: what is done with it, and without it."""
+    """An optional part of a comparator. protocol: the name of its type. signature: how it is
+    called. gives: what it is or returns. use: what is done with it, and without it."""
 
     protocol: str
     signature: str
@@ -124,20 +136,23 @@ OPTIONAL_PARTS = (
         "BoundsAllAtOnce",
         "simultaneous_bounds(d)",
         "upper bounds (n,) on d.e that hold for all rows at once, and the confidence that they do",
-        "Bounds what a policy may lose. Without it `bounds` does, with a confidence of nan, and policy iteration and "
+        "Bounds what a policy may lose. Without it `bounds` does, with a confidence of nan, and "
+        "policy iteration and "
         "value iteration end BOUNDED, not CONVERGED.",
     ),
     Part(
         "RoughBounds",
         "rough_bounds(d, slack)",
-        "beside `simultaneous_bounds`: such bounds, up to `slack` above the least there are, in less time",
+        "beside `simultaneous_bounds`: such bounds, up to `slack` above the least there are, in "
+        "less time",
         "Cuts are chosen by it. Without it they are chosen by `simultaneous_bounds`.",
     ),
     Part(
         "HasDraws",
         "draws",
         "plausible scales: gaps (k - 1, m), weights (m,), precisions (m,), or None for now",
-        "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered ones.",
+        "Questions are chosen by it. Without it they are chosen by scales drawn from all ordered "
+        "ones.",
     ),
     Part(
         "TrustsDraws",
@@ -154,7 +169,8 @@ OPTIONAL_PARTS = (
     Part(
         "Foretells",
         "probability(d)",
-        "(n,) the probability that the tutor says left is better; of several arrays the last is the best guess",
+        "(n,) the probability that the tutor says left is better; of several arrays the last is "
+        "the best guess",
         "`held_out` scores it. Without it there is no log-likelihood.",
     ),
     Part(
@@ -167,7 +183,8 @@ OPTIONAL_PARTS = (
         "AllowsTies",
         "tie",
         "the largest |d.e|, a share of the value range, that the tutor may call equal",
-        "Learners stop asking about pairs so near that were called equal. Without it EQUAL means equal.",
+        "Learners stop asking about pairs so near that were called equal. Without it EQUAL means "
+        "equal.",
     ),
     Part(
         "KeepsAnswers",
@@ -178,7 +195,8 @@ OPTIONAL_PARTS = (
     Part(
         "LearnsInSteps",
         "answers_to_next_step",
-        "how many more answers, at least 1, it takes until verdicts may change; then `update` must take any answers",
+        "how many more answers, at least 1, it takes until verdicts may change; then `update` must "
+        "take any answers",
         "Until then Q-learning's compiled loop asks a simulated tutor by itself.",
     ),
     Part(
@@ -194,40 +212,54 @@ OPTIONAL_PARTS = (
         "Compiled loops call it there.",
     ),
 )
-"""All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared with this table."""
+"""All optional parts. ``elicit.testing`` checks them, and docs/your-own-comparator.md is compared
+with this table.
+"""
 
 
 def check_offers(comparator: Comparator, asker: str, *members: str) -> None:
-    """Raise TypeError for what is no comparator, or lacks a part that ``asker`` needs, and say what the part is."""
+    """Raise TypeError for what is no comparator, or lacks a part that ``asker`` needs, and say what
+    the part is.
+    """
     check_comparator_made(comparator)
     for part in OPTIONAL_PARTS:
         if part.member in members and not offers(comparator, part.member):
             raise TypeError(
-                f"{type(comparator).__name__} has no {part.member}, which {asker} needs ({part.gives}): take "
-                "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a comparator"
+                f"{type(comparator).__name__} has no {part.member}, which {asker} needs "
+                f"({part.gives}): take "
+                "PolytopeComparator or PosteriorComparator; elicit.testing says what makes a "
+                "comparator"
             )
 
 
 def offers(comparator: object, member: str) -> bool:
     """Return whether a comparator has an optional member, without computing it.
 
-    ``isinstance`` with a runtime Protocol reads all members before Python 3.12, in an order that changes from process
-    to process: of a property such as ``draws`` it computes the value. A member that is None counts as missing.
+    ``isinstance`` with a runtime Protocol reads all members before Python 3.12, in an order that
+    changes from process to process: of a property such as ``draws`` it computes the value. A member
+    that is None counts as missing.
     """
     kind = type(comparator)
-    if getattr(kind, member, None) is not None or getattr(comparator, "__dict__", {}).get(member) is not None:
+    if (
+        getattr(kind, member, None) is not None
+        or getattr(comparator, "__dict__", {}).get(member) is not None
+    ):
         return True
     # one that hands on whatever it does not have is asked itself
     return hasattr(kind, "__getattr__") and getattr(comparator, member, None) is not None
 
 
 def is_comparator(thing: object) -> TypeGuard[Comparator]:
-    """Return whether a thing has the five members that every comparator has. Computes none of them."""
+    """Return whether a thing has the five members that every comparator has. Computes none of
+    them.
+    """
     return not isinstance(thing, type) and all(offers(thing, member) for member in _MEMBERS)
 
 
 def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
-    """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi (n,), no nan."""
+    """``comparator.bounds(d)`` of differences d (n, k). Raises TypeError unless it is lo (n,) <= hi
+    (n,), no nan.
+    """
     found = comparator.bounds(d)
     try:
         both = np.asarray(found, dtype=np.float64)
@@ -235,62 +267,86 @@ def bounds_of(comparator: Comparator, d: Floats) -> tuple[Floats, Floats]:
         both = np.empty(0)
     if both.shape != (2, len(d)) or not (both[0] <= both[1] + 1e-9 * np.abs(d).sum(axis=1)).all():
         raise TypeError(
-            f"{type(comparator).__name__}.bounds(d) must return two arrays (n,), the least and the greatest d.e (-inf, "
-            f"inf where nothing is known), but of d {d.shape} it returns {found!r}; elicit.testing.check_comparator "
+            f"{type(comparator).__name__}.bounds(d) must return two arrays (n,), the least and the "
+            "greatest d.e (-inf, "
+            f"inf where nothing is known), but of d {d.shape} it returns {found!r}; "
+            "elicit.testing.check_comparator "
             "tries a comparator out"
         )
     return both[0], both[1]
 
 
 def best_guess(comparator: Comparator) -> Floats:
-    """``comparator.values`` (k,). Raises TypeError unless these are numbers that rise from 0 to 1."""
+    """``comparator.values`` (k,). Raises TypeError unless these are numbers that rise from 0 to
+    1.
+    """
     values = np.asarray(comparator.values, dtype=np.float64)
-    ends = values.shape == (comparator.k,) and abs(values[0]) < 1e-6 and abs(values[-1] - 1.0) < 1e-6
+    ends = (
+        values.shape == (comparator.k,) and abs(values[0]) < 1e-6 and abs(values[-1] - 1.0) < 1e-6
+    )
     if not (ends and (np.diff(values) >= -1e-9).all()):
         raise TypeError(
-            f"{type(comparator).__name__}.values must be an array ({comparator.k},) that rises from 0 to 1, the best "
+            f"{type(comparator).__name__}.values must be an array ({comparator.k},) that rises "
+            "from 0 to 1, the best "
             f"single guess at the scale, not {comparator.values!r}"
         )
     return values
 
 
 def simultaneous_bounds(comparator: Comparator, d: ArrayLike) -> tuple[Floats, float]:
-    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with which they do; of a
-    comparator that is not ``BoundsAllAtOnce``, those that it has row by row, with a confidence of nan. None lies beyond
-    the bounds that the order of levels gives, but for rounding."""
+    """Upper bounds (n,) on d.e that hold for all rows of d (n, k) at once, and the confidence with
+    which they do; of a comparator that is not ``BoundsAllAtOnce``, those that it has row by row,
+    with a confidence of nan. None lies beyond the bounds that the order of levels gives, but for
+    rounding."""
     rows = as_differences(d, comparator.k)
     if offers(comparator, "simultaneous_bounds"):
         found = cast(BoundsAllAtOnce, comparator).simultaneous_bounds(d)
         high, confidence = _checked_bounds(found, type(comparator).__name__, len(rows))
-        # what lies beyond the order's bounds, such as inf, says no more than these do; rounding stays as it is
-        most, rounding = order_bounds(tail_sums(rows), 0.0)[1], 1e-9 * np.maximum(np.abs(rows).sum(axis=1), 1.0)
+        # what lies beyond the order's bounds, such as inf, says no more than these do; rounding
+        # stays as it is
+        most, rounding = (
+            order_bounds(tail_sums(rows), 0.0)[1],
+            1e-9 * np.maximum(np.abs(rows).sum(axis=1), 1.0),
+        )
         return np.where(high > most + rounding, most, high), confidence
     return np.minimum(bounds_of(comparator, rows)[1], order_bounds(tail_sums(rows), 0.0)[1]), np.nan
 
 
 def rough_bounds(comparator: Comparator, d: Floats, slack: float | Floats) -> Floats:
-    """``simultaneous_bounds`` (n,) of differences d (n, k), or up to ``slack``, one or (n,), more where that takes less
-    time."""
+    """``simultaneous_bounds`` (n,) of differences d (n, k), or up to ``slack``, one or (n,), more
+    where that takes less time."""
     if offers(comparator, "rough_bounds"):
         return cast(RoughBounds, comparator).rough_bounds(d, slack)
     return simultaneous_bounds(comparator, d)[0]
 
 
 def _checked_bounds(found: object, name: str, n: int) -> tuple[Floats, float]:
-    """Return what ``simultaneous_bounds`` gave for n differences; raises TypeError unless it is (n,) and a number."""
+    """Return what ``simultaneous_bounds`` gave for n differences; raises TypeError unless it is
+    (n,) and a number.
+    """
     if isinstance(found, tuple) and len(found) == 2:
         high, confidence = np.asarray(found[0]), found[1]
-        if high.shape == (n,) and high.dtype == np.float64 and not np.isnan(high).any() and np.ndim(confidence) == 0:
+        if (
+            high.shape == (n,)
+            and high.dtype == np.float64
+            and not np.isnan(high).any()
+            and np.ndim(confidence) == 0
+        ):
             return high, confidence
     raise TypeError(
-        f"{name}.simultaneous_bounds(d) must return upper bounds (n,) on d.e that hold for all rows at once, and the "
-        f"confidence in them, a number (nan where none can be stated), but of {n} differences it returns {found!r}"
+        f"{name}.simultaneous_bounds(d) must return upper bounds (n,) on d.e that hold for all "
+        "rows at once, and the "
+        f"confidence in them, a number (nan where none can be stated), but of {n} differences it "
+        f"returns {found!r}"
     )
 
 
-def learn(comparator: Comparator, answers: Answers, one_by_one: bool) -> tuple[Comparator, NDArray[np.bool_]]:
-    """The comparator after these answers, and which (n,) of them it took. Where they contradict each other, with
-    ``one_by_one`` without those that contradict the ones before; else raises InconsistentAnswers."""
+def learn(
+    comparator: Comparator, answers: Answers, one_by_one: bool
+) -> tuple[Comparator, NDArray[np.bool_]]:
+    """The comparator after these answers, and which (n,) of them it took. Where they contradict
+    each other, with ``one_by_one`` without those that contradict the ones before; else raises
+    InconsistentAnswers."""
     taken = np.ones(len(answers), dtype=np.bool_)
     try:
         learned = comparator.update(answers)
@@ -327,8 +383,8 @@ class HasDraws(Protocol):
 
     @property
     def draws(self) -> tuple[Floats, Floats, Floats] | None:
-        """Weighted scales, as ``elicit.lp.hit_and_run.Draws`` has them: gaps (p, m), weights (m,) of total 1, and the
-        tutor's precision (m,) under each. None: not yet."""
+        """Weighted scales, as ``elicit.lp.hit_and_run.Draws`` has them: gaps (p, m), weights (m,)
+        of total 1, and the tutor's precision (m,) under each. None: not yet."""
 
 
 @runtime_checkable
@@ -342,7 +398,9 @@ class TrustsDraws(HasDraws, Protocol):
 
 @runtime_checkable
 class StatesConfidence(Protocol):
-    """One whose guarantees hold with another confidence than the share of its draws that they rest on."""
+    """One whose guarantees hold with another confidence than the share of its draws that they rest
+    on.
+    """
 
     @property
     def confidence(self) -> float:
@@ -369,8 +427,8 @@ class KeepsAnswers(Protocol):
 
 @runtime_checkable
 class LearnsInSteps(Protocol):
-    """A comparator whose ``update`` takes whatever answers, also contradictory ones, and that may need several before
-    its verdicts change: until then, compiled loops go on with its rule."""
+    """A comparator whose ``update`` takes whatever answers, also contradictory ones, and that may
+    need several before its verdicts change: until then, compiled loops go on with its rule."""
 
     @property
     def answers_to_next_step(self) -> int:
@@ -387,7 +445,8 @@ class AllowsTies(Protocol):
 
 
 def trusted_share(comparator: object) -> float | None:
-    """Return the share of a comparator's draws under which its bounds hold; None where they do not rest on draws.
+    """Return the share of a comparator's draws under which its bounds hold; None where they do not
+    rest on draws.
 
     Nothing is drawn to find out.
     """
@@ -397,18 +456,24 @@ def trusted_share(comparator: object) -> float | None:
 
 
 def stated_confidence(comparator: Comparator, level: float) -> float:
-    """Return the confidence of guarantees under a comparator's draws: its own statement, else the share ``level``."""
-    return cast(StatesConfidence, comparator).confidence if offers(comparator, "confidence") else level
+    """Return the confidence of guarantees under a comparator's draws: its own statement, else the
+    share ``level``.
+    """
+    return (
+        cast(StatesConfidence, comparator).confidence if offers(comparator, "confidence") else level
+    )
 
 
 def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
-    """A comparator's own ``draws``: gaps (p, m), weights (m,) and precisions (m,); None where it has none, or none yet.
-    Raises TypeError that says what is wrong with them."""
+    """A comparator's own ``draws``: gaps (p, m), weights (m,) and precisions (m,); None where it
+    has none, or none yet. Raises TypeError that says what is wrong with them."""
     found = getattr(comparator, "draws", None)
     if found is None:
         return None
     p = comparator.k - 1
-    parts = [np.asarray(part) for part in found] if isinstance(found, tuple) and len(found) == 3 else []
+    parts = (
+        [np.asarray(part) for part in found] if isinstance(found, tuple) and len(found) == 3 else []
+    )
     wrong = f"it is {type(found).__name__}"
     if parts:
         (gaps, weights, precision), shapes = parts, ", ".join(str(part.shape) for part in parts)
@@ -418,7 +483,10 @@ def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
         elif not all(part.dtype == np.float64 for part in parts):
             wrong = f"their types are {', '.join(str(part.dtype) for part in parts)}, not float64"
         elif not (np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6).all():  # also where one is nan
-            wrong = f"the gaps of draw {int(np.argmin(np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6))} do not total 1"
+            wrong = (
+                f"the gaps of draw {int(np.argmin(np.abs(gaps.sum(axis=0) - 1.0) <= 1e-6))} do not "
+                "total 1"
+            )
         elif not ((weights >= 0).all() and abs(weights.sum() - 1.0) <= 1e-6):
             wrong = f"the weights range from {weights.min()} and total {weights.sum()}"
         elif not (precision >= 0).all():
@@ -426,7 +494,8 @@ def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
         else:
             return gaps, weights, precision
     raise TypeError(
-        f"{type(comparator).__name__}.draws must be None or a tuple: the gaps of m scales ({p}, m), each total 1, "
+        f"{type(comparator).__name__}.draws must be None or a tuple: the gaps of m scales ({p}, "
+        "m), each total 1, "
         f"their weights (m,) of total 1, and the tutor's precision (m,) under each, but {wrong}"
     )
 
@@ -437,36 +506,55 @@ def tie_of(comparator: Comparator) -> float:
 
 
 def lapse_of(comparator: Comparator) -> float:
-    """The share of answers that the comparator takes to be given at random: 0 where it does not say."""
+    """The share of answers that the comparator takes to be given at random: 0 where it does not
+    say.
+    """
     return float(cast(AllowsLapses, comparator).lapse) if offers(comparator, "lapse") else 0.0
 
 
 def check_levels(k: int) -> int:
     """k as an int, at least 2; raises ValueError."""
     if not is_whole(k, 2):
-        raise ValueError(f"k, the number of levels, must be a whole number of at least 2, not {k!r}")
+        raise ValueError(
+            f"k, the number of levels, must be a whole number of at least 2, not {k!r}"
+        )
     return int(k)
 
 
 def check_tie(tie: float) -> float:
     """A tie as a float, at least 0 and below 1; raises ValueError."""
     wanted = "a share of the value range, at least 0 and below 1 (0: equal means equal)"
-    require(is_number(tie, 0) and tie < 1, "tie, the largest |d.e| that a tutor may call equal,", wanted, tie)
+    require(
+        is_number(tie, 0) and tie < 1,
+        "tie, the largest |d.e| that a tutor may call equal,",
+        wanted,
+        tie,
+    )
     return float(tie)
 
 
 def check_comparator_made(comparator: Comparator) -> None:
-    """Raise TypeError for anything but a comparator, such as the class of one, and say what it lacks."""
+    """Raise TypeError for anything but a comparator, such as the class of one, and say what it
+    lacks.
+    """
     lacking = sorted(set(_MEMBERS) - set(dir(comparator)))
     if isinstance(comparator, type) or lacking:
         without = f", which has no {', '.join(lacking)}" if lacking else ""
-        raise TypeError(f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}{without}")
+        raise TypeError(
+            f"a comparator is wanted, such as PolytopeComparator(k=5), not {comparator!r}{without}"
+        )
 
 
 def check_answers(answers: Answers, k: int) -> Answers:
-    """Raise TypeError for anything but Answers, and ValueError where they are not about k levels."""
+    """Raise TypeError for anything but Answers, and ValueError where they are not about k
+    levels.
+    """
     if not isinstance(answers, Answers):
-        raise TypeError(f"update takes Answers, not {answers!r}: Answers.of(list_of_answers, k) makes them")
+        raise TypeError(
+            f"update takes Answers, not {answers!r}: Answers.of(list_of_answers, k) makes them"
+        )
     if answers.k != k:
-        raise ValueError(f"these answers are about {answers.k} levels, but this comparator has k = {k}")
+        raise ValueError(
+            f"these answers are about {answers.k} levels, but this comparator has k = {k}"
+        )
     return answers

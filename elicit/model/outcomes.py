@@ -6,51 +6,63 @@ from enum import Enum
 class Status(Enum):
     """The status of a learner, a choice or a training. Values are sentences for people.
 
-    Not finished: ``WAITING`` and ``TRAINING``. Proven within the tolerance: ``CONVERGED``. All others say what is
-    missing. ``loss_bound`` of the result says how much that can matter.
+    Not finished: ``WAITING`` and ``TRAINING``. Proven within the tolerance: ``CONVERGED``. All
+    others say what is missing. ``loss_bound`` of the result says how much that can matter.
     """
 
     WAITING = "not finished: a question waits for the tutor; answer what ask() returns"
     TRAINING = "not finished: it waits for a policy trained on to_train(); bring it with add"
     DONE = "finished: all steps are done, and nothing is left to ask"
     CONVERGED = (
-        "finished: the policy is within the tolerance, if the answers and verdicts were right (and, with trainings, "
+        "finished: the policy is within the tolerance, if the answers and verdicts were right "
+        "(and, with trainings, "
         "optimality_gap)"
     )
     CERTIFIED = "finished: no plausible scale lets the policy lose more than max_loss"
     BOUNDED = (
-        "finished: the policy is within the tolerance (or max_loss) by the comparator's bounds, which it does not say "
+        "finished: the policy is within the tolerance (or max_loss) by the comparator's bounds, "
+        "which it does not say "
         "hold for all pairs at once: with what confidence is unknown"
     )
     SETTLED = (
-        "finished: but for optimality_gap and the errors of measured shares, the policy is within the tolerance; "
+        "finished: but for optimality_gap and the errors of measured shares, the policy is within "
+        "the tolerance; "
         "loss_bound counts these too, if each training came within that gap of its optimum"
     )
     UNPROVEN = (
-        "finished: the policy would be within the tolerance if each training had come to its optimum, but how near it "
+        "finished: the policy would be within the tolerance if each training had come to its "
+        "optimum, but how near it "
         "came nobody has said, so loss_bound is nan: give optimality_gap to have one"
     )
     GAP_BROKEN = (
-        "finished, but a later policy beat an earlier training at its own scale by more than optimality_gap, see "
-        "observed_gap: that gap does not hold, so loss_bound is nan; train longer, or give a wider gap"
+        "finished, but a later policy beat an earlier training at its own scale by more than "
+        "optimality_gap, see "
+        "observed_gap: that gap does not hold, so loss_bound is nan; train longer, or give a wider "
+        "gap"
     )
     CALLED_EQUAL = (
-        "finished: what the answers leave open, the tutor calls equal, or may call so by the comparator's tie; "
+        "finished: what the answers leave open, the tutor calls equal, or may call so by the "
+        "comparator's tie; "
         "loss_bound says how much that can matter"
     )
     UNSURE = (
-        "finished, but the tutor could not tell some pairs apart (cannot_tell): the one that was ahead stayed ahead, "
+        "finished, but the tutor could not tell some pairs apart (cannot_tell): the one that was "
+        "ahead stayed ahead, "
         "so more than the tolerance may be lost; loss_bound says how much"
     )
     GUESSED = (
-        "finished, but the question budget was spent: what was still open went by the best guess at the scale; raise "
+        "finished, but the question budget was spent: what was still open went by the best guess "
+        "at the scale; raise "
         "max_queries"
     )
     EXHAUSTED = (
-        "stopped: whatever could still matter, the tutor has answered already or could not tell; loss_bound says how "
+        "stopped: whatever could still matter, the tutor has answered already or could not tell; "
+        "loss_bound says how "
         "much that can matter"
     )
-    SWEEP_LIMIT = "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
+    SWEEP_LIMIT = (
+        "stopped at the limit of sweeps before converging: raise max_sweeps or the tolerance"
+    )
     TRAINING_LIMIT = "stopped at the limit of trainings: raise max_trainings or the tolerance"
 
     @property

@@ -1,9 +1,10 @@
 """Pairs of vectors by their value: two differences are one pair where they agree but for rounding.
 
-The same two vectors are met again with other last bits: after a restart, on another processor, in a state that mirrors
-the first, or with left and right exchanged. So a pair is never known by its bits. Two tail sums t and u are the same
-pair where no entry differs by more than ``nearness(t)``, about 1e-9 of the value range. Where one name is needed, as in
-hashes, it is the whole numbers of ``whole_numbers``.
+The same two vectors are met again with other last bits: after a restart, on another processor, in a
+state that mirrors the first, or with left and right exchanged. So a pair is never known by its
+bits. Two tail sums t and u are the same pair where no entry differs by more than ``nearness(t)``,
+about 1e-9 of the value range. Where one name is needed, as in hashes, it is the whole numbers of
+``whole_numbers``.
 """
 
 from __future__ import annotations
@@ -19,24 +20,30 @@ GRID = 2.0**30
 """Grains to a unit, of which names are made."""
 
 NEAR = 1e-9
-"""Tail sums of the same pair differ by at most this: an absolute number up to size 1, and relative beyond."""
+"""Tail sums of the same pair differ by at most this: an absolute number up to size 1, and relative
+beyond.
+"""
 
 SHARE = 1e-3
 """Tail sums of the same pair differ by at most this share of their size, however small they are."""
 
 OFFSET = 0.7321
-"""Sizes are compared with powers of two only after this factor: round numbers, which rounding may push over a limit,
-are not near one then."""
+"""Sizes are compared with powers of two only after this factor: round numbers, which rounding may
+push over a limit, are not near one then."""
 
 
 def nearness(t: Floats) -> Floats:
-    """Return how far each entry of tail sums (..., p) may be off for the pair to be the same one (...,)."""
+    """Return how far each entry of tail sums (..., p) may be off for the pair to be the same one
+    (...,).
+    """
     size = np.abs(t).max(axis=-1, initial=0.0)
     return np.asarray(np.minimum(NEAR * np.maximum(size, 1.0), SHARE * size))
 
 
 def same_pairs(t: Floats, others: Floats) -> NDArray[np.int8]:
-    """Return for each of ``others`` (n, p) whether tail sums t (p,) are the same pair: 1, or -1 exchanged, else 0."""
+    """Return for each of ``others`` (n, p) whether tail sums t (p,) are the same pair: 1, or -1
+    exchanged, else 0.
+    """
     near = nearness(t)
     found = np.zeros(len(others), np.int8)
     found[np.abs(others + t).max(axis=1, initial=0.0) <= near] = -1
@@ -45,7 +52,9 @@ def same_pairs(t: Floats, others: Floats) -> NDArray[np.int8]:
 
 
 def ways_round(t: Floats) -> NDArray[np.int8]:
-    """Return the direction (n,) of tail sums (n, p), 1 or -1: opposite for t and -t, and safe from rounding."""
+    """Return the direction (n,) of tail sums (n, p), 1 or -1: opposite for t and -t, and safe from
+    rounding.
+    """
     weights = np.sqrt(np.arange(2.0, t.shape[1] + 2.0))
     marks = np.zeros(len(t))
     for j, weight in enumerate(weights):  # in this order, as in compiled code
@@ -54,7 +63,9 @@ def ways_round(t: Floats) -> NDArray[np.int8]:
 
 
 def whole_numbers(x: Floats) -> tuple[NDArray[np.int64], int]:
-    """Return x (p,) in grains of 2^-30, and the exponent of two by which it was divided if it is not of order one."""
+    """Return x (p,) in grains of 2^-30, and the exponent of two by which it was divided if it is
+    not of order one.
+    """
     size = float(np.abs(x).max(initial=0.0)) * OFFSET
     exponent = max(0, math.frexp(size)[1])
     return np.floor(np.ldexp(x, -exponent) * GRID + 0.5).astype(np.int64), exponent

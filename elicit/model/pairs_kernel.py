@@ -1,4 +1,6 @@
-"""Pairs by their value, as ``pairs`` has them, for compiled loops: a hash of one, and a table to look one up in."""
+"""Pairs by their value, as ``pairs`` has them, for compiled loops: a hash of one, and a table to
+look one up in.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ NOT_THERE = -1
 
 
 class PairTable(NamedTuple):
-    """Answers by pair. ``marks`` (n,), sorted, and ``rows`` (n,) find them; the other arrays are as they came, perhaps
-    with room behind."""
+    """Answers by pair. ``marks`` (n,), sorted, and ``rows`` (n,) find them; the other arrays are as
+    they came, perhaps with room behind."""
 
     marks: Floats
     rows: NDArray[np.int64]
@@ -47,7 +49,9 @@ def near_to(t: Any) -> float:
 
 @compiled
 def marks_within(near: float, p: int) -> float:
-    """Return how far the marks of two tail sums (p,) may be apart of which no entry differs by more than ``near``."""
+    """Return how far the marks of two tail sums (p,) may be apart of which no entry differs by more
+    than ``near``.
+    """
     total = 0.0
     for j in range(p):
         total += math.sqrt(j + 2.0)
@@ -65,8 +69,8 @@ def apart(t: Any, sign: int, other: Any) -> float:
 
 @compiled
 def find(t: Any, table: PairTable) -> tuple[int, int]:
-    """Return the row of the pair with tail sums t (p,), and 1, or -1 where it is there exchanged; ``NOT_THERE``, 1
-    where it is not. Of several rows the nearest."""
+    """Return the row of the pair with tail sums t (p,), and 1, or -1 where it is there exchanged;
+    ``NOT_THERE``, 1 where it is not. Of several rows the nearest."""
     n, best, way = len(table.marks), NOT_THERE, 1
     if n == 0:
         return best, way
@@ -92,14 +96,18 @@ def find_all(t: Any, table: PairTable, rows: Any, ways: Any) -> None:
 
 @compiled
 def way_round(t: Any) -> int:
-    """Return the direction of tail sums t (p,), as ``pairs.ways_round``; 0 for two vectors that are the same."""
+    """Return the direction of tail sums t (p,), as ``pairs.ways_round``; 0 for two vectors that are
+    the same.
+    """
     mark = mark_of(t)
     return 1 if mark > 0.0 else -1 if mark < 0.0 else 0
 
 
 @compiled
 def pair_code(key: Any, t: Any) -> Any:
-    """Return a hash of (key, the unordered pair with tail sums t (p,)), of its ``pairs.whole_numbers``."""
+    """Return a hash of (key, the unordered pair with tail sums t (p,)), of its
+    ``pairs.whole_numbers``.
+    """
     size, sign = 0.0, way_round(t)
     for j in range(len(t)):
         size = max(size, abs(t[j]))

@@ -42,10 +42,13 @@ class Verdict(IntEnum):
 
 
 def as_verdict(code: Any) -> Verdict:
-    """An answer's Verdict from its code -1, 0 or 1 (an int, also one of NumPy's). Raises TypeError and ValueError."""
+    """An answer's Verdict from its code -1, 0 or 1 (an int, also one of NumPy's). Raises TypeError
+    and ValueError.
+    """
     if isinstance(code, (bool, np.bool_)) or not isinstance(code, (int, np.integer)):
         raise TypeError(
-            f"a verdict is Verdict.BETTER, WORSE or EQUAL (1, -1, 0), or None for 'cannot tell', not {code!r}: for a "
+            "a verdict is Verdict.BETTER, WORSE or EQUAL (1, -1, 0), or None for 'cannot tell', "
+            f"not {code!r}: for a "
             "comparison of two numbers write Verdict.BETTER if left > right else Verdict.WORSE"
         )
     if code == Verdict.UNKNOWN:
@@ -68,12 +71,14 @@ class InconsistentAnswers(ValueError):
     Parameters
     ----------
     message : str or callable
-        The sentence, or a function that computes it together with the two other parts when one of them is first read.
-        Finding a minimal set can take long, and a learner that drops the latest answer needs none.
+        The sentence, or a function that computes it together with the two other parts when one of
+        them is first read. Finding a minimal set can take long, and a learner that drops the latest
+        answer needs none.
     answers : sequence of (row, id), optional
         A minimal contradictory set: drop any one of them and the rest are consistent.
     margin : bool, optional
-        Whether the margin eta is a culprit: whether these answers would be consistent with a margin of zero.
+        Whether the margin eta is a culprit: whether these answers would be consistent with a margin
+        of zero.
     """
 
     def __init__(
@@ -121,8 +126,8 @@ class InconsistentAnswers(ValueError):
 class Query:
     """A question: which of two share vectors is better, ``left`` or ``right`` (k,)?
 
-    ``about`` and ``labels``, the k levels' names, worst first, are for people only: ``print(query)`` shows the question
-    as a person reads it."""
+    ``about`` and ``labels``, the k levels' names, worst first, are for people only:
+    ``print(query)`` shows the question as a person reads it."""
 
     id: str
     left: Floats
@@ -133,13 +138,20 @@ class Query:
     if TYPE_CHECKING:  # what may be given; the dataclass writes it
 
         def __init__(
-            self, id: str, left: ArrayLike, right: ArrayLike, about: str = "", labels: Sequence[str] | None = None
+            self,
+            id: str,
+            left: ArrayLike,
+            right: ArrayLike,
+            about: str = "",
+            labels: Sequence[str] | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         left, right = np.asarray(self.left, float), np.asarray(self.right, float)
         if left.ndim != 1 or left.shape != right.shape:
-            raise ValueError(f"a query compares two vectors of shape (k,), not {left.shape} with {right.shape}")
+            raise ValueError(
+                f"a query compares two vectors of shape (k,), not {left.shape} with {right.shape}"
+            )
         pair = as_vectors(np.stack([left, right]), name="a query's vectors")
         pair.flags.writeable = False
         object.__setattr__(self, "left", pair[0])
@@ -147,15 +159,17 @@ class Query:
         if self.labels is not None:
             names = tuple(self.labels)
             if isinstance(self.labels, str) or len(names) != len(left):
-                raise ValueError(f"labels must be {len(left)} names, one a level, not {self.labels!r}")
+                raise ValueError(
+                    f"labels must be {len(left)} names, one a level, not {self.labels!r}"
+                )
             object.__setattr__(self, "labels", names)
 
     def __str__(self) -> str:
         """Return the question for people to read.
 
-        Shares are in percent, and those of a side total 100. They are rounded to a tenth of the greatest difference or
-        finer, so that what differs is seen to differ. Vectors that are no shares stay in their own unit. Without
-        labels, levels go by number: the worst is 1.
+        Shares are in percent, and those of a side total 100. They are rounded to a tenth of the
+        greatest difference or finer, so that what differs is seen to differ. Vectors that are no
+        shares stay in their own unit. Without labels, levels go by number: the worst is 1.
         """
         both = np.stack([self.left, self.right])
         shares = bool((both >= 0).all() and (np.abs(both.sum(axis=1) - 1.0) <= 1e-9).all())
@@ -171,7 +185,10 @@ class Query:
             lines.append(f"  {side} {', '.join(parts) or 'nothing'}")
         totals = self.left.sum(), self.right.sum()
         if abs(totals[0] - totals[1]) > 1e-9 * np.abs(both).sum():
-            lines.append(f"  totals differ, {totals[0]:g} and {totals[1]:g}: {names[0]} is taken to be worth nothing")
+            lines.append(
+                f"  totals differ, {totals[0]:g} and {totals[1]:g}: {names[0]} is taken to be "
+                "worth nothing"
+            )
         return "\n".join(lines)
 
     @property
@@ -203,9 +220,10 @@ def query_id(fingerprint: str, number: int, left: ArrayLike, right: ArrayLike) -
 
 @dataclass(frozen=True)
 class Answer:
-    """A tutor's answer, in terms of ``query.left``: a Verdict, or -1, 0, 1; None means "cannot tell". ``swapped``
-    records that the pair was shown right to left (``verdict`` is already turned back). Raises TypeError for a verdict
-    that is no code, such as True or a float, and ValueError for another number."""
+    """A tutor's answer, in terms of ``query.left``: a Verdict, or -1, 0, 1; None means "cannot
+    tell". ``swapped`` records that the pair was shown right to left (``verdict`` is already turned
+    back). Raises TypeError for a verdict that is no code, such as True or a float, and ValueError
+    for another number."""
 
     query: Query
     verdict: Verdict | None
@@ -213,7 +231,9 @@ class Answer:
 
     def __post_init__(self) -> None:
         if not isinstance(self.query, Query):
-            raise TypeError(f"an answer is to a Query, the one that was asked, not to {self.query!r}")
+            raise TypeError(
+                f"an answer is to a Query, the one that was asked, not to {self.query!r}"
+            )
         if self.verdict is not None:
             object.__setattr__(self, "verdict", as_verdict(self.verdict))
 
@@ -228,7 +248,9 @@ class _Room:
 
 
 class AnswerRow(NamedTuple):
-    """One row of ``Answers``: the difference d (k,) = left - right, what was said of it, and the id."""
+    """One row of ``Answers``: the difference d (k,) = left - right, what was said of it, and the
+    id.
+    """
 
     d: Floats
     y: Verdict
@@ -237,8 +259,9 @@ class AnswerRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Answers:
-    """The answers that comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and an id a row. One is
-    ``answers[i]`` (an ``AnswerRow``), and so is each in a loop; ``answers[i:j]`` are Answers again."""
+    """The answers that comparators learn from: d (n, k) = left - right, y (n,) in {-1, 0, +1}, and
+    an id a row. One is ``answers[i]`` (an ``AnswerRow``), and so is each in a loop;
+    ``answers[i:j]`` are Answers again."""
 
     d: Floats
     y: NDArray[np.int8]
@@ -247,18 +270,31 @@ class Answers:
     def __init__(self, d: ArrayLike, y: ArrayLike, ids: Sequence[str] | None = None) -> None:
         rows = as_vectors(d).copy() if np.size(d) else np.array(d, dtype=np.float64)
         if rows.ndim != 2:
-            raise ValueError(f"no answers still need a shape: give d of shape (0, k), not {rows.shape}")
+            raise ValueError(
+                f"no answers still need a shape: give d of shape (0, k), not {rows.shape}"
+            )
         signs = np.atleast_1d(np.asarray(y))
         if signs.size and signs.dtype.kind not in "iu":
-            as_verdict(next((code for code in signs.ravel().tolist() if type(code) is not int), signs.flat[0]))
+            as_verdict(
+                next(
+                    (code for code in signs.ravel().tolist() if type(code) is not int),
+                    signs.flat[0],
+                )
+            )
         if signs.shape != (len(rows),):
-            raise ValueError(f"y must have one entry a row of d: {len(rows)} rows, but y has shape {signs.shape}")
+            raise ValueError(
+                f"y must have one entry a row of d: {len(rows)} rows, but y has shape {signs.shape}"
+            )
         bad = (signs < -1) | (signs > 1)
         if bad.any():
-            raise ValueError(f"y must be -1, 0 or +1, but row {int(np.argmax(bad))} is {signs[np.argmax(bad)]}")
+            raise ValueError(
+                f"y must be -1, 0 or +1, but row {int(np.argmax(bad))} is {signs[np.argmax(bad)]}"
+            )
         names = tuple(str(i) for i in (ids if ids is not None else range(len(rows))))
         if len(names) != len(rows):
-            raise ValueError(f"ids must have one entry a row of d: {len(rows)} rows, {len(names)} ids")
+            raise ValueError(
+                f"ids must have one entry a row of d: {len(rows)} rows, {len(names)} ids"
+            )
         self._keep(rows, signs.astype(np.int8), names)
 
     def _keep(self, d: Floats, y: NDArray[np.int8], ids: tuple[str, ...]) -> Answers:
@@ -279,28 +315,37 @@ class Answers:
         told = [a for a in answers if a.verdict is not None]
         for query in (answer.query for answer in told):
             if len(query.left) != k:
-                raise ValueError(f"query {query.id} is about {len(query.left)} levels, but the answers are about {k}")
+                raise ValueError(
+                    f"query {query.id} is about {len(query.left)} levels, but the answers are "
+                    f"about {k}"
+                )
         d = as_vectors(np.array([a.query.d for a in told]).reshape(len(told), k))
-        y = np.array([a.verdict for a in told], dtype=np.int8)  # an Answer's verdict is one of these
+        y = np.array(
+            [a.verdict for a in told], dtype=np.int8
+        )  # an Answer's verdict is one of these
         return object.__new__(Answers)._keep(d, y, tuple(a.query.id for a in told))
 
     @staticmethod
     def from_csv(file: File, k: int | None = None) -> Answers:
         """The answers in a CSV file (a path, or text opened with ``newline=""``), in its order.
 
-        The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k (left - right), answer,
-        in any order and case, and perhaps id; without it an id is "line 7". Other columns and blank lines are passed
-        over. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left. As with ``of``, rows
-        without an answer (empty, none, null, "cannot tell") are left out.
+        The header names left_1, ..., left_k, right_1, ..., right_k, answer, or d_1, ..., d_k (left
+        - right), answer, in any order and case, and perhaps id; without it an id is "line 7". Other
+          columns and blank lines are passed
+        over. An answer is -1, 0 or 1, or left, right, equal (better, worse), in terms of left. As
+        with ``of``, rows without an answer (empty, none, null, "cannot tell") are left out.
 
-        Raises ValueError that names the line and the column, also where there are not k levels; OSError.
+        Raises ValueError that names the line and the column, also where there are not k levels;
+        OSError.
         """
         from elicit.model.answers_csv import read_csv
 
         return Answers(*read_csv(file, k))
 
     def to_csv(self, file: File) -> None:
-        """Write the columns id, d_1, ..., d_k, answer to a path or an open text; ``from_csv`` reads the same back."""
+        """Write the columns id, d_1, ..., d_k, answer to a path or an open text; ``from_csv`` reads
+        the same back.
+        """
         from elicit.model.answers_csv import write_csv
 
         write_csv(file, self.d, self.y, self.ids)
@@ -316,8 +361,9 @@ class Answers:
     def __add__(self, other: Answers) -> Answers:
         if other.k != self.k:
             raise ValueError(f"these answers are about {other.k} levels, not {self.k}")
-        # The parts are valid, so checking the whole again would only cost time. A sum keeps room behind its rows, which
-        # the next sum fills if it comes first: to add answers one by one takes time in proportion to them, not squared.
+        # The parts are valid, so checking the whole again would only cost time. A sum keeps room
+        # behind its rows, which the next sum fills if it comes first: to add answers one by one
+        # takes time in proportion to them, not squared.
         n, m = len(self), len(other)
         room: _Room | None = self.__dict__.get("_room")
         if room is None or room.used != n or n + m > len(room.d):
@@ -360,15 +406,19 @@ class Answers:
             raise TypeError(f"without takes several ids: put the one id into a list, [{ids!r}]")
         out = {str(name) for name in ids}
         if unknown := ", ".join(map(repr, sorted(out.difference(self.ids)))):
-            reason = "it was left out already, or belongs to another problem; `ids` lists those that are here"
+            reason = (
+                "it was left out already, or belongs to another problem; `ids` lists those that "
+                "are here"
+            )
             raise ValueError(f"no answer here has the id {unknown}: {reason}")
         stay = [row for row, name in enumerate(self.ids) if name not in out]
         return Answers(self.d[stay], self.y[stay], [self.ids[row] for row in stay])
 
 
 def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, ...]:
-    """The answers, each about another one of the pending queries. Raises TypeError for anything but Answers,
-    and StaleAnswer for an unknown id, for other vectors than the query's, and for two answers to one query."""
+    """The answers, each about another one of the pending queries. Raises TypeError for anything but
+    Answers, and StaleAnswer for an unknown id, for other vectors than the query's, and for two
+    answers to one query."""
     if isinstance(answers, Answer):
         raise TypeError("tell takes a sequence of answers: put the one Answer into a list")
     told = tuple(answers)  # a generator can be read only once
@@ -382,7 +432,8 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
             raise StaleAnswer(f"two answers to one pending query: {name!r}")
         if name not in waiting:
             raise StaleAnswer(
-                f"no pending query has the id {name!r}: it was answered already or belongs to another run; answer "
+                f"no pending query has the id {name!r}: it was answered already or belongs to "
+                "another run; answer "
                 "what ask() returns now"
             )
         asked = waiting[name]
@@ -391,7 +442,8 @@ def match(answers: Sequence[Answer], pending: Sequence[Query]) -> tuple[Answer, 
             np.array_equal(asked.left, told_of.left) and np.array_equal(asked.right, told_of.right)
         ):
             raise StaleAnswer(
-                f"the answer with the id {name!r} is about other vectors than the pending query of that id; answer the "
+                f"the answer with the id {name!r} is about other vectors than the pending query of "
+                "that id; answer the "
                 "very query that ask() returned (were its numbers rounded on the way?)"
             )
         seen.add(name)

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
-_CODES = np.array([2, 1, -1, 0], dtype=np.int8)  # by whether all are >= 0, and (counting twice) all <= 0
+_CODES = np.array(
+    [2, 1, -1, 0], dtype=np.int8
+)  # by whether all are >= 0, and (counting twice) all <= 0
 
 
 def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
@@ -28,12 +30,15 @@ def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Flo
         raise ValueError(f"{name} must have shape {want}, not {np.shape(vectors)}")
     if not np.isfinite(a).all():
         row, column = (int(i) for i in np.argwhere(~np.isfinite(a))[0])
-        raise ValueError(f"{name} must be finite, but row {row}, level {column + 1} is {a[row, column]}")
+        raise ValueError(
+            f"{name} must be finite, but row {row}, level {column + 1} is {a[row, column]}"
+        )
     return a
 
 
 def as_differences(d: ArrayLike, k: int) -> Floats:
-    """Return differences of share vectors as an array (n, k) of finite floats: call it first in a comparator's methods.
+    """Return differences of share vectors as an array (n, k) of finite floats: call it first in a
+    comparator's methods.
 
     Parameters
     ----------
@@ -45,7 +50,8 @@ def as_differences(d: ArrayLike, k: int) -> Floats:
     Raises
     ------
     ValueError
-        If d holds no numbers, has another shape, or is not finite. The message says which row and level.
+        If d holds no numbers, has another shape, or is not finite. The message says which row and
+        level.
 
     Examples
     --------
@@ -65,7 +71,9 @@ def tail_sums(d: Floats) -> Floats:
     with np.errstate(over="ignore", invalid="ignore"):
         t: Floats = np.cumsum(top, axis=-1)
     if not np.isfinite(t).all():
-        overflown = ~np.isfinite(t).all(axis=-1, keepdims=True)  # each row by itself, whatever its neighbours
+        overflown = ~np.isfinite(t).all(
+            axis=-1, keepdims=True
+        )  # each row by itself, whatever its neighbours
         t = np.cumsum(np.where(overflown, top * 2.0**-64, top), axis=-1)
     return t[..., ::-1]
 
@@ -92,7 +100,9 @@ def exact_dot(t: Iterable[Any], g: Iterable[Any]) -> Fraction:
 
 
 def rounded_to_total(parts: Floats, digits: int = 0) -> Floats:
-    """Round parts (k,) to so many decimals and keep their total, itself rounded: the largest remainders go up."""
+    """Round parts (k,) to so many decimals and keep their total, itself rounded: the largest
+    remainders go up.
+    """
     unit = 10.0**digits
     exact = np.round(parts * unit, 6)  # a part that is whole but for float error stays as it is
     counts = np.floor(exact)
@@ -118,7 +128,9 @@ def normalise(values: ArrayLike) -> Floats:
     spread = half[-1] - half[0]
     e: Floats = (half - half[0]) / (spread if spread > 0 else 1.0)
     if not (np.diff(e) > 0).all():
-        raise ValueError(f"values {v} are too close together to be told apart once normalised to 0..1")
+        raise ValueError(
+            f"values {v} are too close together to be told apart once normalised to 0..1"
+        )
     return e
 
 

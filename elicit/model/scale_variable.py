@@ -18,13 +18,17 @@ if TYPE_CHECKING:
     import cvxpy
 
 _NAME = "e"
-_FAR = 2.0**200  # times a unit vector: beside it no constant is seen, and dividing by it loses no bit
+_FAR = (
+    2.0**200
+)  # times a unit vector: beside it no constant is seen, and dividing by it loses no bit
 _LONGEST = 80  # characters of a name that cvxpy makes up
 _WAY_OUT = "add it to the programs of comparator.problems(d), which the polytopes have"
 
 
 class LinearConstraint(NamedTuple):
-    """a (m, k), b (m,) with a e >= b, and what the constraint is called; "" where it is best told by its numbers."""
+    """a (m, k), b (m,) with a e >= b, and what the constraint is called; "" where it is best told
+    by its numbers.
+    """
 
     a: Floats
     b: Floats
@@ -32,10 +36,11 @@ class LinearConstraint(NamedTuple):
 
 
 def scale_variable(k: int) -> cvxpy.Variable:
-    """A cvxpy variable (k,) called e, which stands for the scale: e[0] is the worst of k levels, e[k - 1] the best.
+    """A cvxpy variable (k,) called e, which stands for the scale: e[0] is the worst of k levels,
+    e[k - 1] the best.
 
-    Linear constraints over it can be a comparator's ``prior=``. That e[0] is 0 and e[k - 1] is 1 goes without saying.
-    Raises ValueError for k < 2.
+    Linear constraints over it can be a comparator's ``prior=``. That e[0] is 0 and e[k - 1] is 1
+    goes without saying. Raises ValueError for k < 2.
     """
     import cvxpy
 
@@ -54,10 +59,12 @@ def is_constraint(thing: object) -> bool:
 def linear_rows(constraint: Any, k: int) -> LinearConstraint:
     """Return the rows of a cvxpy constraint over a scale variable of k levels, two for an equality.
 
-    Rows that only restate that the scale goes from 0 to 1 are left out. Parameters have their current values.
+    Rows that only restate that the scale goes from 0 to 1 are left out. Parameters have their
+    current values.
 
-    Numbers are as exact as plain float arithmetic on each coefficient: "e[3] >= 0.2 + 2 * e[1]" has just these.
-    Raises ValueError, with what to do, for all but linear (in)equalities of ``scale_variable(k)`` alone.
+    Numbers are as exact as plain float arithmetic on each coefficient: "e[3] >= 0.2 + 2 * e[1]" has
+    just these. Raises ValueError, with what to do, for all but linear (in)equalities of
+    ``scale_variable(k)`` alone.
     """
     called = " ".join((constraint.label or str(constraint)).split())
     _check_terms(constraint, k, called)
@@ -72,7 +79,9 @@ def linear_rows(constraint: Any, k: int) -> LinearConstraint:
     if isinstance(constraint, (_kinds().Equality, _kinds().Zero)):
         a, b = np.stack([a, 0.0 - a], axis=1).reshape(-1, k), np.stack([b, 0.0 - b], axis=1).ravel()
     states = a[:, 1:-1].any(axis=1) | (a[:, -1] < b)
-    return LinearConstraint(a[states], b[states], called if constraint.label or len(called) <= _LONGEST else "")
+    return LinearConstraint(
+        a[states], b[states], called if constraint.label or len(called) <= _LONGEST else ""
+    )
 
 
 def _kinds() -> Any:
@@ -83,14 +92,19 @@ def _kinds() -> Any:
 
 
 def _check_terms(constraint: Any, k: int, called: str) -> None:
-    """Raises ValueError unless the constraint is about the scale alone and every parameter has a value."""
+    """Raises ValueError unless the constraint is about the scale alone and every parameter has a
+    value.
+    """
     variables = constraint.variables()
     if not variables:
-        raise ValueError(f'the prior\'s "{called}" compares nothing: no level of the scale is in it')
+        raise ValueError(
+            f'the prior\'s "{called}" compares nothing: no level of the scale is in it'
+        )
     others = [v.name() for v in variables if v.name() != _NAME]
     if others:
         raise ValueError(
-            f'the prior\'s "{called}" is about {" and ".join(others)}, but a prior is about the scale alone: write it '
+            f'the prior\'s "{called}" is about {" and ".join(others)}, but a prior is about the '
+            "scale alone: write it "
             f"over e = elicit.scale_variable({k}), or leave it out here and {_WAY_OUT}"
         )
     if len(variables) > 1:
@@ -98,42 +112,61 @@ def _check_terms(constraint: Any, k: int, called: str) -> None:
     shape, attributes = variables[0].shape, variables[0].attributes
     if len(shape) == 1 and shape[0] != k:
         raise ValueError(f'the prior\'s "{called}" is about {shape[0]} levels, not k = {k}')
-    declared = [name for name, value in attributes.items() if value is not None and value is not False]
+    declared = [
+        name for name, value in attributes.items() if value is not None and value is not False
+    ]
     if shape != (k,) or declared:
         what = f"declared {', '.join(declared)}" if declared else f"of shape {shape}"
         raise ValueError(
-            f'the prior\'s "{called}" is over a variable {what}: write it over elicit.scale_variable({k}), of real '
+            f'the prior\'s "{called}" is over a variable {what}: write it over '
+            f"elicit.scale_variable({k}), of real "
             "numbers, and state what is known of them as constraints"
         )
     unset = [parameter.name() for parameter in constraint.parameters() if parameter.value is None]
     if unset:
-        raise ValueError(f'the prior\'s "{called}" has no value yet for {" and ".join(unset)}: set its .value first')
+        raise ValueError(
+            f'the prior\'s "{called}" has no value yet for {" and ".join(unset)}: set its .value '
+            "first"
+        )
 
 
 def _sides(constraint: Any, called: str) -> tuple[Any, Any]:
-    """The affine expressions of "more >= less" or "more == less". Raises ValueError where there are none."""
+    """The affine expressions of "more >= less" or "more == less". Raises ValueError where there are
+    none.
+    """
     args, of = constraint.args, _kinds()
     linear = of.Inequality, of.Equality, of.Zero, of.NonNeg, of.NonPos
     if isinstance(constraint, linear) and all(arg.is_affine() for arg in args):
         first, second = args if len(args) == 2 else (args[0], 0.0 * args[0])
-        return (second, first) if isinstance(constraint, (of.Inequality, of.NonPos)) else (first, second)
+        return (
+            (second, first)
+            if isinstance(constraint, (of.Inequality, of.NonPos))
+            else (first, second)
+        )
     if isinstance(constraint, of.FiniteSet) or not constraint.is_dcp():
         raise ValueError(
-            f'the prior\'s "{called}" is not convex by the rules of cvxpy (DCP), and a prior must be linear: state it '
+            f'the prior\'s "{called}" is not convex by the rules of cvxpy (DCP), and a prior must '
+            "be linear: state it "
             "as linear inequalities"
         )
     raise ValueError(
-        f'the prior\'s "{called}" is convex but not linear, and verdicts are proven by linear programs: state it as '
-        "linear inequalities where that can be done (abs(x) <= t is x <= t and x >= -t), or leave it out here and "
+        f'the prior\'s "{called}" is convex but not linear, and verdicts are proven by linear '
+        "programs: state it as "
+        "linear inequalities where that can be done (abs(x) <= t is x <= t and x >= -t), or leave "
+        "it out here and "
         f"{_WAY_OUT}"
     )
 
 
-def _coefficients(expression: Any, variable: Any, k: int, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
-    """Of an affine expression, stretched to a shape of m entries: coefficients (m, k) and constants (m,).
+def _coefficients(
+    expression: Any, variable: Any, k: int, shape: tuple[int, ...]
+) -> tuple[Floats, Floats]:
+    """Of an affine expression, stretched to a shape of m entries: coefficients (m, k) and constants
+    (m,).
 
-    By evaluating a copy of it, so that the caller's variable keeps its value, at points so far out that no constant is
-    seen beside the coefficient's product; what is left of constants where that is 0 goes with the difference.
+    By evaluating a copy of it, so that the caller's variable keeps its value, at points so far out
+    that no constant is seen beside the coefficient's product; what is left of constants where that
+    is 0 goes with the difference.
     """
     import cvxpy
 
@@ -143,8 +176,14 @@ def _coefficients(expression: Any, variable: Any, k: int, shape: tuple[int, ...]
     def value(point: Floats) -> Floats:
         at.value = point
         found = copy.value
-        return np.broadcast_to(found.toarray() if issparse(found) else found, shape).ravel().astype(np.float64)
+        return (
+            np.broadcast_to(found.toarray() if issparse(found) else found, shape)
+            .ravel()
+            .astype(np.float64)
+        )
 
     with np.errstate(all="ignore"):  # the caller looks for what overflowed
-        each = [(value(_FAR * unit) - value(-_FAR * unit)) / (2.0 * _FAR) + 0.0 for unit in np.eye(k)]
+        each = [
+            (value(_FAR * unit) - value(-_FAR * unit)) / (2.0 * _FAR) + 0.0 for unit in np.eye(k)
+        ]
         return np.stack(each, axis=1), value(np.zeros(k))

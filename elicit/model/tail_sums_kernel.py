@@ -1,7 +1,8 @@
-"""The tail sums and the dominance of ``elicit.model.scale``, one difference at a time, for compiled code.
+"""The tail sums and the dominance of ``elicit.model.scale``, one difference at a time, for compiled
+code.
 
-The same numbers to the last bit. Apart from ``scale``, because numba takes long to import and ``import elicit`` does
-without it.
+The same numbers to the last bit. Apart from ``scale``, because numba takes long to import and
+``import elicit`` does without it.
 """
 
 import math

@@ -10,8 +10,8 @@ from elicit.model.query import Answer, Query
 
 @runtime_checkable
 class Tutor(Protocol):
-    """Answers queries. It sees only the query: no comparator, no learner, no problem. Any function from a Query to an
-    Answer is one, whatever it calls the query."""
+    """Answers queries. It sees only the query: no comparator, no learner, no problem. Any function
+    from a Query to an Answer is one, whatever it calls the query."""
 
     def __call__(self, query: Query, /) -> Answer:
         """The answer to this query; its verdict is None where the tutor cannot tell."""
@@ -28,10 +28,14 @@ class KnowsLevels(Tutor, Protocol):
 
 @runtime_checkable
 class TutorOfMany(Tutor, Protocol):
-    """One that can also answer many questions at once, without queries: learners that ask millions make use of it."""
+    """One that can also answer many questions at once, without queries: learners that ask millions
+    make use of it.
+    """
 
     def signs(self, d: ArrayLike) -> NDArray[np.int8]:
-        """Answers (n,) in {-1, 0, +1} to differences d (n, k), the same as to n queries in that order."""
+        """Answers (n,) in {-1, 0, +1} to differences d (n, k), the same as to n queries in that
+        order.
+        """
 
 
 @runtime_checkable
@@ -44,13 +48,16 @@ class CountsErrors(Tutor, Protocol):
 
 
 def check_tutor_made(tutor: object, k: int) -> None:
-    """Raise TypeError for anything but a tutor, such as the class of one, and ValueError for one who was made for
-    another number of levels than k."""
+    """Raise TypeError for anything but a tutor, such as the class of one, and ValueError for one
+    who was made for another number of levels than k."""
     if isinstance(tutor, type):
         raise TypeError(
-            f"a tutor is wanted, not the class {tutor.__name__}: make one, such as TruthfulTutor(values=[0, 5, 6, 10])"
+            f"a tutor is wanted, not the class {tutor.__name__}: make one, such as "
+            "TruthfulTutor(values=[0, 5, 6, 10])"
         )
     if not callable(tutor):
         raise TypeError(f"a tutor takes a query and returns an Answer; {tutor!r} cannot be called")
     if isinstance(tutor, KnowsLevels) and tutor.k != k:
-        raise ValueError(f"the questions are about {k} levels, but the tutor was made for {tutor.k}: {tutor!r}")
+        raise ValueError(
+            f"the questions are about {k} levels, but the tutor was made for {tutor.k}: {tutor!r}"
+        )

@@ -1,4 +1,5 @@
-"""A person as the tutor: sessions kept in a log, questions in whole numbers, and hosts that show them.
+"""A person as the tutor: sessions kept in a log, questions in whole numbers, and hosts that show
+them.
 
 ``session`` is built on an asker and a log. ``showing`` words a question. ``interview`` holds the
 screens and messages of every host; in a browser the files of ``page`` draw them. ``report`` is the

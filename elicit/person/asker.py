@@ -11,7 +11,9 @@ from elicit.tutors.answer_log import CONTRADICTS, Entry
 
 @runtime_checkable
 class Asker(Protocol):
-    """Protocol of whatever asks and is told answers: a learner of qlearn, or the result of ``choose``."""
+    """Protocol of whatever asks and is told answers: a learner of qlearn, or the result of
+    ``choose``.
+    """
 
     def ask(self) -> Sequence[Query]:
         """Return the pending queries, or none when finished.
@@ -64,8 +66,8 @@ lambda known: qlearn.InteractiveValueIteration(mdp, comparator, known=known)."""
 class AfterAnswer(NamedTuple):
     """An asker that was told an answer.
 
-    ``contradicts`` has the ids of the answers that contradict each other, this one among them, if it had to be dropped;
-    otherwise None."""
+    ``contradicts`` has the ids of the answers that contradict each other, this one among them, if
+    it had to be dropped; otherwise None."""
 
     asker: Asker
     contradicts: list[str] | None

@@ -28,7 +28,9 @@ class Background:
         """
         self.stop()
         self._given_up = Event()
-        self._thread = Thread(target=_run, args=(steps, self._given_up, self._thread), name="elicit, while one reads")
+        self._thread = Thread(
+            target=_run, args=(steps, self._given_up, self._thread), name="elicit, while one reads"
+        )
         self._thread.start()
 
     def stop(self) -> None:

@@ -54,4 +54,8 @@ def scale_rows(comparator: Comparator, labels: Sequence[str]) -> list[ScaleRow]:
 def certainty(comparator: Comparator) -> str:
     """Return a phrase on how certain each interval of ``scale_rows`` is."""
     level = trusted_share(comparator)
-    return "if your answers are right" if level is None else f"each interval with {level:.0%} probability"
+    return (
+        "if your answers are right"
+        if level is None
+        else f"each interval with {level:.0%} probability"
+    )

@@ -79,12 +79,21 @@ from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
 from elicit.person.report import report_page
 from elicit.person.session import Session, SessionStatus
-from elicit.person.showing import MOST_ICONS, Shown, Words, near_in_whole_numbers, practice, printable, show
+from elicit.person.showing import (
+    MOST_ICONS,
+    Shown,
+    Words,
+    near_in_whole_numbers,
+    practice,
+    printable,
+    show,
+)
 from elicit.tutors.answer_log import Entry
 
 _UNUSED = "This does not go together with earlier answers, so it is not used: see “Your answers”."
 _REPEATED = (
-    "That question was put a second time, to see whether the answers agree. What follows is the same either way."
+    "That question was put a second time, to see whether the answers agree. What follows is the "
+    "same either way."
 )
 
 
@@ -129,7 +138,9 @@ class Subject:
 
 @dataclass(frozen=True, eq=False)
 class _Beside:
-    """Computations beside a question (``shown`` by its id) for this asker, if it could be copied."""
+    """Computations beside a question (``shown`` by its id) for this asker, if it could be
+    copied.
+    """
 
     shown: str
     asker: Asker
@@ -161,7 +172,9 @@ class Interview(Closing):
         self._practised = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
-        """The question of the last screen, for hosts that draw it themselves; None if it has none."""
+        """The question of the last screen, for hosts that draw it themselves; None if it has
+        none.
+        """
         session.instead = partial(_in_whole_numbers, subject)
         self._background = Background()
         self._beside: _Beside | None = None
@@ -198,7 +211,9 @@ class Interview(Closing):
         parts = dict(message) if isinstance(message, Mapping) else {}
         does = self._does.get(str(parts.pop("do", None)))
         if does is None or not all(isinstance(value, str) for value in parts.values()):
-            raise ValueError(f'a message says what to "do", one of {", ".join(self._does)}, and strings besides')
+            raise ValueError(
+                f'a message says what to "do", one of {", ".join(self._does)}, and strings besides'
+            )
         try:
             signature(does).bind(**parts)
         except TypeError:
@@ -253,24 +268,37 @@ class Interview(Closing):
 
     def _practise(self, choice: str) -> dict[str, Any]:
         self._practised = True
-        shown = practice(self._subject.labels, self._subject.words, self._subject.of, self._subject.seed)
+        shown = practice(
+            self._subject.labels, self._subject.words, self._subject.of, self._subject.seed
+        )
         obvious = "b" if shown.swapped else "a"
         if choice == obvious:
             return self._screen("Just so. Now the questions that count.")
         return self._screen(
-            f"Most would say {obvious.upper()}: all there are at the best level. Now the questions that count."
+            f"Most would say {obvious.upper()}: all there are at the best level. Now the questions "
+            "that count."
         )
 
     def _answer(self, id: str, choice: str) -> dict[str, Any]:
         query = self._session.question()
         if query is None or query.id != id:
-            said = next((e for e in reversed(self._session.log) if e.answer.query.id == id and not e.retracted), None)
+            said = next(
+                (
+                    e
+                    for e in reversed(self._session.log)
+                    if e.answer.query.id == id and not e.retracted
+                ),
+                None,
+            )
             if said is None:
-                return self._screen("That question is not open any more. This is where things stand.")
+                return self._screen(
+                    "That question is not open any more. This is where things stand."
+                )
             if self._shown(said.answer.query).verdict(choice) == said.answer.verdict:  # type: ignore[arg-type]
                 return self._screen()  # the answer was sent twice
             return self._screen(
-                f"That question was answered already, perhaps in another window: {self._sentence(said)}. "
+                "That question was answered already, perhaps in another window: "
+                f"{self._sentence(said)}. "
                 "That answer stands; you can take it back."
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
@@ -300,12 +328,16 @@ class Interview(Closing):
         elif session.makes_askers and not self._rounded(pending):
             ahead = LookAhead(asker, twin, pending, self._shown(pending).swapped)
         counted = not session.is_repeat(shown.id)
-        outlook = Outlook(twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted)
+        outlook = Outlook(
+            twin, shown, pending, subject.stakes, self._ends, subject.seed, before, since, counted
+        )
         self._beside = _Beside(shown.id, asker, ahead, outlook)
         self._background.start(chain(() if ahead is None else ahead.steps(), outlook.steps()))
 
     def _told_ahead(self, asker: Asker, answer: Answer) -> AfterAnswer | None:
-        """Return the asker after an answer, if it was computed, and give up the other computations."""
+        """Return the asker after an answer, if it was computed, and give up the other
+        computations.
+        """
         ahead = None if self._beside is None else self._beside.ahead
         found = None if ahead is None else ahead.told(asker, answer)
         self._background.stop()
@@ -334,14 +366,18 @@ class Interview(Closing):
         return self._screen("Taken back.")
 
     def _withdraw(self, id: str) -> dict[str, Any]:
-        if not any(entry.answer.query.id == id and not entry.retracted for entry in self._session.log):
+        if not any(
+            entry.answer.query.id == id and not entry.retracted for entry in self._session.log
+        ):
             return self._screen("Nothing was taken back: no such answer stands any more.")
         self._forget()
         self._session.withdraw(id)
         return self._screen("Taken back. The other answers stay.")
 
     def _outlook(self, id: str) -> dict[str, Any]:
-        """Return the notes beside a question, without taking the lock: nobody waits for it, nor it for anybody."""
+        """Return the notes beside a question, without taking the lock: nobody waits for it, nor it
+        for anybody.
+        """
         now = self._beside
         outlook = now.outlook if now is not None and now.shown == id else None
         if outlook is None:
@@ -363,7 +399,10 @@ class Interview(Closing):
             }
             for entry in self._session.log
         ]
-        return {"answers": said, "conflicts": [[one["id"] for one in among] for among in self._conflicts()]}
+        return {
+            "answers": said,
+            "conflicts": [[one["id"] for one in among] for among in self._conflicts()],
+        }
 
     def _report(self) -> dict[str, Any]:
         query, log = self._session.question(), self._session.log
@@ -389,8 +428,12 @@ class Interview(Closing):
         asker = session.current_asker()
         known = asker.comparator if isinstance(asker, Compares) else None
         return {
-            "open": f"There is no finer question of whole numbers. {subject.finer}".strip() if open_still else None,
-            "scale": [] if known is None else [row._asdict() for row in scale_rows(known, subject.labels)],
+            "open": f"There is no finer question of whole numbers. {subject.finer}".strip()
+            if open_still
+            else None,
+            "scale": []
+            if known is None
+            else [row._asdict() for row in scale_rows(known, subject.labels)],
             "certainty": None if known is None else certainty(known),
             "statements": [*map(printable, subject.report(session.result())), *_repeats(status)],
             "counts": {
@@ -438,8 +481,12 @@ def _shown(subject: Subject, query: Query) -> Shown:
     return show(query, subject.words, subject.of, subject.seed, subject.labels)
 
 
-def _in_whole_numbers(subject: Subject, query: Query, answered: Callable[[Query], bool]) -> Query | None:
-    """Return a query in whole numbers near one that is not, if there is one that was not asked yet."""
+def _in_whole_numbers(
+    subject: Subject, query: Query, answered: Callable[[Query], bool]
+) -> Query | None:
+    """Return a query in whole numbers near one that is not, if there is one that was not asked
+    yet.
+    """
     if _shown(subject, query).exact:
         return None
     return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)

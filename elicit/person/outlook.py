@@ -20,8 +20,8 @@ from elicit.person.asker import Asker, Compares, tell
 from elicit.person.showing import Shown, printable
 
 _PLAYS = 12
-"""Sessions that are played. One more like them is within their range in 11 of 13 cases; in 10 without the longest,
-which may be far longer than the others."""
+"""Sessions that are played. One more like them is within their range in 11 of 13 cases; in 10
+without the longest, which may be far longer than the others."""
 _FEWEST = 4  # least number of sessions to make a range of
 _FEWEST_SO_FAR = 5  # least number while others are still played
 _SECONDS = 15.0  # time limit of all this, except for a last step
@@ -31,7 +31,9 @@ _NO_DIFFERENCE = 1e-12
 
 @dataclass(eq=False)
 class _Play:
-    """A session with a simulated tutor, from the present question on: its asker, tutor and answers so far."""
+    """A session with a simulated tutor, from the present question on: its asker, tutor and answers
+    so far.
+    """
 
     asker: Asker
     says: Callable[[Query], Verdict]
@@ -86,7 +88,9 @@ class Outlook:
         self.ready = False
         """True if nothing will be added."""
         since = [*answered]
-        if before is not None and (earlier := before._before) is not None:  # ``before`` was given up before it began
+        if (
+            before is not None and (earlier := before._before) is not None
+        ):  # ``before`` was given up before it began
             before, since = earlier, [*before._answered, *since]
         self._twin, self._shown, self._pending = twin, shown, pending
         self._stakes, self._ends, self._seed = stakes, ends, seed
@@ -94,12 +98,16 @@ class Outlook:
         self._answered: list[Verdict | None] = since
         self._counted = counted
         self._plays: list[_Play] = []
-        if before is not None:  # at once; the plays may be in use still, and go on only in ``steps``
+        if (
+            before is not None
+        ):  # at once; the plays may be in use still, and go on only in ``steps``
             self._plays = before._going_on(self._answered)
             self._count(_FEWEST)
 
     def steps(self) -> Iterator[None]:
-        """Compute in steps, after those of ``before`` have ended; if a step fails, the rest is left out."""
+        """Compute in steps, after those of ``before`` have ended; if a step fails, the rest is left
+        out.
+        """
         try:
             yield from self._steps()
         finally:
@@ -144,7 +152,10 @@ class Outlook:
         for number in range(len(self._plays), _PLAYS):
             chance = np.random.default_rng([int(key), number])
             one = int(chance.choice(len(weights), p=weights / weights.sum()))
-            play = _Play(copy.deepcopy(self._twin), _tutor(gaps[:, one], precision[one : one + 1], lapse, chance))
+            play = _Play(
+                copy.deepcopy(self._twin),
+                _tutor(gaps[:, one], precision[one : one + 1], lapse, chance),
+            )
             self._plays.append(play)
             yield play
 
@@ -164,7 +175,9 @@ class Outlook:
             self.to_come = played[0] - self._counted, played[-2] - self._counted
 
 
-def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Generator) -> Callable[[Query], Verdict]:
+def _tutor(
+    gaps: Floats, precision: Floats, lapse: float, chance: np.random.Generator
+) -> Callable[[Query], Verdict]:
     """Return a tutor with the scale of these gaps (p,) who errs by precision (1,) and lapse."""
 
     def says(query: Query) -> Verdict:
@@ -178,35 +191,47 @@ def _tutor(gaps: Floats, precision: Floats, lapse: float, chance: np.random.Gene
 
 
 def what_is_open(shown: Shown, comparator: Comparator) -> str | None:
-    """Return a sentence on what the comparator leaves open of a question, or None if it knows nothing."""
+    """Return a sentence on what the comparator leaves open of a question, or None if it knows
+    nothing.
+    """
     level = trusted_share(comparator)
     sure = "" if level is None else f", with {level:.0%} probability,"
     left, right = shown.vectors
     d = left - right
     sides = np.flatnonzero(d > 0), np.flatnonzero(d < 0)
     labels = [printable(label) for label in shown.labels]
-    for one, (low, *rest) in ((a, b) for a, b in (sides, sides[::-1]) if len(a) == 1 and len(b) == 2):
+    for one, (low, *rest) in (
+        (a, b) for a, b in (sides, sides[::-1]) if len(a) == 1 and len(b) == 2
+    ):
         level, (high,) = int(one[0]), rest
         if low < level < high:
             least, most = _place(comparator, int(low), level, int(high))
             return (
-                f"It is still open how you weigh {labels[level]} against a mixture of {labels[high]} and "
-                f"{labels[low]}: so far{sure} 1 {labels[level]} counts for something between {least} and {most} on "
+                f"It is still open how you weigh {labels[level]} against a mixture of "
+                f"{labels[high]} and "
+                f"{labels[low]}: so far{sure} 1 {labels[level]} counts for something between "
+                f"{least} and {most} on "
                 f"the way from {labels[low]} (0) to {labels[high]} (100)."
             )
     total = float(left.sum())
-    worth = np.array([float(bound[0]) for bound in bounds_of(comparator, d[None, :])]) * (100.0 / total)
+    worth = np.array([float(bound[0]) for bound in bounds_of(comparator, d[None, :])]) * (
+        100.0 / total
+    )
     if not np.isfinite(worth).all():
         return None
     least, most = (-worth[::-1] if shown.swapped else worth).tolist()
     measure = f"where all {labels[-1]} is worth 100 and all {labels[0]} 0"
     if least < 0 < most:
         return (
-            f"It is still open which of the two you would rather have: so far{sure} A may be worth up to "
+            f"It is still open which of the two you would rather have: so far{sure} A may be worth "
+            "up to "
             f"{_up(most)} more than B, or up to {_up(-least)} less, {measure}."
         )
     near, far = sorted((abs(least), abs(most)))
-    return f"It is still open how far apart the two are: so far{sure} {int(near)} to {_up(far)}, {measure}."
+    return (
+        f"It is still open how far apart the two are: so far{sure} {int(near)} to {_up(far)}, "
+        f"{measure}."
+    )
 
 
 def _up(number: float) -> int:
@@ -214,7 +239,9 @@ def _up(number: float) -> int:
 
 
 def _place(comparator: Comparator, low: int, level: int, high: int) -> tuple[int, int]:
-    """Return the whole numbers between which a level lies, from a lower one (0) to a higher one (100)."""
+    """Return the whole numbers between which a level lies, from a lower one (0) to a higher one
+    (100).
+    """
     shares = np.linspace(0.0, 1.0, 101)
     d = np.zeros((101, comparator.k))
     d[:, level] = 1.0

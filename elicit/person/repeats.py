@@ -33,7 +33,11 @@ class Repeats:
             return None
         again = {entry.metadata[REPEATS] for entry in standing if entry.repeat}
         # never the last question, which the person remembers
-        may = [said.query for said in first[:-1] if said.verdict is not None and said.query.id not in again]
+        may = [
+            said.query
+            for said in first[:-1]
+            if said.verdict is not None and said.query.id not in again
+        ]
         if not may:
             return None
         query = may[int(which) % len(may)]

@@ -1,9 +1,10 @@
 """An asker that is kept in step with the answer log of its session.
 
-The log alone says where a session stands. The answers that stand since the asker was last (re)started are told again,
-in order, to a new asker, so that the next question and the end are those of a session that nothing disturbed. An asker
-is restarted where its questions are not those of the log, for example with another comparator, and where an answer is
-withdrawn that others followed. It then knows the earlier answers from the start (``known=``).
+The log alone says where a session stands. The answers that stand since the asker was last
+(re)started are told again, in order, to a new asker, so that the next question and the end are
+those of a session that nothing disturbed. An asker is restarted where its questions are not those
+of the log, for example with another comparator, and where an answer is withdrawn that others
+followed. It then knows the earlier answers from the start (``known=``).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,8 +18,10 @@ from elicit.tutors.answer_log import CONTRADICTS, AnswerLog, Entry
 
 _ANY_NUMBER = Parameter.VAR_POSITIONAL  # of arguments
 _NOT_ITS_QUESTIONS = (
-    "this asker does not ask what the log answers: it was told something already, has another comparator or other "
-    "settings, or an answer was withdrawn. Give Session a function known -> asker in its place, such as lambda known: "
+    "this asker does not ask what the log answers: it was told something already, has another "
+    "comparator or other "
+    "settings, or an answer was withdrawn. Give Session a function known -> asker in its place, "
+    "such as lambda known: "
     "choose(vectors, comparator, known=known)"
 )
 
@@ -32,7 +35,9 @@ class _Standing(NamedTuple):
     known: int
     telling: bool = False  # whether it may have been told the next entry already
     contradicts: list[str] | None = None  # ids that the next entry is known to contradict
-    unmarked: list[str] | None = None  # ids that the last known entry contradicts, until the log says so
+    unmarked: list[str] | None = (
+        None  # ids that the last known entry contradicts, until the log says so
+    )
 
 
 class ReplayedAsker:
@@ -54,7 +59,9 @@ class ReplayedAsker:
         If only a function can go on with this log.
     """
 
-    def __init__(self, asker: Asker | MakeAsker, log: AnswerLog, stamp: Callable[[], dict[str, Any]]) -> None:
+    def __init__(
+        self, asker: Asker | MakeAsker, log: AnswerLog, stamp: Callable[[], dict[str, Any]]
+    ) -> None:
         self.check(asker)
         self._given = asker if isinstance(asker, Asker) and not isinstance(asker, type) else None
         self._make = asker if self._given is None and callable(asker) else None
@@ -69,7 +76,8 @@ class ReplayedAsker:
             _check_makes(asker)
         elif not isinstance(asker, Asker) and not callable(asker):
             raise TypeError(
-                f"a session takes a function known -> asker, or an asker with ask, tell and result, not {asker!r}"
+                "a session takes a function known -> asker, or an asker with ask, tell and "
+                f"result, not {asker!r}"
             )
 
     @property
@@ -80,11 +88,14 @@ class ReplayedAsker:
     def current(self) -> Asker:
         """Return the asker, told all that is in the log.
 
-        It is another one after an answer was taken back, and after an answer that was looked ahead to."""
+        It is another one after an answer was taken back, and after an answer that was looked ahead
+        to."""
         if self._stands is None:
             self._know(self._resumed())
         self._mark_contradiction()
-        while (now := self._standing_now).known < len(self._log):  # logged, but telling it failed or was interrupted
+        while (now := self._standing_now).known < len(
+            self._log
+        ):  # logged, but telling it failed or was interrupted
             self._tell_next(now)
             self._mark_contradiction()
         return self._standing_now.asker
@@ -96,24 +107,29 @@ class ReplayedAsker:
     def withdraw(self, id: str, metadata: dict[str, Any]) -> None:
         """Take back the answer to the query of this id, and go on without it.
 
-        Raises ValueError if no answer of this id stands, or if a new asker would be needed and cannot be made."""
+        Raises ValueError if no answer of this id stands, or if a new asker would be needed and
+        cannot be made."""
         if self._make is None:
             raise ValueError(
-                "to take back an answer the session must make a new asker: give Session a function known -> asker, "
+                "to take back an answer the session must make a new asker: give Session a function "
+                "known -> asker, "
                 "such as lambda known: choose(vectors, comparator, known=known)"
             )
         known = {entry.answer.query.id for entry in self.standing()[0]}
         repeat = any(entry.repeat for entry in self._log if entry.answer.query.id == id)
         before = self._stands
         if not repeat:  # the asker knows nothing of repeats
-            self._stands = None  # now, for an interruption may come when the answer is taken back already
+            self._stands = (
+                None  # now, for an interruption may come when the answer is taken back already
+            )
         try:
             self._log.retract(id, **metadata)
         except Exception:
             self._stands = before
             raise
         if not repeat:
-            # if the last answer is withdrawn, the earlier ones are told again, and its question comes back
+            # if the last answer is withdrawn, the earlier ones are told again, and its question
+            # comes back
             self._know(self._restarted() if id in known else self._resumed())
 
     def standing(self) -> tuple[list[Entry], list[Entry]]:
@@ -122,7 +138,10 @@ class ReplayedAsker:
         First those that the asker knew when it was made, then those that it was told since."""
         entries = list(self._log)
         n = self._log.restarted
-        before, since = ([e for e in some if not e.retracted and not e.repeat] for some in (entries[:n], entries[n:]))
+        before, since = (
+            [e for e in some if not e.retracted and not e.repeat]
+            for some in (entries[:n], entries[n:])
+        )
         return before, since
 
     @property
@@ -137,7 +156,8 @@ class ReplayedAsker:
     def _tell_next(self, now: _Standing) -> None:
         """Tell the asker the next entry of the log that it does not know.
 
-        After an interruption this is called again. A query that the asker no longer waits for was then told already."""
+        After an interruption this is called again. A query that the asker no longer waits for was
+        then told already."""
         entry, asker = self._log[now.known], now.asker
         if entry.repeat or entry.retracted:
             self._stands = _Standing(asker, now.known + 1)
@@ -148,10 +168,14 @@ class ReplayedAsker:
                 try:
                     asker.tell([entry.answer])
                 except InconsistentAnswers as error:
-                    self._stands = now = now._replace(contradicts=[name for _, name in error.answers])
+                    self._stands = now = now._replace(
+                        contradicts=[name for _, name in error.answers]
+                    )
             if now.contradicts is not None:
                 asker.tell([entry.answer], "drop")
-        elif not now.telling and counts(entry):  # it was in place of a query, or comes from elsewhere
+        elif not now.telling and counts(
+            entry
+        ):  # it was in place of a query, or comes from elsewhere
             if self._make is None:
                 raise ValueError(_NOT_ITS_QUESTIONS)
             self._stands = None
@@ -201,7 +225,9 @@ class ReplayedAsker:
         return True
 
     def _restarted(self) -> Asker:
-        """Return an asker that knows all that stands, except what contradicts the rest, and mark that in the log."""
+        """Return an asker that knows all that stands, except what contradicts the rest, and mark
+        that in the log.
+        """
         before = [entry for entry in self._log if not entry.retracted and not entry.repeat]
         known = [replace(entry, used=True) if counts(entry) else entry for entry in before]
         contradicts: dict[int, list[str]] = {}
@@ -211,7 +237,11 @@ class ReplayedAsker:
                 break
             except InconsistentAnswers as error:
                 names = [name for _, name in error.answers]
-                told = [i for i, entry in enumerate(known) if entry.used and entry.answer.verdict is not None]
+                told = [
+                    i
+                    for i, entry in enumerate(known)
+                    if entry.used and entry.answer.verdict is not None
+                ]
                 last = next((i for i in reversed(told) if known[i].answer.query.id in names), None)
                 if last is None:
                     raise
@@ -228,7 +258,10 @@ class ReplayedAsker:
         assert self._make is not None
         asker = self._make(list(known))
         if not isinstance(asker, Asker):
-            raise TypeError(f"the function given to Session must return what has ask, tell and result, not {asker!r}")
+            raise TypeError(
+                "the function given to Session must return what has ask, tell and result, not "
+                f"{asker!r}"
+            )
         return asker
 
 
@@ -239,9 +272,12 @@ def _check_makes(asker: type) -> None:
         signature(asker).bind([])
     except (TypeError, ValueError):
         takes = []
-    if not takes or (isinstance(asker, Asker) and takes[0].name != "known" and takes[0].kind is not _ANY_NUMBER):
+    if not takes or (
+        isinstance(asker, Asker) and takes[0].name != "known" and takes[0].kind is not _ANY_NUMBER
+    ):
         name = asker.__name__
         raise TypeError(
-            f"a session takes an asker, or a function known -> asker, but {name} is a class: make one, "
+            f"a session takes an asker, or a function known -> asker, but {name} is a class: make "
+            "one, "
             f"{name}(...), or give a function that does, lambda known: {name}(..., known=known)"
         )

@@ -6,7 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
-_COLOURS = ((127, 39, 4), (217, 95, 14), (254, 196, 79), (198, 219, 239), (107, 174, 214), (8, 81, 156))
+_COLOURS = (
+    (127, 39, 4),
+    (217, 95, 14),
+    (254, 196, 79),
+    (198, 219, 239),
+    (107, 174, 214),
+    (8, 81, 156),
+)
 _STYLE = """
 body { margin: 2rem auto; max-width: 52rem; padding: 0 1rem; color: #14202b; background: #fff;
   font: 16px/1.45 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }
@@ -33,7 +40,7 @@ svg { display: block; width: 100%; overflow: visible; }
   tr, .conflict, h2 { break-inside: avoid; } h2 { break-after: avoid; }
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
-"""
+"""  # noqa: E501
 
 
 def report_page(
@@ -87,7 +94,9 @@ def report_page(
     parts += ["<h2>Every answer</h2>", *_answers(answers, end["conflicts"])]
     if log is not None:
         check = "" if checksum is None else f", whose last line has the checksum {checksum}"
-        parts.append(f'<p class="soft log">The answers are kept in the file {_text(log)}{_text(check)}.</p>')
+        parts.append(
+            f'<p class="soft log">The answers are kept in the file {_text(log)}{_text(check)}.</p>'
+        )
     body = "\n".join(parts)
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -115,14 +124,18 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = (
-        "From 0, the worst, to 100, the best: 60 is as good as 60 of 100 at the best level and 40 at the worst. The "
+        "From 0, the worst, to 100, the best: 60 is as good as 60 of 100 at the best level and 40 "
+        "at the worst. The "
         "dot is the best guess, the bar what is still open"
     )
     yield f'<table class="scale">\n<caption>{said} ({_text(certainty)}).</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'
-    yield '<th scope="col" class="number guess">Best guess</th><th scope="col" class="number range">Range</th>'
+    yield (
+        '<th scope="col" class="number guess">Best guess</th><th scope="col" class="number '
+        'range">Range</th>'
+    )
     yield "</tr></thead>\n<tbody>"
     for i, row in enumerate(rows):
         low, high = row["low"], row["high"]
@@ -136,10 +149,15 @@ def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
 
 
 def _interval(low: float, value: float, high: float, colour: str) -> str:
-    grid = "".join(f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>' for x in (0, 25, 50, 75, 100))
+    grid = "".join(
+        f'<line x1="{x}%" x2="{x}%" y1="0" y2="100%" stroke="#e4e9ee"/>'
+        for x in (0, 25, 50, 75, 100)
+    )
     return (
-        f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="10" height="14" rx="3" '
-        f'fill="{colour}" stroke="#33414d"/><circle cx="{value:.2f}%" cy="17" r="6" fill="#fff" stroke="#14202b" '
+        f'<svg height="34" aria-hidden="true">{grid}<rect x="{low}%" width="{high - low}%" y="10" '
+        'height="14" rx="3" '
+        f'fill="{colour}" stroke="#33414d"/><circle cx="{value:.2f}%" cy="17" r="6" fill="#fff" '
+        'stroke="#14202b" '
         'stroke-width="3"/></svg>'
     )
 
@@ -167,16 +185,22 @@ def _statements(lines: Iterable[str]) -> Iterator[str]:
 
 def _conflict(entries: Sequence[Mapping[str, Any]]) -> str:
     items = "".join(f"<li>{_text(entry['sentence'])}</li>" for entry in entries)
-    said = f"These {len(entries)} answers do not go together; to change any one of them would mend it:"
+    said = (
+        f"These {len(entries)} answers do not go together; to change any one of them would mend it:"
+    )
     if len(entries) == 1:
         said = "This answer does not go with the order of the levels:"
     return f'<div class="conflict"><p>{said}</p><ul>{items}</ul></div>'
 
 
-def _answers(answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[Mapping[str, Any]]]) -> Iterator[str]:
+def _answers(
+    answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[Mapping[str, Any]]]
+) -> Iterator[str]:
     among = {entry["id"] for entries in conflicts for entry in entries}
     columns = {"nr": "#", "answer": "Answer", "when": "When (UTC)", "remarks": "Remarks"}
-    head = "".join(f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items())
+    head = "".join(
+        f'<th scope="col" class="{name}">{words}</th>' for name, words in columns.items()
+    )
     yield f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>"
     for number, one in enumerate(answers, 1):
         stands = not one["withdrawn"]
@@ -189,5 +213,7 @@ def _answers(answers: Sequence[Mapping[str, Any]], conflicts: Sequence[Sequence[
         said = _text(one["sentence"]) if stands else f"<s>{_text(one['sentence'])}</s>"
         when = _text((one["time"] or "")[:16].replace("T", " "))
         noted = ", ".join(words for words, holds in remarks.items() if holds)
-        yield f'<tr><td>{number}</td><td>{said}</td><td class="soft">{when}</td><td>{noted}</td></tr>'
+        yield (
+            f'<tr><td>{number}</td><td>{said}</td><td class="soft">{when}</td><td>{noted}</td></tr>'
+        )
     yield "</tbody>\n</table>"

@@ -1,7 +1,8 @@
-"""A session with a person who answers, kept in an answer log: it can be left at any moment and picked up again.
+"""A session with a person who answers, kept in an answer log: it can be left at any moment and
+picked up again.
 
-A session holds no prompt, no socket and no window. Whoever shows the questions calls ``question`` and ``answer``. The
-log alone says where the session stands (``elicit.person.replayed_asker``).
+A session holds no prompt, no socket and no window. Whoever shows the questions calls ``question``
+and ``answer``. The log alone says where the session stands (``elicit.person.replayed_asker``).
 """
 
 import copy
@@ -46,7 +47,9 @@ class SessionStatus:
         state = "finished" if self.finished else "a question waits"
         taken_back = f", {self.withdrawn} withdrawn" if self.withdrawn else ""
         again = f", {self.alike} of {self.repeated} repeats as before" if self.repeated else ""
-        return f"{state}: {self.answered} answered{f' ({among})' if among else ''}{taken_back}{again}"
+        return (
+            f"{state}: {self.answered} answered{f' ({among})' if among else ''}{taken_back}{again}"
+        )
 
 
 class Session(Closing):
@@ -98,7 +101,9 @@ class Session(Closing):
         require(is_number(audit, 0, 1), what, "in 0..1", audit)
         self._clock = clock
         self._stamp = {"session": secrets.token_hex(4), **({} if who is None else {"who": who})}
-        self._put_at: dict[str, float] = {}  # when a pending question was put, by a clock that only goes forwards
+        self._put_at: dict[
+            str, float
+        ] = {}  # when a pending question was put, by a clock that only goes forwards
         self.instead: Instead | None = None
         """Chooses the query that replaces the asker's, for a session that makes its askers.
 
@@ -125,7 +130,8 @@ class Session(Closing):
     def current_asker(self) -> Asker:
         """Return the asker, told all that is in the log.
 
-        It is another one after ``undo`` and ``withdraw``, and after an answer that was looked ahead to."""
+        It is another one after ``undo`` and ``withdraw``, and after an answer that was looked ahead
+        to."""
         return self._replayed.current()
 
     @property
@@ -134,7 +140,8 @@ class Session(Closing):
         return self._replayed.makes_askers
 
     def twin(self) -> Asker | None:
-        """Return a copy of the asker, on which another thread may try answers; None if it cannot be copied.
+        """Return a copy of the asker, on which another thread may try answers; None if it cannot be
+        copied.
 
         ``copy.deepcopy`` of an asker must share nothing with it that changes."""
         try:
@@ -192,7 +199,8 @@ class Session(Closing):
         ahead: Callable[[Asker, Answer], AfterAnswer | None] | None = None,
         **metadata: Any,
     ) -> Answer:
-        """Take the answer to the pending query of this id, and put it on the disk before it returns.
+        """Take the answer to the pending query of this id, and put it on the disk before it
+        returns.
 
         An answer that was given already has no effect, so a page may send it twice.
 
@@ -202,8 +210,8 @@ class Session(Closing):
         verdict : Verdict or int or None
             Of ``query.left``, also if the question was shown right to left. None: cannot tell.
         ahead : callable, optional
-            Returns an asker that was told this answer already (``LookAhead.told``). A session that makes its askers
-            goes on with that one.
+            Returns an asker that was told this answer already (``LookAhead.told``). A session that
+            makes its askers goes on with that one.
         **metadata
             Any JSON, for the log.
 
@@ -222,14 +230,22 @@ class Session(Closing):
         asker = self.current_asker()
         said = last_answer(self._replayed.standing()[1], id)
         query = None if said else self._to_answer(id)
-        said = said or (None if query else last_answer([entry for entry in self._log if not entry.retracted], id))
+        said = said or (
+            None
+            if query
+            else last_answer([entry for entry in self._log if not entry.retracted], id)
+        )
         if said is not None:
             return _unchanged(said, verdict)
         if query is None:
             raise StaleAnswer(f"no pending query has the id {id!r}: answer what question() returns")
-        swapped = next((one.swapped for one in reversed(self._log.asked) if one.query.id == id), False)
+        swapped = next(
+            (one.swapped for one in reversed(self._log.asked) if one.query.id == id), False
+        )
         answer = Answer(query, verdict, swapped)  # type: ignore[arg-type]  # which turns the code into a Verdict
-        latency = {"latency": round(time.monotonic() - self._put_at[id], 3)} if id in self._put_at else {}
+        latency = (
+            {"latency": round(time.monotonic() - self._put_at[id], 3)} if id in self._put_at else {}
+        )
         first = self._repeats.first_answer(query) if self.is_repeat(id) else None
         if first is not None:
             before = {REPEATS: first.query.id, EXPECTED: int(first.verdict or 0)}
@@ -240,8 +256,15 @@ class Session(Closing):
         audited = {EXPECTED: int(implied[id])} if id in implied else {}
         self._log.append(answer, **{**self._now(), **latency, **audited, **metadata})
         self._put_at.pop(id, None)
-        pending = id in {query.id for query in asker.ask()}  # otherwise it is in place of one that is
-        if pending and ahead is not None and self.makes_askers and (after := ahead(asker, answer)) is not None:
+        pending = id in {
+            query.id for query in asker.ask()
+        }  # otherwise it is in place of one that is
+        if (
+            pending
+            and ahead is not None
+            and self.makes_askers
+            and (after := ahead(asker, answer)) is not None
+        ):
             self._replayed.go_on_with(after)
         self._replayed.current()  # tells the asker
         return answer
@@ -288,8 +311,8 @@ class Session(Closing):
     def conflicts(self) -> tuple[tuple[Entry, ...], ...]:
         """Return sets of answers that contradict each other, whatever the scale.
 
-        If any one of a set were withdrawn, the others of that set would be consistent. No answer is in two sets. The
-        person is taken not to err, also with a noisy comparator."""
+        If any one of a set were withdrawn, the others of that set would be consistent. No answer is
+        in two sets. The person is taken not to err, also with a noisy comparator."""
         rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
         found: list[tuple[Entry, ...]] = []
         while rest:
@@ -304,7 +327,9 @@ class Session(Closing):
         return tuple(found)
 
     def status(self) -> SessionStatus:
-        """Return where the session stands. Computing it may take a second, for it looks for the next question."""
+        """Return where the session stands. Computing it may take a second, for it looks for the
+        next question.
+        """
         entries = [entry for entry in self._log if not entry.repeat]
         standing = [entry for entry in entries if not entry.retracted]
         again = [entry for entry in self._log if entry.repeat and not entry.retracted]
@@ -367,7 +392,8 @@ def _unchanged(said: Answer, verdict: Verdict | int | None) -> Answer:
     again = Answer(said.query, verdict)  # type: ignore[arg-type]  # which turns the code into a Verdict
     if again.verdict != said.verdict:
         raise StaleAnswer(
-            f"the query {said.query.id!r} was answered with {_word(said.verdict)} already, not {_word(again.verdict)}: "
+            f"the query {said.query.id!r} was answered with {_word(said.verdict)} already, not "
+            f"{_word(again.verdict)}: "
             "withdraw that answer first"
         )
     return said

@@ -142,7 +142,12 @@ class Shown:
         ValueError
             For any other choice.
         """
-        require(choice in ("a", "b", "equal", "cannot tell"), "choice", "'a', 'b', 'equal' or 'cannot tell'", choice)
+        require(
+            choice in ("a", "b", "equal", "cannot tell"),
+            "choice",
+            "'a', 'b', 'equal' or 'cannot tell'",
+            choice,
+        )
         if choice == "cannot tell":
             return None
         if choice == "equal":
@@ -152,7 +157,13 @@ class Shown:
     def record(self) -> dict[str, Any]:
         """Return the shown counts, as JSON for a log."""
         a, b = (self.right, self.left) if self.swapped else (self.left, self.right)
-        return {"a": list(a), "b": list(b), "of": self.of, "unit": self.words.unit, "exact": self.exact}
+        return {
+            "a": list(a),
+            "b": list(b),
+            "of": self.of,
+            "unit": self.words.unit,
+            "exact": self.exact,
+        }
 
     def text(self, width: int = 80) -> str:
         """Return the question in plain text.
@@ -187,13 +198,18 @@ class Shown:
         asked = f"Two {side}s of {self.of:,} {unit}: {self.words.question}"
         said = []
         if same:
-            parts = [f"{n:,} {label}" for label, n in zip(self.labels, self.common, strict=True) if n]
+            parts = [
+                f"{n:,} {label}" for label, n in zip(self.labels, self.common, strict=True) if n
+            ]
             rest = f" The other {self.of - same:,} are shown." if same < self.of else ""
             said.append(
-                f"{same:,} of {self.of:,} {unit} {verb} the same in both {side}s: {', '.join(reversed(parts))}.{rest}"
+                f"{same:,} of {self.of:,} {unit} {verb} the same in both {side}s: "
+                f"{', '.join(reversed(parts))}.{rest}"
             )
         if not self.exact:
-            said.append(f"(Rounded to whole {unit}: what your answer is taken for is a little finer.)")
+            said.append(
+                f"(Rounded to whole {unit}: what your answer is taken for is a little finer.)"
+            )
         if same == self.of:
             differ = "are the same" if self.exact else f"differ by less than 1 in {self.of:,}"
             asked = f"The two {side}s {differ}: {self.words.question}"
@@ -205,14 +221,17 @@ class Shown:
         number = max((len(f"{n:,}") for n in counts), default=1)
         longest = max((len(row.label) for row in rows), default=1)
         icons = max(counts, default=0) <= MOST_ICONS
-        # the width includes an indent of 2, 2 after the label, 3 between the sides, and 1 after each number
+        # the width includes an indent of 2, 2 after the label, 3 between the sides, and 1 after
+        # each number
         label = min(longest, 20)
         room = (width - 2 - label - 2 - 3) // 2 - number - 1
         if room >= 2 * _FIVE + 1:
             room = min(room, 4 * (_FIVE + 1) - 1)
             yield f"  {'':{label}}  {'A':>{number}} {'':{room}}   {'B':>{number}}"
             for row in rows:
-                yield from _row(row, (row.a, row.b), len(self.labels), label, number, room if icons else 0, room)
+                yield from _row(
+                    row, (row.a, row.b), len(self.labels), label, number, room if icons else 0, room
+                )
             return
         label = min(longest, width - 2 - 2 - number - 1 - (2 * _FIVE + 1))
         room = 2 * _FIVE + 1
@@ -220,12 +239,22 @@ class Shown:
             yield name
             for row in rows:
                 yield from _row(
-                    row, (row.b if name == "B" else row.a,), len(self.labels), label, number, room if icons else 0, room
+                    row,
+                    (row.b if name == "B" else row.a,),
+                    len(self.labels),
+                    label,
+                    number,
+                    room if icons else 0,
+                    room,
                 )
 
 
 def show(
-    query: Query, words: Words = Words(), of: int = 10, seed: int = 0, labels: Sequence[str] | None = None
+    query: Query,
+    words: Words = Words(),
+    of: int = 10,
+    seed: int = 0,
+    labels: Sequence[str] | None = None,
 ) -> Shown:
     """Return a query in whole numbers.
 
@@ -259,7 +288,8 @@ def show(
     total = float(both[0].sum())
     if (both < 0).any() or total <= 0 or abs(both[1].sum() - total) > 1e-9 * total:
         raise ValueError(
-            f"only two vectors of the same total, and no number below 0, can be shown as counts, not {query.left} and "
+            "only two vectors of the same total, and no number below 0, can be shown as counts, "
+            f"not {query.left} and "
             f"{query.right} (query {query.id})"
         )
     scale, counts, exact = _whole(both, of, shares=abs(total - 1.0) <= 1e-9)
@@ -267,7 +297,16 @@ def show(
     require(is_list(names, both.shape[1]), "labels", f"{both.shape[1]} names, one a level", labels)
     digest = hashlib.blake2b(f"{seed}/{query.id}".encode(), digest_size=1).digest()
     left, right = (tuple(int(n) for n in side) for side in counts)
-    return Shown(query.id, left, right, tuple(map(printable, names)), words, scale, exact, bool(digest[0] & 1))
+    return Shown(
+        query.id,
+        left,
+        right,
+        tuple(map(printable, names)),
+        words,
+        scale,
+        exact,
+        bool(digest[0] & 1),
+    )
 
 
 def practice(labels: Sequence[str], words: Words = Words(), of: int = 10, seed: int = 0) -> Shown:
@@ -314,11 +353,15 @@ def near_in_whole_numbers(query: Query) -> Iterator[Query]:
     for whole in _ROUNDED:
         counts = _rounded(both, whole)
         if _fine(both, counts, float(whole)):
-            yield replace(query, id=f"{query.id} of {whole}", left=counts[0] / whole, right=counts[1] / whole)
+            yield replace(
+                query, id=f"{query.id} of {whole}", left=counts[0] / whole, right=counts[1] / whole
+            )
 
 
 def _whole(both: Floats, of: int, shares: bool) -> tuple[float, Floats, bool]:
-    """Return the factor from vectors (2, k) to counts, the counts (2, k), and whether they are exact."""
+    """Return the factor from vectors (2, k) to counts, the counts (2, k), and whether they are
+    exact.
+    """
     for scale in (of if shares else 1, 10, 100, *range(1, _MOST + 1), *_ROUNDED):
         counts = np.rint(both * scale)
         if (counts / scale == both).all() and counts[0].sum() == counts[1].sum():
@@ -349,8 +392,12 @@ def _to_total(parts: Floats, total: int) -> Floats:
     return counts
 
 
-def _row(row: Row, counts: Sequence[int], k: int, label: int, number: int, room: int, column: int) -> Iterator[str]:
-    """Return the lines of a level, with as many icons a line as have ``room``, in columns of this width."""
+def _row(
+    row: Row, counts: Sequence[int], k: int, label: int, number: int, room: int, column: int
+) -> Iterator[str]:
+    """Return the lines of a level, with as many icons a line as have ``room``, in columns of this
+    width.
+    """
     icon = "+" if row.level == k - 1 else "x" if row.level == 0 else "o"
     names = textwrap.wrap(row.label, label) or [""]
     icons = [_in_fives(icon * n, room) if room else [] for n in counts]

@@ -12,8 +12,8 @@ from elicit.person.asker import Asker, Audits
 from elicit.tutors.answer_log import AnswerLog
 
 Instead: TypeAlias = Callable[[Query, Callable[[Query], bool]], Query | None]
-"""Returns the query to put in place of another, or None for the query itself. Its second argument tells whether a
-query's difference was answered before."""
+"""Returns the query to put in place of another, or None for the query itself. Its second argument
+tells whether a query's difference was answered before."""
 
 
 def substitute(query: Query, asker: Asker, log: AnswerLog, instead: Instead) -> Query | None:

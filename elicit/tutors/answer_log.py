@@ -1,14 +1,14 @@
 """The answer log: append-only, and the single source of truth. Comparators are rebuilt from it.
 
-A log on disk is JSON lines: a header, then one line an event, each with a checksum that chains it to the line before
-(``log_lines``). Every append is on the disk before it returns, so a crash loses at most the line that was being
-written. One writer at a time has the file (``log_file``). The log reads no clock: a caller who wants times gives them
-as metadata.
+A log on disk is JSON lines: a header, then one line an event, each with a checksum that chains it
+to the line before (``log_lines``). Every append is on the disk before it returns, so a crash loses
+at most the line that was being written. One writer at a time has the file (``log_file``). The log
+reads no clock: a caller who wants times gives them as metadata.
 
-The events: a question was "asked", "answered" (the verdict 0 is "equal", null "cannot tell"), its answer was
-"withdrawn", or found "unused" for what it contradicts, and "used" once that was withdrawn; and whoever asks has
-"restarted", knowing the answers so far. Nothing is deleted. What is withdrawn are the answers before it that have this
-id, so the query can be answered anew.
+The events: a question was "asked", "answered" (the verdict 0 is "equal", null "cannot tell"), its
+answer was "withdrawn", or found "unused" for what it contradicts, and "used" once that was
+withdrawn; and whoever asks has "restarted", knowing the answers so far. Nothing is deleted. What is
+withdrawn are the answers before it that have this id, so the query can be answered anew.
 """
 
 import json
@@ -40,17 +40,24 @@ T = TypeVar("T")
 
 _FIELDS = ("id", "left", "right", "verdict", "swapped", "about", "used")
 EXPECTED = "expected"
-"""The metadata of an audit's answer: the verdict that the other answers imply; of a repeat's: the first answer's."""
+"""The metadata of an audit's answer: the verdict that the other answers imply; of a repeat's: the
+first answer's.
+"""
 REPEATS = "repeats"
-"""The metadata of an answer to a question that was put again: the id of the first. Comparators do not learn from it."""
+"""The metadata of an answer to a question that was put again: the id of the first. Comparators do
+not learn from it.
+"""
 CONTRADICTS = "contradicts"
-"""The metadata of an answer that was marked unused for what it contradicts: the ids of those answers."""
+"""The metadata of an answer that was marked unused for what it contradicts: the ids of those
+answers.
+"""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One answer of a log, whether comparators learn from it, and the caller's metadata. ``retraction`` is
-    None while the answer stands; then the metadata of the line that took it back, and ``used`` is False."""
+    """One answer of a log, whether comparators learn from it, and the caller's metadata.
+    ``retraction`` is None while the answer stands; then the metadata of the line that took it back,
+    and ``used`` is False."""
 
     answer: Answer
     used: bool = True
@@ -64,13 +71,17 @@ class Entry:
 
     @property
     def repeat(self) -> bool:
-        """True if the question was answered before, and put again to see whether the answers agree."""
+        """True if the question was answered before, and put again to see whether the answers
+        agree.
+        """
         return REPEATS in self.metadata
 
 
 @dataclass(frozen=True)
 class Asked:
-    """A question that was put, whether it was shown right to left, and the caller's metadata, such as its words."""
+    """A question that was put, whether it was shown right to left, and the caller's metadata, such
+    as its words.
+    """
 
     query: Query
     swapped: bool = False
@@ -78,7 +89,9 @@ class Asked:
 
 
 class _Doing(NamedTuple):
-    """An event under way: what it changes, and the header and the lines of the file once it is on the disk."""
+    """An event under way: what it changes, and the header and the lines of the file once it is on
+    the disk.
+    """
 
     change: Callable[[], None]
     header: dict[str, Any]
@@ -86,36 +99,46 @@ class _Doing(NamedTuple):
 
 
 def entries_of(log: Iterable[Entry | Answer]) -> list[Entry]:
-    """The entries of a log, of some of its entries, or of Answers to queries. Raises TypeError for anything else, such
-    as ``Answers``, which do not say what was shown left and right."""
+    """The entries of a log, of some of its entries, or of Answers to queries. Raises TypeError for
+    anything else, such as ``Answers``, which do not say what was shown left and right."""
     entries = [Entry(item) if isinstance(item, Answer) else item for item in log]
     for item in entries:
         if not isinstance(item, Entry):
-            raise TypeError(f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file")
+            raise TypeError(
+                f"a log holds entries or Answers, not {item!r}; AnswerLog.read(path) reads a file"
+            )
     return entries
 
 
 class AnswerLog(Closing):
-    """All answers of a run, in the order in which they were told: ``log[i]`` is an ``Entry``, ``log[i:j]`` several.
+    """All answers of a run, in the order in which they were told: ``log[i]`` is an ``Entry``,
+    ``log[i:j]`` several.
 
-    path: the file to write; an existing log is continued. None keeps the log in memory. k: the number of levels; None
-    takes it from the file, else from the first answer. header: further JSON fields for the header line, such as the
-    names of the levels. An existing file must have each of them, and the same.
+    path: the file to write; an existing log is continued. None keeps the log in memory. k: the
+    number of levels; None takes it from the file, else from the first answer. header: further JSON
+    fields for the header line, such as the names of the levels. An existing file must have each of
+    them, and the same.
 
-    The file stays locked until ``close``, or until the log is let go of; as a context manager it closes at the end.
-    Only its owner can read a file that it makes.
+    The file stays locked until ``close``, or until the log is let go of; as a context manager it
+    closes at the end. Only its owner can read a file that it makes.
 
-    Raises BadLog where the file is no log, no regular file, is damaged before its last line, or disagrees with k or
-    header; BlockingIOError where another one writes to it; OSError where it cannot be written.
+    Raises BadLog where the file is no log, no regular file, is damaged before its last line, or
+    disagrees with k or header; BlockingIOError where another one writes to it; OSError where it
+    cannot be written.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str] | None = None, k: int | None = None, header: Mapping[str, Any] | None = None
+        self,
+        path: str | os.PathLike[str] | None = None,
+        k: int | None = None,
+        header: Mapping[str, Any] | None = None,
     ) -> None:
         fixed = {"format": FORMAT, "version": VERSION}
         given = {**fixed, **({} if k is None else {"k": k}), **(header or {})}
         if header and not {*fixed, "k", CHECK}.isdisjoint(header):
-            raise ValueError(f"a header's format, version, k and check are not free fields: {dict(header)}")
+            raise ValueError(
+                f"a header's format, version, k and check are not free fields: {dict(header)}"
+            )
         self._path = None if path is None else _as_path(path)
         self._header: dict[str, Any] = json.loads(json_of(given, "header"))
         self._entries: list[Entry] = []
@@ -127,7 +150,9 @@ class AnswerLog(Closing):
         self._doing: _Doing | None = None
         if self._path is None:
             return
-        self._file = LogFile(self._path)  # what cannot be written must show before the first question
+        self._file = LogFile(
+            self._path
+        )  # what cannot be written must show before the first question
         try:
             self._load(self._path, self._file.content, None)
         except BaseException:
@@ -139,9 +164,10 @@ class AnswerLog(Closing):
     def read(cls, path: str | os.PathLike[str], faults: list[BadLog] | None = None) -> Self:
         """Return the log in a file, for reading only; the file is not touched, nor locked.
 
-        Where a line was changed or is missing, nothing after it can be trusted. Without ``faults`` that raises. With a
-        list for ``faults`` the log holds what stands before, and the error is put into the list; so is that of a line
-        that is as it was written, but says what cannot be, and only this line is left out.
+        Where a line was changed or is missing, nothing after it can be trusted. Without ``faults``
+        that raises. With a list for ``faults`` the log holds what stands before, and the error is
+        put into the list; so is that of a line that is as it was written, but says what cannot be,
+        and only this line is left out.
 
         Raises BadLog, FileNotFoundError, and TypeError for what is no path.
         """
@@ -192,45 +218,48 @@ class AnswerLog(Closing):
         return self._lines.check or None
 
     def append(self, answer: Answer, used: bool = True, **metadata: Any) -> None:
-        """Add an answer; when this returns it is on the disk, and when it raises nothing has changed. Only an
-        interruption (Ctrl+C) may come after it was added.
+        """Add an answer; when this returns it is on the disk, and when it raises nothing has
+        changed. Only an interruption (Ctrl+C) may come after it was added.
 
-        used=False records an answer that comparators are not to learn from. metadata: any JSON, such as a time. Raises
-        ValueError on another number of levels or metadata that is no JSON, BadLog if someone else wrote to the file,
-        OSError if writing fails.
+        used=False records an answer that comparators are not to learn from. metadata: any JSON,
+        such as a time. Raises ValueError on another number of levels or metadata that is no JSON,
+        BadLog if someone else wrote to the file, OSError if writing fails.
         """
         told = {"verdict": answer.verdict, "swapped": bool(answer.swapped), "used": bool(used)}
         self._put("answered", {**_fields_of(answer.query), **told}, metadata)
 
     def append_asked(self, query: Query, swapped: bool = False, **metadata: Any) -> None:
-        """Record that a question is put to the tutor, perhaps right to left. metadata: any JSON, such as the words
-        shown. Raises like ``append``."""
+        """Record that a question is put to the tutor, perhaps right to left. metadata: any JSON,
+        such as the words shown. Raises like ``append``."""
         self._put("asked", {**_fields_of(query), "swapped": bool(swapped)}, metadata)
 
     def retract(self, id: str, **metadata: Any) -> None:
-        """Take back all answers so far to the query of this id, by adding a line: they stay in the log, marked, but are
-        no longer among ``answers()``. metadata: any JSON, such as the reason. Raises ValueError where no answer of this
-        id stands, and otherwise like ``append``."""
+        """Take back all answers so far to the query of this id, by adding a line: they stay in the
+        log, marked, but are no longer among ``answers()``. metadata: any JSON, such as the reason.
+        Raises ValueError where no answer of this id stands, and otherwise like ``append``."""
         self._put("withdrawn", {"id": id}, metadata)
 
     def mark_unused(self, id: str, **metadata: Any) -> None:
-        """Record that comparators do not learn from the last used answer to the query of this id, because it
-        contradicts others, say. metadata: any JSON, added to the answer's. Raises ValueError where there is none, and
-        otherwise like ``append``."""
+        """Record that comparators do not learn from the last used answer to the query of this id,
+        because it contradicts others, say. metadata: any JSON, added to the answer's. Raises
+        ValueError where there is none, and otherwise like ``append``."""
         self._put("unused", {"id": id}, metadata)
 
     def mark_used(self, id: str, **metadata: Any) -> None:
-        """Record that comparators learn from the last answer of this id that stands unused, because what it
-        contradicted was withdrawn, say. Otherwise like ``mark_unused``."""
+        """Record that comparators learn from the last answer of this id that stands unused, because
+        what it contradicted was withdrawn, say. Otherwise like ``mark_unused``."""
         self._put("used", {"id": id}, metadata)
 
     def mark_restart(self, **metadata: Any) -> None:
-        """Record that whoever asks begins anew, knowing what stands so far. Raises like ``append``."""
+        """Record that whoever asks begins anew, knowing what stands so far. Raises like
+        ``append``.
+        """
         self._put("restarted", {}, metadata)
 
     def answers(self) -> Answers:
-        """Return the answers that a comparator learns from: used, not taken back, without "cannot tell", in order.
-        Raises ValueError for an empty log that does not know its number of levels."""
+        """Return the answers that a comparator learns from: used, not taken back, without "cannot
+        tell", in order. Raises ValueError for an empty log that does not know its number of
+        levels."""
         if self.k is None:
             raise ValueError("an empty log does not know its number of levels: give k to AnswerLog")
         return Answers.of([entry.answer for entry in self if entry.used], self.k)
@@ -256,11 +285,16 @@ class AnswerLog(Closing):
         try:
             return self._entries[rows]
         except IndexError:
-            raise IndexError(f"there is no answer {index(rows)}: the log has {len(self)}, counted from 0") from None
+            raise IndexError(
+                f"there is no answer {index(rows)}: the log has {len(self)}, counted from 0"
+            ) from None
 
     def __repr__(self) -> str:
         back = sum(entry.retracted for entry in self)
-        parts = [f"{len(self)} answers{f', {back} of them retracted' if back else ''}", f"k={self.k}"]
+        parts = [
+            f"{len(self)} answers{f', {back} of them retracted' if back else ''}",
+            f"k={self.k}",
+        ]
         parts += [] if self._path is None else [f"path={str(self._path)!r}"]
         return f"AnswerLog({', '.join([*parts, *(['read only'] if self._read_only else [])])})"
 
@@ -268,9 +302,14 @@ class AnswerLog(Closing):
         """An event at the end of the log, after the header if there is none in the file."""
         self._finish()
         if self._read_only:
-            raise ValueError(f"this log was opened for reading: AnswerLog({str(self._path)!r}) continues the file")
+            raise ValueError(
+                f"this log was opened for reading: AnswerLog({str(self._path)!r}) continues the "
+                "file"
+            )
         if not metadata.keys().isdisjoint((*_FIELDS, EVENT, CHECK)):
-            raise ValueError(f"metadata may not be named like a field of the log: {sorted(metadata)}")
+            raise ValueError(
+                f"metadata may not be named like a field of the log: {sorted(metadata)}"
+            )
         text = json_of({EVENT: event, **fields, **metadata}, "metadata")
         change = self._event(*_parts(json.loads(text)))
         header = self._header
@@ -287,8 +326,9 @@ class AnswerLog(Closing):
             self._finish()
 
     def _finish(self) -> None:
-        """Take in the event under way once it is on the disk. To do so twice comes to the same as once, for an
-        interruption may come at any line: so whoever reads what the log holds does this first."""
+        """Take in the event under way once it is on the disk. To do so twice comes to the same as
+        once, for an interruption may come at any line: so whoever reads what the log holds does
+        this first."""
         doing = self._doing
         if doing is not None and (self._file is None or self._file.kept == doing.lines.kept):
             doing.change()
@@ -324,7 +364,9 @@ class AnswerLog(Closing):
         lines.lines.clear()
         self._lines = lines
 
-    def _event(self, event: str, fields: dict[str, Any], metadata: dict[str, Any]) -> Callable[[], None]:
+    def _event(
+        self, event: str, fields: dict[str, Any], metadata: dict[str, Any]
+    ) -> Callable[[], None]:
         """Apply a parsed event to this log, once it is on the disk; applying it twice does no harm.
         Raises ValueError, TypeError or KeyError where it is none, or cannot come next."""
         if event == "restarted":
@@ -332,7 +374,9 @@ class AnswerLog(Closing):
         if event == "withdrawn":
             return partial(self._exchange, _withdrawn(self._entries, fields["id"], metadata))
         if event in ("used", "unused"):
-            return partial(self._exchange, _marked(self._entries, fields["id"], event == "used", metadata))
+            return partial(
+                self._exchange, _marked(self._entries, fields["id"], event == "used", metadata)
+            )
         if event not in ("asked", "answered"):
             raise ValueError(f"no such event: {event!r}; was the file written by a newer program?")
         for name, kind in (("id", str), ("about", str), ("swapped", bool)):
@@ -340,10 +384,17 @@ class AnswerLog(Closing):
                 raise ValueError(f"its {name} is {fields[name]!r}")
         query = Query(fields["id"], fields["left"], fields["right"], fields["about"])
         if self.k not in (None, len(query.left)):
-            raise ValueError(f"this log is about {self.k} levels, but query {query.id} is about {len(query.left)}")
+            raise ValueError(
+                f"this log is about {self.k} levels, but query {query.id} is about "
+                f"{len(query.left)}"
+            )
         if event == "asked":
-            return partial(_end_with, self._asked, len(self._asked), Asked(query, fields["swapped"], metadata))
-        return partial(_end_with, self._entries, len(self._entries), _entry(query, fields, metadata))
+            return partial(
+                _end_with, self._asked, len(self._asked), Asked(query, fields["swapped"], metadata)
+            )
+        return partial(
+            _end_with, self._entries, len(self._entries), _entry(query, fields, metadata)
+        )
 
     def _exchange(self, changed: dict[int, Entry]) -> None:
         for i, entry in changed.items():
@@ -354,12 +405,16 @@ class AnswerLog(Closing):
 
 
 def _as_path(path: object) -> Path:
-    """Return a path given as text or as a path. Raises TypeError that says what to write in place of anything else."""
+    """Return a path given as text or as a path. Raises TypeError that says what to write in place
+    of anything else.
+    """
     try:
         return Path(path)  # type: ignore[arg-type]
     except TypeError:
         advice = f": the number of levels is k={path}" if type(path) is int else ""
-        raise TypeError(f"path must be the name of a file, or None for a log in memory, not {path!r}{advice}") from None
+        raise TypeError(
+            f"path must be the name of a file, or None for a log in memory, not {path!r}{advice}"
+        ) from None
 
 
 def _end_with(items: list[T], n: int, last: T) -> None:
@@ -368,7 +423,12 @@ def _end_with(items: list[T], n: int, last: T) -> None:
 
 
 def _fields_of(query: Query) -> dict[str, Any]:
-    return {"id": query.id, "left": query.left.tolist(), "right": query.right.tolist(), "about": query.about}
+    return {
+        "id": query.id,
+        "left": query.left.tolist(),
+        "right": query.right.tolist(),
+        "about": query.about,
+    }
 
 
 def _parts(fields: dict[str, Any]) -> tuple[str, dict[str, Any], dict[str, Any]]:
@@ -385,27 +445,43 @@ def _entry(query: Query, fields: Mapping[str, Any], metadata: Mapping[str, Any])
     if verdict is not None and (type(verdict) is not int or verdict not in (-1, 0, 1)):
         raise ValueError(f"its verdict is {verdict!r}, not -1, 0, 1 or null")
     return Entry(
-        Answer(query, None if verdict is None else Verdict(verdict), fields["swapped"]), fields["used"], metadata
+        Answer(query, None if verdict is None else Verdict(verdict), fields["swapped"]),
+        fields["used"],
+        metadata,
     )
 
 
 def _withdrawn(entries: list[Entry], id: Any, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """The entries, by their place, that a withdrawal changes. Raises ValueError where it takes back nothing."""
+    """The entries, by their place, that a withdrawal changes. Raises ValueError where it takes back
+    nothing.
+    """
     mine = {i: entry for i, entry in enumerate(entries) if entry.answer.query.id == id}
     if all(entry.retracted for entry in mine.values()):
-        why = "was retracted already, and none was given since" if mine else "cannot be retracted: this log has none"
+        why = (
+            "was retracted already, and none was given since"
+            if mine
+            else "cannot be retracted: this log has none"
+        )
         raise ValueError(f"the answer with the id {id!r} {why}")
-    return {i: replace(entry, used=False, retraction=told) for i, entry in mine.items() if not entry.retracted}
+    return {
+        i: replace(entry, used=False, retraction=told)
+        for i, entry in mine.items()
+        if not entry.retracted
+    }
 
 
 def _marked(entries: list[Entry], id: Any, used: bool, told: Mapping[str, Any]) -> dict[int, Entry]:
-    """The last entry of this id that is to be marked used, or unused. Raises ValueError where there is none."""
+    """The last entry of this id that is to be marked used, or unused. Raises ValueError where there
+    is none.
+    """
     for i in reversed(range(len(entries))):
         entry = entries[i]
         if entry.answer.query.id == id and entry.used != used and not entry.retracted:
             return {i: replace(entry, used=used, metadata={**entry.metadata, **told})}
     was = "unused" if used else "used"
-    raise ValueError(f"no {was} answer has the id {id!r}: it was withdrawn, or marked already, or never given")
+    raise ValueError(
+        f"no {was} answer has the id {id!r}: it was withdrawn, or marked already, or never given"
+    )
 
 
 def _agreed(header: dict[str, Any], wanted: Mapping[str, Any], path: Path) -> dict[str, Any]:
@@ -413,7 +489,11 @@ def _agreed(header: dict[str, Any], wanted: Mapping[str, Any], path: Path) -> di
     for name, value in wanted.items():
         if name in ("format", "version") or (name in header and header[name] == value):
             continue
-        found = f"{name} = {header[name]!r}, not {value!r}" if name in header else f"nothing of {name}, not {value!r}"
+        found = (
+            f"{name} = {header[name]!r}, not {value!r}"
+            if name in header
+            else f"nothing of {name}, not {value!r}"
+        )
         other = f"{path} is another log: its header says {found}"
         raise BadLog(f"{other}. Choose another file, or open it as what it is", 1)
     return header

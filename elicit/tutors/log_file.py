@@ -19,7 +19,9 @@ _FAR = 1 << 30  # where Windows locks a byte: there nobody reads, whom it would 
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the content of a regular file. Raises BadLog for any other file, FileNotFoundError and other OSErrors."""
+    """Return the content of a regular file. Raises BadLog for any other file, FileNotFoundError and
+    other OSErrors.
+    """
     check_regular(path, path.stat().st_mode)
     return path.read_bytes()
 
@@ -29,20 +31,25 @@ def check_regular(path: Path, mode: int) -> None:
     if not stat.S_ISREG(mode):
         kinds = {stat.S_IFDIR: "a directory", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
         kind = kinds.get(stat.S_IFMT(mode), "a device")
-        raise BadLog(f"{path} is {kind}: an answer log is a regular file. Name a file that exists, or a new one")
+        raise BadLog(
+            f"{path} is {kind}: an answer log is a regular file. Name a file that exists, or a new "
+            "one"
+        )
 
 
 class LogFile:
-    """A regular file, open for appending, and locked until it is closed (or let go of, or the process ends). A new one
-    can be read by its owner only.
+    """A regular file, open for appending, and locked until it is closed (or let go of, or the
+    process ends). A new one can be read by its owner only.
 
-    Raises BadLog for any other file; BlockingIOError, which names the process if it can, where another one has the
-    lock; OSError where the file cannot be written.
+    Raises BadLog for any other file; BlockingIOError, which names the process if it can, where
+    another one has the lock; OSError where the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
         with suppress(FileNotFoundError):
-            check_regular(path, path.stat().st_mode)  # before opening: to open a pipe can wait for ever
+            check_regular(
+                path, path.stat().st_mode
+            )  # before opening: to open a pipe can wait for ever
         new = not path.exists()
         self._path = path
         self._file: BinaryIO = open(path, "a+b", buffering=0, opener=_open_private)  # noqa: SIM115
@@ -57,8 +64,12 @@ class LogFile:
         self._file.seek(0)
         self.content = self._file.read()
         """What was in it when it was opened."""
-        self._size = self._kept = len(self.content)  # bytes in the file, and those of its whole lines
-        if new and os.name == "posix":  # put the name on the disk too; not every system can or needs to
+        self._size = self._kept = len(
+            self.content
+        )  # bytes in the file, and those of its whole lines
+        if (
+            new and os.name == "posix"
+        ):  # put the name on the disk too; not every system can or needs to
             directory = os.open(path.parent, os.O_RDONLY)
             try:
                 os.fsync(directory)
@@ -75,8 +86,9 @@ class LogFile:
         return self._kept
 
     def append(self, data: bytes) -> None:
-        """Add to the end; when this returns it is on the disk, and when it raises the file ends where it did. Raises
-        ValueError where it was closed, BadLog if someone else wrote to it, OSError if writing fails."""
+        """Add to the end; when this returns it is on the disk, and when it raises the file ends
+        where it did. Raises ValueError where it was closed, BadLog if someone else wrote to it,
+        OSError if writing fails."""
         if self._file.closed:
             raise ValueError(f"the log {self._path} was closed: open it again to go on")
         self._check_mine()
@@ -86,19 +98,23 @@ class LogFile:
             written = self._file.write(data)
             if written != len(data):
                 raise OSError(
-                    f"only {written} of {len(data)} bytes could be written to {self._path}: is the disk full?"
+                    f"only {written} of {len(data)} bytes could be written to {self._path}: is the "
+                    "disk full?"
                 )
             os.fsync(self._file.fileno())
             self._size = self._kept = self._kept + len(data)
         except BaseException:
-            # half a line in the middle would spoil the file for good; what cannot be taken out now goes next time
+            # half a line in the middle would spoil the file for good; what cannot be taken out now
+            # goes next time
             with suppress(OSError):
                 self._file.truncate(self._kept)
             self._size = os.fstat(self._file.fileno()).st_size
             raise
 
     def _check_mine(self) -> None:
-        """Raise BadLog where the file is not as it was left: not every program asks for the lock."""
+        """Raise BadLog where the file is not as it was left: not every program asks for the
+        lock.
+        """
         mine = os.fstat(self._file.fileno())
         try:
             same = os.path.samestat(mine, self._path.stat())
@@ -106,13 +122,16 @@ class LogFile:
             same = False
         if not same:
             raise BadLog(
-                f"{self._path} was moved, deleted or replaced while this log was open: what is appended now would be "
+                f"{self._path} was moved, deleted or replaced while this log was open: what is "
+                "appended now would be "
                 "lost. Open the log again to continue from what is there"
             )
         if mine.st_size != self._size:
             raise BadLog(
-                f"{self._path} has {mine.st_size} bytes, not the {self._size} that this log left there: something else "
-                "wrote to it. Give each run a log of its own, or open the log again to continue from what is there"
+                f"{self._path} has {mine.st_size} bytes, not the {self._size} that this log left "
+                "there: something else "
+                "wrote to it. Give each run a log of its own, or open the log again to continue "
+                "from what is there"
             )
 
 
@@ -121,8 +140,8 @@ def _open_private(path: str, flags: int) -> int:
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Hold the file until it is closed, or the process is gone. On a file system without locks each append still
-    notices that another one came between."""
+    """Hold the file until it is closed, or the process is gone. On a file system without locks each
+    append still notices that another one came between."""
     try:
         if sys.platform == "win32":
             file.seek(_FAR)
@@ -131,7 +150,8 @@ def _lock(file: BinaryIO, path: Path) -> None:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):  # the latter is how Windows says it
         raise BlockingIOError(
-            f"{path} is being written to by {_holder(file)}: a log has one writer at a time. End that one, or give "
+            f"{path} is being written to by {_holder(file)}: a log has one writer at a time. End "
+            "that one, or give "
             "this one a log of its own; AnswerLog.read and qlearn log show read it meanwhile"
         ) from None
     except OSError:
@@ -143,9 +163,14 @@ def _holder(file: BinaryIO) -> str:
     inode = str(os.fstat(file.fileno()).st_ino)
     with suppress(OSError):
         for line in Path("/proc/locks").read_text(encoding="ascii").splitlines():
-            # such as "1: FLOCK  ADVISORY  WRITE 1234 08:01:5678 0 EOF"; a process that waits has "->" before FLOCK
+            # such as "1: FLOCK  ADVISORY  WRITE 1234 08:01:5678 0 EOF"; a process that waits has
+            # "->" before FLOCK
             fields = line.split()
             if fields[1] == "FLOCK" and fields[5].split(":")[-1] == inode:
                 mine = int(fields[4]) == os.getpid()
-                return "another AnswerLog of this program, not closed yet" if mine else f"process {fields[4]}"
+                return (
+                    "another AnswerLog of this program, not closed yet"
+                    if mine
+                    else f"process {fields[4]}"
+                )
     return "another program"

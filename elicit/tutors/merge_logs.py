@@ -9,8 +9,9 @@ from elicit.tutors.log_lines import BadLog
 
 
 def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
-    """Write all answers of the logs to a new file, one log after the other, but once where two are copies of the same;
-    the withdrawn ones come first, so that they take back no other's. What was asked is left out.
+    """Write all answers of the logs to a new file, one log after the other, but once where two are
+    copies of the same; the withdrawn ones come first, so that they take back no other's. What was
+    asked is left out.
 
     Raises BadLog where the headers differ, ValueError for no logs, FileExistsError, OSError.
     """
@@ -21,15 +22,19 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
         for name in {**headers[0], **header}:
             if name not in header or name not in headers[0] or header[name] != headers[0][name]:
                 raise BadLog(
-                    f"{log.path} is a log of something else than {logs[0].path}: of {name} their headers say "
-                    f"{header.get(name)!r} and {headers[0].get(name)!r}. Merge logs of one problem only"
+                    f"{log.path} is a log of something else than {logs[0].path}: of {name} their "
+                    "headers say "
+                    f"{header.get(name)!r} and {headers[0].get(name)!r}. Merge logs of one problem "
+                    "only"
                 )
     if Path(out).exists():
         raise FileExistsError(f"{out} exists: name a new file to merge into")
     entries = {_name_of(entry): entry for log in logs for entry in log}.values()
     free = {name: headers[0][name] for name in headers[0] if name not in ("format", "k")}
     with AnswerLog(out, logs[0].k, free) as merged:
-        for entry in sorted(entries, key=lambda entry: not entry.retracted):  # which keeps the order otherwise
+        for entry in sorted(
+            entries, key=lambda entry: not entry.retracted
+        ):  # which keeps the order otherwise
             merged.append(entry.answer, entry.used or entry.retracted, **entry.metadata)
             if entry.retraction is not None:
                 merged.retract(entry.answer.query.id, **entry.retraction)
@@ -38,5 +43,11 @@ def merge_logs(logs: Sequence[AnswerLog], out: str | os.PathLike[str]) -> None:
 def _name_of(entry: Entry) -> str:
     """The same for copies of one entry, and for nothing else."""
     query = entry.answer.query
-    told = (query.id, query.left.tolist(), query.right.tolist(), entry.answer.verdict, entry.answer.swapped)
+    told = (
+        query.id,
+        query.left.tolist(),
+        query.right.tolist(),
+        entry.answer.verdict,
+        entry.answer.swapped,
+    )
     return repr((*told, sorted(entry.metadata.items()), entry.retracted))

@@ -16,11 +16,12 @@ class NotInLog(LookupError):
 
 
 class ReplayTutor:
-    """Answers from a log: by query id, else by pair (the same difference but for rounding, or its opposite).
+    """Answers from a log: by query id, else by pair (the same difference but for rounding, or its
+    opposite).
 
     ``log`` is an AnswerLog, or any iterable of its entries or of Answers; what was not used then is
-    replayed too, what was retracted is not. A pair answered several times is replayed in the order of the
-    log. The same query asked again gets the same answer again.
+    replayed too, what was retracted is not. A pair answered several times is replayed in the order
+    of the log. The same query asked again gets the same answer again.
     """
 
     def __init__(self, log: Iterable[Entry | Answer]) -> None:
@@ -29,7 +30,8 @@ class ReplayTutor:
         levels = np.array([len(answer.query.left) for answer in self._answers])
         self._rows = {k: np.flatnonzero(levels == k) for k in set(levels.tolist())}
         self._sums = {
-            k: tail_sums(np.array([self._answers[i].query.d for i in rows])) for k, rows in self._rows.items()
+            k: tail_sums(np.array([self._answers[i].query.d for i in rows]))
+            for k, rows in self._rows.items()
         }
         for i, answer in enumerate(self._answers):
             self._by_id.setdefault(answer.query.id, []).append(i)
@@ -49,21 +51,30 @@ class ReplayTutor:
         if fresh is None:
             raise NotInLog(
                 f"the log has no answer to query {query.id}"
-                + (f": all {len(candidates)} answers to this pair were replayed already" if candidates else "")
+                + (
+                    f": all {len(candidates)} answers to this pair were replayed already"
+                    if candidates
+                    else ""
+                )
                 + ". Its problem, seed or settings may differ from those of the recorded run; "
-                "replay the run that was recorded, or put this query to a tutor and append the answer to the log"
+                "replay the run that was recorded, or put this query to a tutor and append the "
+                "answer to the log"
             )
         found = self._answers[fresh]
         if not ways[fresh]:
             raise NotInLog(
-                f"the log's query {query.id} is about other vectors: left {found.query.left}, right "
-                f"{found.query.right}, not left {query.left}, right {query.right}. The log is of another problem"
+                f"the log's query {query.id} is about other vectors: left {found.query.left}, "
+                "right "
+                f"{found.query.right}, not left {query.left}, right {query.right}. The log is of "
+                "another problem"
             )
         self._replayed.add(fresh)
         self._last[query.id] = fresh
         if ways[fresh] > 0:
             return Answer(query, found.verdict, found.swapped)
-        return Answer(query, None if found.verdict is None else found.verdict.flipped, not found.swapped)
+        return Answer(
+            query, None if found.verdict is None else found.verdict.flipped, not found.swapped
+        )
 
     def _ways(self, query: Query) -> NDArray[np.int8]:
         """Which answers (n,) are about the query's pair: 1, or -1 where it is exchanged, else 0."""

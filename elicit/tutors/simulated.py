@@ -30,13 +30,15 @@ _PURPOSE = name_code("errors of a simulated tutor")
 class _Simulated:
     """The hidden scale, the exact truth about a pair, the errors, and how many were made.
 
-    An erring one draws one number in [0, 1) for each asking of a pair: an error where it is below the error
-    probability."""
+    An erring one draws one number in [0, 1) for each asking of a pair: an error where it is below
+    the error probability."""
 
     _kind = kernel.TRUTHFUL
     _rate_name = ""  # of the error law's parameter
 
-    def __init__(self, values: ArrayLike, seed: Seed | None = 0, rate: float = 0.0, tie: float = 0.0) -> None:
+    def __init__(
+        self, values: ArrayLike, seed: Seed | None = 0, rate: float = 0.0, tie: float = 0.0
+    ) -> None:
         self._e = normalise(values)
         self._g = gaps(values)
         self.seed = seed_of(seed)  # that makes the same errors again
@@ -48,7 +50,9 @@ class _Simulated:
 
     def __repr__(self) -> str:
         errors = f", {self._rate_name}={self._rate:g}, seed={self.seed}" if self._rate_name else ""
-        return f"{type(self).__name__}(k={self.k}{errors}{f', tie={self.tie:g}' if self.tie else ''})"
+        return (
+            f"{type(self).__name__}(k={self.k}{errors}{f', tie={self.tie:g}' if self.tie else ''})"
+        )
 
     @property
     def k(self) -> int:
@@ -62,8 +66,8 @@ class _Simulated:
 
     @property
     def realised_error_rate(self) -> float:
-        """Wrong answers as a share of all answers given so far; nan before the first. To call either of
-        two exactly equal vectors better is not wrong."""
+        """Wrong answers as a share of all answers given so far; nan before the first. To call
+        either of two exactly equal vectors better is not wrong."""
         given, wrong = int(self._tally[kernel.GIVEN]), int(self._tally[kernel.WRONG])
         return wrong / given if given else float("nan")
 
@@ -72,9 +76,11 @@ class _Simulated:
         return Answer(query, Verdict(int(self.signs(query.d)[0])))
 
     def signs(self, d: ArrayLike) -> Signs:
-        """Answers (n,) int8 in {-1, 0, +1} to differences d (n, k), in order; each row counts as one asking.
+        """Answers (n,) int8 in {-1, 0, +1} to differences d (n, k), in order; each row counts as
+        one asking.
 
-        The same as n calls, but faster. Raises ValueError on a wrong shape or numbers that are not finite.
+        The same as n calls, but faster. Raises ValueError on a wrong shape or numbers that are not
+        finite.
         """
         t = np.ascontiguousarray(tail_sums(as_vectors(d, self.k)))
         answers = np.empty(len(t), dtype=np.int8)
@@ -88,26 +94,46 @@ class _Simulated:
 
     @property
     def respondent(self) -> Respondent:
-        """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask for it anew
-        whenever it has come back UNSETTLED. Nobody, for one that answers in a way of its own."""
+        """The tutor as plain arrays, for compiled loops; what it says there is counted here. Ask
+        for it anew whenever it has come back UNSETTLED. Nobody, for one that answers in a way of
+        its own."""
         kind = type(self)
-        ours = kind.signs is _Simulated.signs and kind.__call__ is _Simulated.__call__ and "signs" not in vars(self)
+        ours = (
+            kind.signs is _Simulated.signs
+            and kind.__call__ is _Simulated.__call__
+            and "signs" not in vars(self)
+        )
         return self._respondent() if ours else kernel.nobody()
 
     def _respondent(self) -> Respondent:
-        while 2 * int(self._tally[kernel.PAIRS]) >= len(self._pairs):  # the table must stay half empty
-            pairs, times = np.zeros(2 * len(self._pairs), np.uint64), np.zeros(2 * len(self._pairs), np.int64)
+        while 2 * int(self._tally[kernel.PAIRS]) >= len(
+            self._pairs
+        ):  # the table must stay half empty
+            pairs, times = (
+                np.zeros(2 * len(self._pairs), np.uint64),
+                np.zeros(2 * len(self._pairs), np.int64),
+            )
             kernel.rehash(self._pairs, self._times, pairs, times)
             self._pairs, self._times = pairs, times
-        return Respondent(self._kind, self._g, self._rate, self.tie, self._key, self._pairs, self._times, self._tally)
+        return Respondent(
+            self._kind,
+            self._g,
+            self._rate,
+            self.tie,
+            self._key,
+            self._pairs,
+            self._times,
+            self._tally,
+        )
 
 
 class TruthfulTutor(_Simulated):
-    """Always right: answers the exact sign of d.e, and 0 (EQUAL) where |d.e| <= ``tie``, which is 0 by default.
+    """Always right: answers the exact sign of d.e, and 0 (EQUAL) where |d.e| <= ``tie``, which is 0
+    by default.
 
-    values (k,) is the hidden scale, increasing, in any unit; tie a share of its range, at least 0 and below 1. Exact
-    means: for the float numbers ``tail_sums(d)`` and ``gaps(values)``, the sign of their product in rational
-    arithmetic. Raises ValueError unless the values increase.
+    values (k,) is the hidden scale, increasing, in any unit; tie a share of its range, at least 0
+    and below 1. Exact means: for the float numbers ``tail_sums(d)`` and ``gaps(values)``, the sign
+    of their product in rational arithmetic. Raises ValueError unless the values increase.
     """
 
     def __init__(self, values: ArrayLike, tie: float = 0.0) -> None:
@@ -117,15 +143,18 @@ class TruthfulTutor(_Simulated):
 class FlippingTutor(_Simulated):
     """Gives the opposite of the truth with probability ``error_rate``, however clear the case is.
 
-    values (k,) increasing, in any unit; error_rate in [0, 1]; seed an int, SeedSequence, Generator, or None for
-    a new one. An exact tie has no opposite: it is answered EQUAL, and so is all that lies within ``tie`` (see
-    TruthfulTutor). Raises ValueError on values that do not increase and on an error rate outside [0, 1].
+    values (k,) increasing, in any unit; error_rate in [0, 1]; seed an int, SeedSequence, Generator,
+    or None for a new one. An exact tie has no opposite: it is answered EQUAL, and so is all that
+    lies within ``tie`` (see TruthfulTutor). Raises ValueError on values that do not increase and on
+    an error rate outside [0, 1].
     """
 
     _kind = kernel.FLIPPING
     _rate_name = "error_rate"
 
-    def __init__(self, values: ArrayLike, error_rate: float, seed: Seed | None = 0, tie: float = 0.0) -> None:
+    def __init__(
+        self, values: ArrayLike, error_rate: float, seed: Seed | None = 0, tie: float = 0.0
+    ) -> None:
         require(is_number(error_rate, 0, 1), "error_rate", "a number between 0 and 1", error_rate)
         self.error_rate = float(error_rate)
         super().__init__(values, seed, self.error_rate, tie)
@@ -134,35 +163,39 @@ class FlippingTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> FlippingTutor:
-        """A tutor whose expected error rate over the differences ``reference`` (n, k) is ``rate``: its
-        error rate is just that, raised only to make up for exact ties among them. Raises ValueError
-        unless 0 < rate < 1/2 and the reference allows it."""
+        """A tutor whose expected error rate over the differences ``reference`` (n, k) is ``rate``:
+        its error rate is just that, raised only to make up for exact ties among them. Raises
+        ValueError unless 0 < rate < 1/2 and the reference allows it."""
         size = _reference_sizes(values, rate, reference)
         return cls(values, rate / float(np.mean(size > 0)), seed)
 
 
 class BradleyTerryTutor(_Simulated):
-    """Eq. (6): says left is better with probability 1 / (1 + exp(-precision * d.e)); with a ``tie`` w > 0, by Rao and
-    Kupper (1967), left with 1 / (1 + exp(-precision * (d.e - w))), right likewise, and EQUAL otherwise.
+    """Eq. (6): says left is better with probability 1 / (1 + exp(-precision * d.e)); with a ``tie``
+    w > 0, by Rao and Kupper (1967), left with 1 / (1 + exp(-precision * (d.e - w))), right
+    likewise, and EQUAL otherwise.
 
     values (k,) increasing, in any unit; ``precision`` >= 0 is the paper's c in logits per unit of
     d.e, with the scale normalised to 0..1; seed an int, SeedSequence, Generator, or None for a new
-    one. An exact tie is a coin toss, as eq. (6) has it; two identical vectors are EQUAL. Near ties are answered badly
-    and clear cases well, so a precision says little about errors until the typical |d.e| is known: see
-    ``from_error_rate``. Raises ValueError on values that do not increase and on a negative precision.
+    one. An exact tie is a coin toss, as eq. (6) has it; two identical vectors are EQUAL. Near ties
+    are answered badly and clear cases well, so a precision says little about errors until the
+    typical |d.e| is known: see ``from_error_rate``. Raises ValueError on values that do not
+    increase and on a negative precision.
     """
 
     _kind = kernel.LOGISTIC
     _rate_name = "precision"
 
-    def __init__(self, values: ArrayLike, precision: float, seed: Seed | None = 0, tie: float = 0.0) -> None:
+    def __init__(
+        self, values: ArrayLike, precision: float, seed: Seed | None = 0, tie: float = 0.0
+    ) -> None:
         require(is_number(precision, 0), "precision", "a finite number of at least 0", precision)
         self.precision = float(precision)
         super().__init__(values, seed, self.precision, tie)
 
     def expected_error_rate(self, reference: ArrayLike) -> float:
-        """The share of the differences ``reference`` (n, k) that this tutor is expected to answer wrongly, if he calls
-        none equal; exact ties count as answered rightly."""
+        """The share of the differences ``reference`` (n, k) that this tutor is expected to answer
+        wrongly, if he calls none equal; exact ties count as answered rightly."""
         size = _sizes(self._g, reference)
         return float(np.where(size > 0, expit(-self.precision * size), 0.0).mean())
 
@@ -170,7 +203,8 @@ class BradleyTerryTutor(_Simulated):
     def from_error_rate(
         cls, values: ArrayLike, rate: float, reference: ArrayLike, seed: Seed | None = 0
     ) -> BradleyTerryTutor:
-        """The tutor whose expected error rate over the differences ``reference`` (n, k) is ``rate``.
+        """The tutor whose expected error rate over the differences ``reference`` (n, k) is
+        ``rate``.
 
         Exact ties in the reference count as answered rightly. Raises ValueError unless
         0 < rate < 1/2 and the reference allows it.
@@ -184,14 +218,18 @@ class BradleyTerryTutor(_Simulated):
         while excess(high) > 0:
             low, high = high, high * 2.0
             if high > 1e300:
-                raise ValueError(f"no precision brings the error rate over this reference down to {rate}")
+                raise ValueError(
+                    f"no precision brings the error rate over this reference down to {rate}"
+                )
         while excess(low) < 0:
             low, high = low / 2.0, low
         return cls(values, brentq(excess, low, high, xtol=1e-14 * low), seed)
 
 
 def _truth(t: Floats, g: Floats) -> tuple[int, float]:
-    """The exact sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g| in floats: 0 at a tie and nowhere else."""
+    """The exact sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g| in floats: 0 at a tie
+    and nowhere else.
+    """
     sign, size = kernel.truth(t, g)
     if sign != UNSETTLED:
         return sign, size
@@ -207,8 +245,10 @@ def _reference_sizes(values: ArrayLike, rate: float, reference: ArrayLike) -> Fl
     share = float(np.mean(size > 0)) if len(size) else 0.0
     if rate >= share / 2:
         raise ValueError(
-            f"only {share:.0%} of the {len(size)} reference differences are no ties, and half of those can be "
-            f"answered wrongly at most: give an error rate below {share / 2:g}, not {rate}, or another reference"
+            f"only {share:.0%} of the {len(size)} reference differences are no ties, and half of "
+            "those can be "
+            f"answered wrongly at most: give an error rate below {share / 2:g}, not {rate}, or "
+            "another reference"
         )
     return size
 

@@ -18,7 +18,11 @@ from elicit.model.scale import Floats
 from elicit.model.tail_sums_kernel import UNSETTLED
 
 NOBODY, TRUTHFUL, FLIPPING, LOGISTIC = range(4)
-GIVEN, WRONG, PAIRS = 0, 1, 2  # what a tally counts: answers, wrong ones, different pairs asked about
+GIVEN, WRONG, PAIRS = (
+    0,
+    1,
+    2,
+)  # what a tally counts: answers, wrong ones, different pairs asked about
 
 
 class Respondent(NamedTuple):
@@ -37,19 +41,22 @@ class Respondent(NamedTuple):
 def nobody() -> Respondent:
     """One who is not asked."""
     pairs, times = np.empty(0, np.uint64), np.empty(0, np.int64)
-    return Respondent(NOBODY, np.empty(0), 0.0, 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64))
+    return Respondent(
+        NOBODY, np.empty(0), 0.0, 0.0, np.uint64(0), pairs, times, np.zeros(3, np.int64)
+    )
 
 
 @compiled
 def truth(t: Any, g: Any) -> tuple[int, float]:
-    """The sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g|; UNSETTLED where the sum is so near to 0, or so
-    large, that its rounding leaves the sign open."""
+    """The sign of t.g, of tail sums t (p,) and gaps g (p,), and |t.g|; UNSETTLED where the sum is
+    so near to 0, or so large, that its rounding leaves the sign open."""
     at, size = 0.0, 0.0
     for j in range(len(t)):
         part = t[j] * g[j]
         at += part
         size += abs(part)
-    # more than the rounding error of p products and their sum (Higham 2002, section 3.1), also where products underflow
+    # more than the rounding error of p products and their sum (Higham 2002, section 3.1), also
+    # where products underflow
     doubt = (len(t) + 8) * 2.0**-52 * size + 2.0**-1000
     if at > doubt:
         return 1, at
@@ -79,14 +86,16 @@ def rehash(pairs: Any, times: Any, into: Any, count: Any) -> None:
 
 @compiled
 def chance(size: float, precision: float) -> float:
-    """Of a logistic error: 1 / (1 + exp(precision |d.e|)), of |d.e| plus the width of ties where there are any."""
+    """Of a logistic error: 1 / (1 + exp(precision |d.e|)), of |d.e| plus the width of ties where
+    there are any.
+    """
     return 1.0 / (1.0 + math.exp(max(min(precision * size, 700.0), -700.0)))
 
 
 @compiled
 def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
-    """What the tutor says of a pair with tail sums t (p,), of which the truth is this sign and size; counted as one
-    asking. There must be room in the table."""
+    """What the tutor says of a pair with tail sums t (p,), of which the truth is this sign and
+    size; counted as one asking. There must be room in the table."""
     tutor.tally[GIVEN] += 1
     if tutor.kind == TRUTHFUL:
         return sign if size > tutor.tie else 0
@@ -97,7 +106,9 @@ def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
         tutor.tally[PAIRS] += 1
     u = unit(mix(code, tutor.times[i]))
     tutor.times[i] += 1
-    if sign == 0:  # no answer is wrong, and the logistic law tosses a coin, but for two identical vectors
+    if (
+        sign == 0
+    ):  # no answer is wrong, and the logistic law tosses a coin, but for two identical vectors
         if tutor.kind == FLIPPING:
             return 0
         either = chance(tutor.tie, tutor.rate)
@@ -114,8 +125,8 @@ def answer(t: Any, sign: int, size: float, tutor: Respondent) -> int:
 
 @compiled
 def respond(t: Any, tutor: Respondent) -> int:
-    """The answer to a pair with tail sums t (p,); UNSETTLED, and nothing counted, where the truth needs exact
-    arithmetic or the table room."""
+    """The answer to a pair with tail sums t (p,); UNSETTLED, and nothing counted, where the truth
+    needs exact arithmetic or the table room."""
     sign, size = truth(t, tutor.gaps)
     if sign == UNSETTLED or 2 * tutor.tally[PAIRS] > len(tutor.pairs):
         return UNSETTLED
@@ -127,8 +138,8 @@ def respond(t: Any, tutor: Respondent) -> int:
 
 @compiled
 def respond_all(t: Any, first: int, answers: Any, tutor: Respondent) -> int:
-    """Answers (n,) to pairs with tail sums t (n, p), from row ``first`` on; returns the first row left UNSETTLED, or
-    n."""
+    """Answers (n,) to pairs with tail sums t (n, p), from row ``first`` on; returns the first row
+    left UNSETTLED, or n."""
     for i in range(first, len(t)):
         said = respond(t[i], tutor)
         if said == UNSETTLED:

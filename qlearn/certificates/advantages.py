@@ -19,8 +19,8 @@ STATES_AT_ONCE = 1 << 14  # states whose Q is in memory at the same time
 class Advantages(NamedTuple):
     """The advantages Q(s, a) - V(s) over a policy of vector value ``v``, exact or approximate.
 
-    There is one row for each admissible (state, action) that the policy does not take, sorted by state, then by action.
-    The rows may be those of some states only.
+    There is one row for each admissible (state, action) that the policy does not take, sorted by
+    state, then by action. The rows may be those of some states only.
     """
 
     policy: Actions  # (S,)
@@ -28,7 +28,8 @@ class Advantages(NamedTuple):
     states: NDArray[np.int64]  # (n,)
     actions: NDArray[np.int64]  # (n,)
     d: Floats  # (n, k)
-    doubt: float  # bound on the spread of the policy's own advantages, which are 0 if v is exact, on every scale
+    # bound on the spread of the policy's own advantages, which are 0 if v is exact, on every scale
+    doubt: float
 
     def only(self, rows: NDArray[np.int64]) -> Advantages:
         """Return these rows."""
@@ -36,7 +37,10 @@ class Advantages(NamedTuple):
 
 
 def advantages(
-    mdp: OrdinalMDP, policy: ArrayLike, v: Floats | None = None, states: NDArray[np.int64] | None = None
+    mdp: OrdinalMDP,
+    policy: ArrayLike,
+    v: Floats | None = None,
+    states: NDArray[np.int64] | None = None,
 ) -> Advantages:
     """Return the advantages over a deterministic policy.
 

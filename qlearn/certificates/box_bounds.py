@@ -1,4 +1,6 @@
-"""Upper bounds on very many differences at once, most of which a box around the plausible scales settles."""
+"""Upper bounds on very many differences at once, most of which a box around the plausible scales
+settles.
+"""
 
 import numpy as np
 
@@ -12,11 +14,12 @@ _AT_ONCE = 1 << 14  # differences bounded at the same time
 def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
     """Return upper bounds on d.e for very many differences, and the confidence in them.
 
-    Most of the differences are below 0 for every plausible scale. For these the bound is only as tight as a box needs
-    to show that. The others have the comparator's ``simultaneous_bounds``.
+    Most of the differences are below 0 for every plausible scale. For these the bound is only as
+    tight as a box needs to show that. The others have the comparator's ``simultaneous_bounds``.
 
-    The box holds all plausible scales. Its sides are the principal axes of their draws, and 2 (k - 1) bounds give its
-    extent. There is no box if the comparator has no draws, or if its bounds are not certain, for they may then depend
+    The box holds all plausible scales. Its sides are the principal axes of their draws, and 2 (k -
+    1) bounds give its extent. There is no box if the comparator has no draws, or if its bounds are
+       not certain, for they may then depend
     on how many are asked for.
 
     Parameters
@@ -35,7 +38,9 @@ def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
         spread = gaps - product(gaps, weights)[:, None]
         axes = principal_axes(product(spread * weights, spread.T))  # (p, p), orthonormal
         ways = np.concatenate([axes.T, -axes.T])
-        reach, confidence = simultaneous_bounds(comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0))
+        reach, confidence = simultaneous_bounds(
+            comparator, -np.diff(ways, axis=1, prepend=0.0, append=0.0)
+        )
         if confidence == 1 and np.isfinite(reach).all():
             high = _bounds_by_box(axes, reach, d)
             rows = np.flatnonzero(high > 0)
@@ -48,12 +53,17 @@ def bounds_of_many(comparator: Comparator, d: Floats) -> tuple[Floats, float]:
 def _bounds_by_box(axes: Floats, reach: Floats, d: Floats) -> Floats:
     """Return upper bounds (n,) on d.e over a box of scales.
 
-    ``axes`` (p, p) has orthonormal columns. ``reach`` (2p,) bounds the gaps along each of them, then against each."""
+    ``axes`` (p, p) has orthonormal columns. ``reach`` (2p,) bounds the gaps along each of them,
+    then against each."""
     p, high = len(axes), np.empty(len(d))
     # the axes are orthonormal only up to rounding, and so are the products below
-    rounding = np.abs(product(axes, axes.T) - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps
+    rounding = (
+        np.abs(product(axes, axes.T) - np.eye(p)).max() * p + 16 * p * p * np.finfo(float).eps
+    )
     for start in range(0, len(d), _AT_ONCE):
         t, some = tail_sums(d[start : start + _AT_ONCE]), slice(start, start + _AT_ONCE)
         along = product(t, axes)
-        high[some] = np.maximum(along * reach[:p], along * -reach[p:]).sum(axis=1) + rounding * np.abs(t).sum(axis=1)
+        high[some] = np.maximum(along * reach[:p], along * -reach[p:]).sum(
+            axis=1
+        ) + rounding * np.abs(t).sum(axis=1)
     return high

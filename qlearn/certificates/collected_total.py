@@ -10,9 +10,14 @@ from qlearn.mdp.warm_planning import nearly_optimal
 
 
 def collected(
-    mdp: OrdinalMDP, over: Advantages, high: Floats, start: Floats | None = None, within: float = 0.0
+    mdp: OrdinalMDP,
+    over: Advantages,
+    high: Floats,
+    start: Floats | None = None,
+    within: float = 0.0,
 ) -> Floats:
-    """Return upper bounds on the discounted total of advantages that any policy collects from each state.
+    """Return upper bounds on the discounted total of advantages that any policy collects from each
+    state.
 
     Parameters
     ----------
@@ -21,8 +26,8 @@ def collected(
     high : (n,)
         Upper bounds on the advantages.
     start : (S,), optional
-        Totals found earlier. If given, they are improved step by step until they are tight to about ``within``, which
-        is faster for large models. Default: solve exactly.
+        Totals found earlier. If given, they are improved step by step until they are tight to about
+        ``within``, which is faster for large models. Default: solve exactly.
     within : float
         A share of the value range.
 
@@ -45,8 +50,8 @@ def collected(
 def _greatest_total(mdp: OrdinalMDP, gain: Floats, start: Floats | None, within: float) -> Floats:
     """Return the greatest expected discounted total (S,) of gain (S, A), rounded up.
 
-    Policy iteration proposes it, and a sweep certifies it. A gain of -inf marks an action that does not exist. Terminal
-    states gain nothing."""
+    Policy iteration proposes it, and a sweep certifies it. A gain of -inf marks an action that does
+    not exist. Terminal states gain nothing."""
     live, ends = ~mdp.terminal, np.zeros(mdp.n_states)
     gain = np.where(live[:, None], gain, 0.0)
     if start is None:

@@ -1,4 +1,6 @@
-"""A policy's loss under drawn scales, and the quantile of it that a comparator's confidence asks for."""
+"""A policy's loss under drawn scales, and the quantile of it that a comparator's confidence asks
+for.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,10 @@ def loss_over_draws(
 ) -> float:
     """Return the ``level`` quantile, over the draws, of an upper bound on the policy's loss.
 
-    It is tight to about a hundredth of itself, unless ``MOST_SWEEPS`` ends the computation earlier. Draws are taken in
-    the order of a first bound, their greatest advantage divided by 1 - discount, so that most need no closer look. If
-    ``enough`` is given, the computation stops once the quantile certainly exceeds it, and returns inf.
+    It is tight to about a hundredth of itself, unless ``MOST_SWEEPS`` ends the computation earlier.
+    Draws are taken in the order of a first bound, their greatest advantage divided by 1 - discount,
+    so that most need no closer look. If ``enough`` is given, the computation stops once the
+    quantile certainly exceeds it, and returns inf.
     """
     doubt, t = over.doubt / (1 - mdp.discount), tail_sums(over.d)
     first = np.minimum((most_of(over.d, draws.gaps, axis=0) + ROUNDING) / (1 - mdp.discount), 1.0)
@@ -42,9 +45,14 @@ def loss_over_draws(
         ):
             break
         block = order[start : start + width]
-        weights, gain = draws.weights[block], np.maximum(product(t, draws.gaps[:, block]), -1.0) + ROUNDING
+        weights, gain = (
+            draws.weights[block],
+            np.maximum(product(t, draws.gaps[:, block]), -1.0) + ROUNDING,
+        )
         room = np.inf if enough is None else spare - beyond
-        small = upper_quantile(lower, draws.weights, spare)  # losses up to it do not matter to the quantile
+        small = upper_quantile(
+            lower, draws.weights, spare
+        )  # losses up to it do not matter to the quantile
         lower[block], upper[block] = game.losses(gain, target, weights, room, small)
         beyond += float(weights[lower[block] > target].sum())
         if enough is not None and beyond > spare:
@@ -55,8 +63,8 @@ def loss_over_draws(
 def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
     """Return the greatest d.e, at least 0, of differences d (n, k) under scales of gaps (p, m).
 
-    The maximum is over the differences for axis 0 and over the scales for axis 1. The n times m products are never in
-    memory all at once."""
+    The maximum is over the differences for axis 0 and over the scales for axis 1. The n times m
+    products are never in memory all at once."""
     found, step = np.zeros((gaps.shape[1], len(d))[axis]), max(1, NUMBERS // gaps.shape[1])
     for start in range(0, len(d), step):
         scores = product(tail_sums(d[start : start + step]), gaps).max(axis=axis)
@@ -66,7 +74,9 @@ def most_of(d: Floats, gaps: Floats, axis: int) -> Floats:
 
 
 def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
-    """Return the least entry of x (m,) such that the larger ones weigh at most ``spare``; 0 if x is empty."""
+    """Return the least entry of x (m,) such that the larger ones weigh at most ``spare``; 0 if x is
+    empty.
+    """
     order = np.argsort(-x, kind="stable")
     above = np.cumsum(weights[order])
     i = int(np.searchsorted(above, spare, side="right"))
@@ -74,7 +84,9 @@ def upper_quantile(x: Floats, weights: Floats, spare: float) -> float:
 
 
 class _Game(NamedTuple):
-    """The scalar MDP whose rewards are advantages. Its rows are the alternatives of live states, sorted by state."""
+    """The scalar MDP whose rewards are advantages. Its rows are the alternatives of live states,
+    sorted by state.
+    """
 
     chain: sparse.csr_array  # (n, S) transitions of the alternatives
     own: sparse.csr_array  # (live, S) transitions of the policy's actions, which gain nothing
@@ -96,12 +108,15 @@ class _Game(NamedTuple):
             discount=mdp.discount,
         )
 
-    def losses(self, gain: Floats, target: float, weights: Floats, room: float, small: float) -> tuple[Floats, Floats]:
-        """Return lower and upper bounds (b,) on the greatest total of gains (n, b), over all states.
+    def losses(
+        self, gain: Floats, target: float, weights: Floats, room: float, small: float
+    ) -> tuple[Floats, Floats]:
+        """Return lower and upper bounds (b,) on the greatest total of gains (n, b), over all
+        states.
 
-        They come from sweeps that start at zero, with MacQueen's (1966) bounds. The sweeps end when each pair of bounds
-        lies on one side of the target, or below ``small``, or within a hundredth of each other, or when more weight
-        than ``room`` certainly exceeds the target."""
+        They come from sweeps that start at zero, with MacQueen's (1966) bounds. The sweeps end when
+        each pair of bounds lies on one side of the target, or below ``small``, or within a
+        hundredth of each other, or when more weight than ``room`` certainly exceeds the target."""
         b = gain.shape[1]
         total, ratio = np.zeros((self.own.shape[1], b)), self.discount / (1 - self.discount)
         low, high = np.zeros(b), np.full(b, np.inf)
@@ -109,7 +124,9 @@ class _Game(NamedTuple):
             new = self.discount * (self.own @ total)
             if len(self.starts):
                 others = gain + self.discount * (self.chain @ total)
-                new[self.owners] = np.maximum(new[self.owners], np.maximum.reduceat(others, self.starts, axis=0))
+                new[self.owners] = np.maximum(
+                    new[self.owners], np.maximum.reduceat(others, self.starts, axis=0)
+                )
             change = (new - total[self.live]).max(axis=0, initial=0.0)
             total[self.live] = new
             low = total.max(axis=0)

@@ -1,4 +1,6 @@
-"""Drawn scales of a comparator: those that its bounds depend on, and those by which questions are chosen."""
+"""Drawn scales of a comparator: those that its bounds depend on, and those by which questions are
+chosen.
+"""
 
 import numpy as np
 
@@ -22,4 +24,6 @@ def draws_of(comparator: Comparator) -> Draws:
     if own is not None:
         return Draws(*own)
     p = comparator.k - 1
-    return draws_within(Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, np.int64)), np.full(p, 1.0 / p))
+    return draws_within(
+        Region(0.0, np.empty((0, p)), np.empty(0), np.empty(0, np.int64)), np.full(p, 1.0 / p)
+    )

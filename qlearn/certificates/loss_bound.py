@@ -1,21 +1,26 @@
-"""How much a policy can still lose, whatever the plausible scale: an upper bound, and the confidence in it.
+"""How much a policy can still lose, whatever the plausible scale: an upper bound, and the
+confidence in it.
 
-For any V (S, k) let A(s, a) = Q(s, a) - V(s), a difference of share vectors. Under a scale e the optimum exceeds V.e by
-the greatest discounted total of A.e that a policy can collect: a scalar MDP with non-negative values.
+For any V (S, k) let A(s, a) = Q(s, a) - V(s), a difference of share vectors. Under a scale e the
+optimum exceeds V.e by the greatest discounted total of A.e that a policy can collect: a scalar MDP
+with non-negative values.
 
-- Where scales are *proven* plausible (a polytope), each A(s, a).e is bounded over all of them at once
-  (``simultaneous_bounds``), and what can be collected of these bounds is at least the loss. It is at
-  most their greatest over 1 - discount, and mostly far less: few pairs are open, and no run is always at one of them.
-- Where they are *drawn* (a posterior, an ensemble of fits), the loss is bounded under each draw, tightly, and the bound
-  is the quantile of these losses at the comparator's level. No bounds need be combined that hold under different
-  scales, which makes it several times smaller.
+- Where scales are *proven* plausible (a polytope), each A(s, a).e is bounded over all of them at
+  once (``simultaneous_bounds``), and what can be collected of these bounds is at least the loss. It
+  is at most their greatest over 1 - discount, and mostly far less: few pairs are open, and no run
+  is always at one of them.
+- Where they are *drawn* (a posterior, an ensemble of fits), the loss is bounded under each draw,
+  tightly, and the bound is the quantile of these losses at the comparator's level. No bounds need
+  be combined that hold under different scales, which makes it several times smaller.
 
-V need not be the policy's value exactly. Let R(s) = A(s, policy(s)), which then is not 0, and let it lie between -below
-and above under each ordered scale (its tail sums do). The policy's value is V.e plus the total of R.e along its own
-runs, which is at least -below / (1 - discount); the optimum is V.e plus the total of A.e along its runs, on which the
-policy's own actions gain up to ``above`` where they would gain 0. So the loss is at most the total with 0 for these,
-plus (above + below) / (1 - discount). Where no state is terminal, a constant can be added to V so that 0 lies in the
-middle: what counts then is how far R differs from state to state. Nothing need be exact but the bounds themselves.
+V need not be the policy's value exactly. Let R(s) = A(s, policy(s)), which then is not 0, and let
+it lie between -below and above under each ordered scale (its tail sums do). The policy's value is
+V.e plus the total of R.e along its own runs, which is at least -below / (1 - discount); the optimum
+is V.e plus the total of A.e along its runs, on which the policy's own actions gain up to ``above``
+where they would gain 0. So the loss is at most the total with 0 for these, plus (above + below) /
+(1 - discount). Where no state is terminal, a constant can be added to V so that 0 lies in the
+middle: what counts then is how far R differs from state to state. Nothing need be exact but the
+bounds themselves.
 """
 
 from __future__ import annotations
@@ -36,8 +41,9 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 class Guarantee(NamedTuple):
     """An upper bound on what a policy loses, and the confidence in it.
 
-    ``loss_bound`` is a share of the value range and holds from every state. ``confidence`` is the probability that it
-    holds: 1 if it is proven (given that the answers are right), nan if none can be stated.
+    ``loss_bound`` is a share of the value range and holds from every state. ``confidence`` is the
+    probability that it holds: 1 if it is proven (given that the answers are right), nan if none can
+    be stated.
     """
 
     loss_bound: float
@@ -45,7 +51,8 @@ class Guarantee(NamedTuple):
 
 
 def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Guarantee:
-    """Return an upper bound on what a policy loses from any state, over all scales that a comparator holds plausible.
+    """Return an upper bound on what a policy loses from any state, over all scales that a
+    comparator holds plausible.
 
     It reads the MDP's transition probabilities.
 
@@ -69,12 +76,16 @@ def loss_bound(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator) -> Gu
 
 
 def loses_at_most(mdp: OrdinalMDP, policy: ArrayLike, comparator: Comparator, most: float) -> bool:
-    """Return whether no plausible scale lets ``policy`` (S,) lose more than this share of the value range."""
+    """Return whether no plausible scale lets ``policy`` (S,) lose more than this share of the value
+    range.
+    """
     return guarantee(mdp, advantages(mdp, policy), comparator, most).loss_bound <= most
 
 
 @one_thread
-def guarantee(mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None) -> Guarantee:
+def guarantee(
+    mdp: OrdinalMDP, over: Advantages, comparator: Comparator, enough: float | None = None
+) -> Guarantee:
     """Return the loss bound of the policy that has these advantages.
 
     If ``enough`` is given, the bound may be inf whenever it exceeds that."""

@@ -1,4 +1,6 @@
-"""The command ``qlearn figures``: the paper's two series, its three figures, and its claims with intervals."""
+"""The command ``qlearn figures``: the paper's two series, its three figures, and its claims with
+intervals.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from qlearn.cli.options import KEPT, add_command, frame_of, write_csv
 from qlearn.experiments.settings import FiguresSettings
 
 QUICK: dict[str, Any] = {
-    "levels": [4, 6, 8], "at_states": 20, "states": [20, 30, 40], "at_levels": 6, "actions": 3, "seeds": 3,
+    "levels": [4, 6, 8], "at_states": 20, "states": [20, 30, 40], "at_levels": 6, "actions": 3,
+    "seeds": 3,
     "steps": 2000, "n_boot": 20, "particles": 200,
 }  # fmt: skip
 
@@ -20,11 +23,15 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser(
         "figures",
         help="the paper's figures 2, 3 and 4, and its claims, with intervals over runs",
-        description="Run the paper's two series of random MDPs for the polytope, the posterior and the paper's "
-        "comparator, with tutors of several precisions and common random numbers. Writes figure2, figure3 "
+        description="Run the paper's two series of random MDPs for the polytope, the posterior and "
+        "the paper's "
+        "comparator, with tutors of several precisions and common random numbers. Writes figure2, "
+        "figure3 "
         "and figure4 (.png, .svg), runs.csv (one row a run), "
-        "summary.csv (means with 95% intervals), claims.csv and claims.md (trends and bounds with intervals) "
-        "and times.csv. All but times.csv are the same for the same options on any number of processes. There is no "
+        "summary.csv (means with 95% intervals), claims.csv and claims.md (trends and bounds with "
+        "intervals) "
+        "and times.csv. All but times.csv are the same for the same options on any number of "
+        "processes. There is no "
         "budget of questions. " + KEPT,
     )
     add_command(command, run, FiguresSettings, QUICK, "results/figures")
@@ -47,6 +54,9 @@ def run(settings: FiguresSettings, out: Path, **how: Any) -> int:
     save(plot_asked(summary, "states"), out, "figure3")
     save(plot_loss(summary), out, "figure4")
     print(page)
-    print(f"written to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, claims.csv, claims.md,")
+    print(
+        f"written to {out}: figure2, figure3, figure4 (.png, .svg), runs.csv, summary.csv, "
+        "claims.csv, claims.md,"
+    )
     print("times.csv; and journal.jsonl, from which the same command takes what has finished")
     return code

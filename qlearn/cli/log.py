@@ -18,26 +18,42 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser(
         "log",
         help="show, check, merge and export logs of answers",
-        description="Logs of answers, as elicit.AnswerLog and elicit.Session write them. A log that is being written "
-        "can be shown, checked and exported meanwhile. The exit code is 1 where a log is damaged, or none.",
+        description="Logs of answers, as elicit.AnswerLog and elicit.Session write them. A log "
+        "that is being written "
+        "can be shown, checked and exported meanwhile. The exit code is 1 where a log is damaged, "
+        "or none.",
     )
     todo = command.add_subparsers(title="what to do", required=True, metavar="WHAT")
     for name, run, text in (
         ("show", show, "a table of the answers, for people"),
         ("check", check, "say whether a log is whole, or which lines are damaged"),
         ("merge", merge, "several logs of one problem as one new log"),
-        ("export", export, "what a comparator learns from, as CSV: id, d_1, ..., d_k (left - right), answer"),
+        (
+            "export",
+            export,
+            "what a comparator learns from, as CSV: id, d_1, ..., d_k (left - right), answer",
+        ),
     ):
         one = todo.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
         one.set_defaults(command=run)
         one.add_argument("files", nargs="+", type=Path, metavar="FILE", help="a log")
         if name == "merge":
-            one.add_argument("--out", type=Path, required=True, metavar="NEW", help="the file to write; a new one")
             one.add_argument(
-                "--salvage", action="store_true", help="of a damaged log, write what stands before the damage"
+                "--out",
+                type=Path,
+                required=True,
+                metavar="NEW",
+                help="the file to write; a new one",
+            )
+            one.add_argument(
+                "--salvage",
+                action="store_true",
+                help="of a damaged log, write what stands before the damage",
             )
         if name == "export":
-            one.add_argument("--out", type=Path, metavar="CSV", help="the file to write [standard output]")
+            one.add_argument(
+                "--out", type=Path, metavar="CSV", help="the file to write [standard output]"
+            )
 
 
 def show(files: list[Path]) -> int:
@@ -49,14 +65,22 @@ def show(files: list[Path]) -> int:
         if log is None:
             continue
         fields = ", ".join(
-            f"{name}: {value}" for name, value in log.header.items() if name not in ("format", "version")
+            f"{name}: {value}"
+            for name, value in log.header.items()
+            if name not in ("format", "version")
         )
         print(f"{path} ({fields or 'empty'})")
-        rows: list[tuple[str, ...]] = [("", "time", "who", "question", "answer", "seconds", "about")]
+        rows: list[tuple[str, ...]] = [
+            ("", "time", "who", "question", "answer", "seconds", "about")
+        ]
         rows += [_row(number, entry) for number, entry in enumerate(log, start=1)]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         for row in rows:
-            print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+            print(
+                "  ".join(
+                    cell.ljust(width) for cell, width in zip(row, widths, strict=True)
+                ).rstrip()
+            )
     return code
 
 
@@ -71,7 +95,9 @@ def check(files: list[Path]) -> int:
             withdrawn = sum(entry.retracted for entry in entries)
             repeats = sum(entry.repeat and not entry.retracted for entry in entries)
             unused = sum(not entry.used for entry in entries) - withdrawn - repeats
-            kinds = f"{withdrawn} of them withdrawn, {unused} unused" + (f", {repeats} repeats" if repeats else "")
+            kinds = f"{withdrawn} of them withdrawn, {unused} unused" + (
+                f", {repeats} repeats" if repeats else ""
+            )
             print(f"{path}: whole; {len(entries)} answers, {kinds}")
     return code
 
@@ -91,7 +117,11 @@ def merge(files: list[Path], out: Path, salvage: bool) -> int:
     except (ValueError, OSError) as error:
         return fail(str(error))
     print(f"written to {out}: {sum(map(len, logs))} answers of {len(logs)} logs", end="")
-    print("; what stood behind the damage is not among them, also where it withdrew an answer" if faults else "")
+    print(
+        "; what stood behind the damage is not among them, also where it withdrew an answer"
+        if faults
+        else ""
+    )
     return code
 
 
@@ -113,7 +143,9 @@ def export(files: list[Path], out: Path | None) -> int:
 
 
 def _read(path: Path) -> tuple[AnswerLog | None, list[BadLog | OSError]]:
-    """Return what stands in a log before any damage, and what is wrong with it; None where it is none at all."""
+    """Return what stands in a log before any damage, and what is wrong with it; None where it is
+    none at all.
+    """
     from elicit.tutors.answer_log import AnswerLog
     from elicit.tutors.log_lines import BadLog
 
@@ -138,7 +170,19 @@ def _row(number: int, entry: Entry) -> tuple[str, ...]:
     shown = " (shown right to left)" if entry.answer.swapped else ""
     standing = ", repeat" if entry.repeat else "" if entry.used else ", unused"
     state = ", withdrawn" if entry.retracted else standing
-    said = {name: str(entry.metadata[name]) for name in ("time", "who", "latency") if name in entry.metadata}
+    said = {
+        name: str(entry.metadata[name])
+        for name in ("time", "who", "latency")
+        if name in entry.metadata
+    }
     time, who, latency = (said.get(name, "") for name in ("time", "who", "latency"))
     query = entry.answer.query
-    return (str(number), time, who, query.id, word + shown + state, latency, " ".join(query.about.split()))
+    return (
+        str(number),
+        time,
+        who,
+        query.id,
+        word + shown + state,
+        latency,
+        " ".join(query.about.split()),
+    )

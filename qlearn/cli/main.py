@@ -10,9 +10,15 @@ from qlearn.cli.options import without
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line (default: ``sys.argv``) and return the exit code. Bad options end in SystemExit(2)."""
-    parser = argparse.ArgumentParser("qlearn", description="Reinforcement learning with ordinal rewards and a tutor.")
-    parser.add_argument("--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="say the version")
+    """Run the command line (default: ``sys.argv``) and return the exit code. Bad options end in
+    SystemExit(2).
+    """
+    parser = argparse.ArgumentParser(
+        "qlearn", description="Reinforcement learning with ordinal rewards and a tutor."
+    )
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, default=argparse.SUPPRESS, help="say the version"
+    )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     ablate.add_to(commands)
     figures.add_to(commands)

@@ -1,4 +1,6 @@
-"""The parts that commands share: options from settings, a progress bar, what is written, and how failure is said."""
+"""The parts that commands share: options from settings, a progress bar, what is written, and how
+failure is said.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ from typing import Any
 from qlearn.experiments.settings import COUNT, NameOrOwn, Number, Settings
 
 KEPT = (
-    "Every run is kept in journal.jsonl as it finishes: after Ctrl-C, or worse, the same command computes what is "
+    "Every run is kept in journal.jsonl as it finishes: after Ctrl-C, or worse, the same command "
+    "computes what is "
     "missing."
 )
 EXTRAS = ("joblib", "matplotlib", "pandas", "tqdm")
@@ -26,12 +29,19 @@ def fail(message: str) -> int:
     return 1
 
 
-def add_command(command: Any, run: Callable[..., int], settings: type[Settings], quick: Any, folder: str) -> Any:
-    """Make an argparse parser that of a command: where to, how many processes, whether to start over; and the settings
-    by their groups, left out where they are not given. Returns its group of presets, which has the ``quick`` one."""
+def add_command(
+    command: Any, run: Callable[..., int], settings: type[Settings], quick: Any, folder: str
+) -> Any:
+    """Make an argparse parser that of a command: where to, how many processes, whether to start
+    over; and the settings by their groups, left out where they are not given. Returns its group of
+    presets, which has the ``quick`` one."""
     command.set_defaults(command=run, settings=settings, preset={})
     command.add_argument(
-        "--out", type=Path, default=Path(folder), metavar="DIR", help="directory to write to [%(default)s]"
+        "--out",
+        type=Path,
+        default=Path(folder),
+        metavar="DIR",
+        help="directory to write to [%(default)s]",
     )
     command.add_argument(
         "--jobs",
@@ -40,7 +50,9 @@ def add_command(command: Any, run: Callable[..., int], settings: type[Settings],
         metavar="N",
         help="number of processes, one thread each [one a core]",
     )
-    command.add_argument("--fresh", action="store_true", help="forget the runs that have finished, and start over")
+    command.add_argument(
+        "--fresh", action="store_true", help="forget the runs that have finished, and start over"
+    )
     presets = command.add_mutually_exclusive_group()
     add_preset(presets, "--quick", quick, "a tiny setting, to see that it works (seconds)")
     by_name = {one.name: one for one in fields(settings)}
@@ -51,7 +63,12 @@ def add_command(command: Any, run: Callable[..., int], settings: type[Settings],
             default = one.default if isinstance(one.default, tuple) else (one.default,)
             stated = " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in default)
             text = f"{one.metadata['help']} [{stated}]".replace("%", "%%")
-            group.add_argument(f"--{name.replace('_', '-')}", default=argparse.SUPPRESS, help=text, **_keywords(one))
+            group.add_argument(
+                f"--{name.replace('_', '-')}",
+                default=argparse.SUPPRESS,
+                help=text,
+                **_keywords(one),
+            )
     return presets
 
 
@@ -61,15 +78,20 @@ def add_preset(presets: Any, name: str, settings: dict[str, Any], text: str) -> 
 
 
 def without(error: ModuleNotFoundError) -> int:
-    """Say which package of the extra is missing; returns the exit code. Raises the error where it is none of them."""
+    """Say which package of the extra is missing; returns the exit code. Raises the error where it
+    is none of them.
+    """
     if (error.name or "").split(".")[0] not in EXTRAS:
         raise error
     return fail(f"{error.name} is not installed: pip install 'elicit-qlearn[ablation]'")
 
 
-def frame_of(name: str, runs: Callable[..., Any], keys: Sequence[str], out: Path) -> tuple[Any, int]:
-    """The frame of all runs, or of those finished before Ctrl-C, and the exit code; None for the frame where there is
-    nothing to show. With a bar, and in the directory ``out`` with a journal, runs.csv, and times.csv by these keys."""
+def frame_of(
+    name: str, runs: Callable[..., Any], keys: Sequence[str], out: Path
+) -> tuple[Any, int]:
+    """The frame of all runs, or of those finished before Ctrl-C, and the exit code; None for the
+    frame where there is nothing to show. With a bar, and in the directory ``out`` with a journal,
+    runs.csv, and times.csv by these keys."""
     from qlearn.experiments.parallel import Interrupted
 
     try:  # before the runs, not after minutes of them
@@ -82,15 +104,20 @@ def frame_of(name: str, runs: Callable[..., Any], keys: Sequence[str], out: Path
             frame, code = runs(progress=show, journal=out / "journal.jsonl"), 0
     except Interrupted as stopped:
         frame, code = stopped.frame, 130
-        print(f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on", file=sys.stderr)
+        print(
+            f"interrupted: keeping the {len(frame)} runs that had finished; start again to go on",
+            file=sys.stderr,
+        )
         if frame.empty:
             return None, code
-    # a problem's package is missing; a setting that cannot be; a journal that is in use, or not to be written
+    # a problem's package is missing; a setting that cannot be; a journal that is in use, or not to
+    # be written
     except (ImportError, ValueError, OSError) as error:
         return None, fail(str(error))
     except BrokenExecutor:
         return None, fail(
-            "a process that computed a run died (killed, or out of memory?); the runs that had finished are kept: "
+            "a process that computed a run died (killed, or out of memory?); the runs that had "
+            "finished are kept: "
             "start again to compute the rest, or with --jobs 1"
         )
     write_csv(frame[[*keys, "seconds"]], out / "times.csv")
@@ -107,9 +134,17 @@ def write_csv(frame: Any, path: Path) -> None:
 def _keywords(one: Field[Any]) -> dict[str, Any]:
     """Return the keywords of a setting for argparse."""
     check = one.metadata["check"]
-    many = {"nargs": "*" if one.metadata["may_be_empty"] else "+"} if isinstance(one.default, tuple) else {}
+    many = (
+        {"nargs": "*" if one.metadata["may_be_empty"] else "+"}
+        if isinstance(one.default, tuple)
+        else {}
+    )
     if isinstance(check, Number):
-        return {"type": number_parser(check), "metavar": "X" if check.kind is float else "N", **many}
+        return {
+            "type": number_parser(check),
+            "metavar": "X" if check.kind is float else "N",
+            **many,
+        }
     if isinstance(check, NameOrOwn):
         choices = ",".join([*check.names, "package.module:factory"])
         return {"type": part_parser(check), "metavar": f"{{{choices}}}", **many}
@@ -132,7 +167,9 @@ def number_parser(check: Number) -> Callable[[str], float]:
 
 
 def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
-    """An argparse type: a name of ours, or the user's own, whose module is looked for in the current directory too."""
+    """An argparse type: a name of ours, or the user's own, whose module is looked for in the
+    current directory too.
+    """
 
     def parse(text: str) -> Any:
         if ":" in text and not {"", os.getcwd()} & {*sys.path}:
@@ -150,7 +187,9 @@ def part_parser(check: NameOrOwn) -> Callable[[str], Any]:
 
 
 def _progress_bar(name: str) -> tuple[Any, Callable[[int, int], None]]:
-    """A bar that counts runs on the error stream of a terminal, and what moves it to (finished, in all)."""
+    """A bar that counts runs on the error stream of a terminal, and what moves it to (finished, in
+    all).
+    """
     from tqdm import tqdm
 
     bar = tqdm(desc=name, unit="run", disable=None)
@@ -160,7 +199,10 @@ def _progress_bar(name: str) -> tuple[Any, Callable[[int, int], None]]:
             bar.total, bar.initial, bar.n = total, done, done
             bar.refresh()
             if done:
-                bar.write(f"{done} of the {total} runs had finished before (--fresh starts over)", file=sys.stderr)
+                bar.write(
+                    f"{done} of the {total} runs had finished before (--fresh starts over)",
+                    file=sys.stderr,
+                )
         bar.update(done - bar.n)
 
     return bar, show

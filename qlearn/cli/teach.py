@@ -30,9 +30,12 @@ def add_to(commands: Any) -> None:
     command = commands.add_parser(
         "teach",
         help="answer the questions yourself, in the terminal or the browser",
-        description="Puts questions about simple groups of outcomes, keeps each answer on the disk before the next "
-        "question, and says at the end what was learned. Leave at any moment, and start the same command to go on. "
-        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), w (why), q (quit).",
+        description="Puts questions about simple groups of outcomes, keeps each answer on the disk "
+        "before the next "
+        "question, and says at the end what was learned. Leave at any moment, and start the same "
+        "command to go on. "
+        "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), w (why), "
+        "q (quit).",
     )
     command.set_defaults(command=run)
     command.add_argument(
@@ -40,18 +43,24 @@ def add_to(commands: Any) -> None:
         type=_problem,
         default="icu-sepsis",
         metavar=f"{{{','.join(_TAUGHT)},package.module:function,FILE.csv}}",
-        help="what to learn: function(seed) returns an OrdinalMDP, alone or as the first of a tuple, perhaps with "
-        "elicit.Words for its questions; a CSV lists alternatives to choose from: its header names the levels, "
+        help="what to learn: function(seed) returns an OrdinalMDP, alone or as the first of a "
+        "tuple, perhaps with "
+        "elicit.Words for its questions; a CSV lists alternatives to choose from: its header names "
+        "the levels, "
         "worst first, after a first column with the alternatives' names [%(default)s]",
     )
     command.add_argument(
         "--comparator",
         choices=TAUGHT_WITH,
         default="polytope",
-        help="who learns: polytope takes each answer for right, posterior allows for errors [%(default)s]",
+        help="who learns: polytope takes each answer for right, posterior allows for errors "
+        "[%(default)s]",
     )
     command.add_argument(
-        "--log", type=Path, metavar="FILE", help="where the answers are kept [answers-PROBLEM.jsonl, here]"
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="where the answers are kept [answers-PROBLEM.jsonl, here]",
     )
     command.add_argument(
         "--days",
@@ -77,7 +86,8 @@ def add_to(commands: Any) -> None:
         type=number_parser(INNER),
         default=0.01,
         metavar="X",
-        help="of an MDP: questions end once the policy can lose no more than this share of the value range "
+        help="of an MDP: questions end once the policy can lose no more than this share of the "
+        "value range "
         "[%(default)s]",
     )
     command.add_argument(
@@ -85,14 +95,18 @@ def add_to(commands: Any) -> None:
         type=number_parser(SHARE),
         default=_AUDIT,
         metavar="X",
-        help="in front of this share of the questions an earlier one is put again, to see whether the answers agree; "
+        help="in front of this share of the questions an earlier one is put again, to see whether "
+        "the answers agree; "
         "nothing is learned from it [%(default)s]",
     )
-    page = command.add_argument_group("in the browser", "The answers stay on this machine, and only it is listened to.")
+    page = command.add_argument_group(
+        "in the browser", "The answers stay on this machine, and only it is listened to."
+    )
     page.add_argument(
         "--web",
         action="store_true",
-        help="print the address of a page instead, which lets in one browser, once; Enter prints another one, Ctrl+C "
+        help="print the address of a page instead, which lets in one browser, once; Enter prints "
+        "another one, Ctrl+C "
         "ends",
     )
     page.add_argument(
@@ -106,12 +120,14 @@ def add_to(commands: Any) -> None:
         "--host",
         default=_HOST,
         metavar="ADDRESS",
-        help="of this machine, to listen on; one that other machines reach needs --let-others-in [%(default)s]",
+        help="of this machine, to listen on; one that other machines reach needs --let-others-in "
+        "[%(default)s]",
     )
     page.add_argument(
         "--let-others-in",
         action="store_true",
-        help="listen where other machines reach it, too: nothing is encrypted, so who can read the network can read "
+        help="listen where other machines reach it, too: nothing is encrypted, so who can read the "
+        "network can read "
         "the answers, and answer",
     )
 
@@ -143,7 +159,11 @@ def run(
     again += [] if name.lower().endswith(".csv") else ["--tolerance", str(tolerance)]
     again += [] if audit == _AUDIT else ["--audit", str(audit)]
     if web:
-        again += ["--web", *(["--port", str(port)] if port else []), *([] if host == _HOST else ["--host", host])]
+        again += [
+            "--web",
+            *(["--port", str(port)] if port else []),
+            *([] if host == _HOST else ["--host", host]),
+        ]
         again += ["--let-others-in"] if let_others_in else []
     with ExitStack() as stack:
         try:
@@ -151,7 +171,8 @@ def run(
             print("Getting ready ...", file=sys.stderr, flush=True)
             kept = stack.enter_context(AnswerLog(path, len(taught.subject.labels), taught.header))
             session = stack.enter_context(Session(taught.make, kept, audit=audit, seed=seed))
-        # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to be written
+        # a package is missing, a problem cannot be, a log is in use, damaged, another's, or not to
+        # be written
         except (ImportError, ValueError, OSError) as error:
             return fail(str(error))
         except KeyboardInterrupt:
@@ -161,7 +182,9 @@ def run(
         return Terminal(session, taught.subject, shlex.join(again)).converse()
 
 
-def _served(session: Session, subject: Subject, again: str, host: str, port: int, let_others_in: bool) -> int:
+def _served(
+    session: Session, subject: Subject, again: str, host: str, port: int, let_others_in: bool
+) -> int:
     """The page until Ctrl+C; returns the exit code."""
     from elicit.person.hosts.web import serve
     from elicit.person.showing import printable
@@ -172,7 +195,10 @@ def _served(session: Session, subject: Subject, again: str, host: str, port: int
     except (ImportError, ValueError, OSError) as error:
         return fail(str(error))
     kept = sum(not entry.retracted and not entry.repeat for entry in session.log)
-    print(f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}", flush=True)
+    print(
+        f"Kept: {kept} answer{'' if kept == 1 else 's'}. To go on:\n  {printable(again)}",
+        flush=True,
+    )
     return 0
 
 
@@ -181,4 +207,6 @@ def _problem(text: str) -> Any:
     if text.lower().endswith(".csv"):
         return text
     found = part_parser(_PROBLEM)(text)
-    return replace(found, name=text) if isinstance(found, Own) else found  # by this name it is found again
+    return (
+        replace(found, name=text) if isinstance(found, Own) else found
+    )  # by this name it is found again

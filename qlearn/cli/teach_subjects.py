@@ -1,4 +1,6 @@
-"""Subjects that a person can teach: an MDP's scale, or the choice among the alternatives of a CSV file."""
+"""Subjects that a person can teach: an MDP's scale, or the choice among the alternatives of a CSV
+file.
+"""
 
 from __future__ import annotations
 
@@ -34,16 +36,20 @@ _MOST_STATES = 12  # that are listed
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """A subject; make: makes whoever asks, from what it is to know; header: what the log must say."""
+    """A subject; make: makes whoever asks, from what it is to know; header: what the log must
+    say.
+    """
 
     subject: Subject
     make: MakeAsker
     header: dict[str, Any]
 
 
-def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float) -> Taught:
-    """Return the subject of "icu-sepsis", "random", a function of the user's, or the path of a CSV file. Raises
-    ValueError, ImportError and OSError that say what is wrong with it."""
+def taught_by(
+    problem: str | Own, comparator: str, days: int, unit: str | None, seed: int, tolerance: float
+) -> Taught:
+    """Return the subject of "icu-sepsis", "random", a function of the user's, or the path of a CSV
+    file. Raises ValueError, ImportError and OSError that say what is wrong with it."""
     if isinstance(problem, str) and problem.lower().endswith(".csv"):
         return _choice(Path(problem), comparator, days, unit, seed)
     mdp, words, legend = _mdp(problem, seed)
@@ -52,10 +58,15 @@ def taught_by(problem: str | Own, comparator: str, days: int, unit: str | None, 
 
     def make(known: Any) -> InteractivePolicyIteration:
         knows = COMPARATORS[comparator].make(mdp.k, seed)
-        return InteractivePolicyIteration(mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed)
+        return InteractivePolicyIteration(
+            mdp, knows, tolerance=tolerance, bags=Bags(days=days), known=known, seed=seed
+        )
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    report, stakes = partial(_policy_report, mdp, tolerance, legend), partial(_policy_stakes, tolerance)
+    report, stakes = (
+        partial(_policy_report, mdp, tolerance, legend),
+        partial(_policy_stakes, tolerance),
+    )
     return Taught(Subject(mdp.labels, words, days, report, stakes, finer, seed), make, header)
 
 
@@ -70,7 +81,8 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         parts = made if isinstance(made, tuple) and made else (made,)
         if not isinstance(parts[0], OrdinalMDP):
             raise ValueError(
-                f"{problem.name!r}: the function, called with seed = {seed}, must return an OrdinalMDP, or a tuple "
+                f"{problem.name!r}: the function, called with seed = {seed}, must return an "
+                "OrdinalMDP, or a tuple "
                 f"(mdp, elicit.Words), not {made!r}"
             )
         words = next((part for part in parts if isinstance(part, Words)), Words(title=problem.name))
@@ -83,34 +95,51 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         preamble = "Level 1 is the worst. There is no right or wrong answer."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
-        "The patients are alike at the start. Each is then in the condition shown, all for equally long. Mild to "
-        "critical are sepsis in intensive care: SOFA scores up to about 4.7, 6.5, 8.6, and above. Choose the group you "
-        "would rather see, as a whole. There is no right or wrong answer. For research on algorithms; not medical "
+        "The patients are alike at the start. Each is then in the condition shown, all for equally "
+        "long. Mild to "
+        "critical are sepsis in intensive care: SOFA scores up to about 4.7, 6.5, 8.6, and above. "
+        "Choose the group you "
+        "would rather see, as a whole. There is no right or wrong answer. For research on "
+        "algorithms; not medical "
         "advice."
     )
     legend = (
-        "A state is a cluster of similar patients; mild to critical are quarters of them, no clinical categories. "
-        "Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to the highest quarter of the doses given. "
+        "A state is a cluster of similar patients; mild to critical are quarters of them, no "
+        "clinical categories. "
+        "Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to the highest quarter "
+        "of the doses given. "
         "All comes from a benchmark's tables: for research on algorithms; not medical advice."
     )
-    return entry.factory(), Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"), legend
+    return (
+        entry.factory(),
+        Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"),
+        legend,
+    )
 
 
 def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Result) -> list[str]:
-    """Return sentences on what the policy can lose, and where it differs from that of equal gaps between the levels."""
+    """Return sentences on what the policy can lose, and where it differs from that of equal gaps
+    between the levels.
+    """
     bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
-    lines = [f"The plan learned falls short of your best plan by at most {bound}; {_whole_way(mdp.labels)}."]
+    lines = [
+        f"The plan learned falls short of your best plan by at most {bound}; "
+        f"{_whole_way(mdp.labels)}."
+    ]
     if result.status is Status.WAITING:
         lines.append("It is not finished: more could be asked.")
     elif result.status is Status.CONVERGED:
         lines += [
-            f"It is finished: questions end at {100 * tolerance:g}%. What is still open about the levels "
+            f"It is finished: questions end at {100 * tolerance:g}%. What is still open about the "
+            "levels "
             "matters less than that to the plan.",
-            f"For a smaller shortfall start again with --tolerance {tolerance / 10:g}: what you answered stays.",
+            f"For a smaller shortfall start again with --tolerance {tolerance / 10:g}: what you "
+            "answered stays.",
         ]
     elif result.status is Status.UNSURE:
         lines.append(
-            "It is finished, but where you could not tell, two courses were taken for equally good: so this may be "
+            "It is finished, but where you could not tell, two courses were taken for equally "
+            "good: so this may be "
             f"more than the {100 * tolerance:g}% at which questions would end otherwise."
         )
     else:
@@ -120,7 +149,10 @@ def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Resul
     live = int(np.count_nonzero(~mdp.terminal))
     if not states:
         return [*lines, "It acts as if the steps between the levels were equal."]
-    differs = f"In {len(states)} of {live} states it acts otherwise than if the steps between the levels were equal."
+    differs = (
+        f"In {len(states)} of {live} states it acts otherwise than if the steps between the levels "
+        "were equal."
+    )
     lines.append(f"{differs} {legend}".strip())
     action = "action " if mdp.action_names is None else ""
     for s in states[:_MOST_STATES]:
@@ -140,7 +172,8 @@ def _policy_stakes(tolerance: float, result: Result) -> str | None:
     if np.isnan(result.loss_bound):
         return None
     return (
-        f"The plan learned so far may fall short of your best plan by up to {_percent(result.loss_bound)}; questions "
+        "The plan learned so far may fall short of your best plan by up to "
+        f"{_percent(result.loss_bound)}; questions "
         f"end at {100 * tolerance:g}%."
     )
 
@@ -152,12 +185,16 @@ def _percent(share: float) -> str:
 
 def _sure(confidence: float) -> str:
     """Return a phrase on how certain a bound is."""
-    return "if your answers are right" if confidence == 1.0 else f"with {confidence:.0%} probability"
+    return (
+        "if your answers are right" if confidence == 1.0 else f"with {confidence:.0%} probability"
+    )
 
 
 def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
     labels, names, vectors = read_alternatives(path)
-    words = Words(unit or "outcomes", title=path.stem, preamble="There is no right or wrong answer.")
+    words = Words(
+        unit or "outcomes", title=path.stem, preamble="There is no right or wrong answer."
+    )
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
@@ -169,7 +206,9 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         return choose(shares, made, names=names, labels=labels, known=known)
 
     report, stakes = partial(_choice_report, labels), partial(_choice_stakes, labels)
-    finer = f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
+    finer = (
+        f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
+    )
     return Taught(Subject(labels, words, days, report, stakes, finer, seed), make, header)
 
 
@@ -177,7 +216,11 @@ def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
     bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
     finished = result.status is not Status.WAITING
     status = result.status.sentence if finished else "Not finished: more could be asked."
-    return [f"Your choice: {result.name}.", status, f"No other is better by more than {bound}; {_whole_way(labels)}."]
+    return [
+        f"Your choice: {result.name}.",
+        status,
+        f"No other is better by more than {bound}; {_whole_way(labels)}.",
+    ]
 
 
 def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:
@@ -185,13 +228,17 @@ def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:
     if np.isnan(result.loss_bound):
         return None
     most = _percent(result.loss_bound)
-    return f"The best guess so far is not certain: another one may be better by up to {most}; {_whole_way(labels)}."
+    return (
+        f"The best guess so far is not certain: another one may be better by up to {most}; "
+        f"{_whole_way(labels)}."
+    )
 
 
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
-    """The labels (k) of the levels, worst first, the names (n) and the vectors (n, k) of the alternatives in a CSV
-    file: a header of whatever stands over the names and the k labels, then a row each. Raises ValueError that names the
-    line, also where the totals differ or a number is below 0; OSError."""
+    """The labels (k) of the levels, worst first, the names (n) and the vectors (n, k) of the
+    alternatives in a CSV file: a header of whatever stands over the names and the k labels, then a
+    row each. Raises ValueError that names the line, also where the totals differ or a number is
+    below 0; OSError."""
     with open(path, encoding="utf-8-sig", newline="") as text:
         try:
             rows = [(n, cells) for n, cells in _rows(csv.reader(text, strict=True)) if any(cells)]
@@ -202,14 +249,19 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
     header = rows[0][1] if rows else []
     if len(header) < 3 or not all(header[1:]):
         raise ValueError(
-            f"the first line of {path} must name a column of names and then at least two levels, worst first, such as "
+            f"the first line of {path} must name a column of names and then at least two levels, "
+            "worst first, such as "
             f"name,died,ill,well; it is {','.join(header)!r}"
         )
     twice = next((label for i, label in enumerate(header) if i and label in header[1:i]), None)
     if twice is not None:
-        raise ValueError(f"the first line of {path} names the level {twice!r} twice: give each its own name")
+        raise ValueError(
+            f"the first line of {path} names the level {twice!r} twice: give each its own name"
+        )
     if len(rows) < 2:
-        raise ValueError(f"{path} names levels, but no alternative to choose from: add a line for each")
+        raise ValueError(
+            f"{path} names levels, but no alternative to choose from: add a line for each"
+        )
     vectors = []
     for number, cells in rows[1:]:
         where = f"line {number} of {path}"
@@ -219,7 +271,8 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
         total, first = sum(vectors[-1]), sum(vectors[0])
         if not first > 0 or abs(total - first) > 1e-9 * first:
             raise ValueError(
-                f"{where} has the total {total:g}, and the first alternative {first:g}: give all the same total, above "
+                f"{where} has the total {total:g}, and the first alternative {first:g}: give all "
+                "the same total, above "
                 "0, such as shares of 1, or counts of the same number of people"
             )
     return tuple(header[1:]), [cells[0] for _, cells in rows[1:]], np.array(vectors)

@@ -40,7 +40,10 @@ class Terminal:
         self._interview, self._log, self._again = Interview(session, subject), session.log, again
         self._finer = subject.finer
         self._width = min(max(shutil.get_terminal_size().columns, NARROWEST), _WIDEST)
-        for stream in (sys.stdin, sys.stdout):  # a name that the terminal cannot write, or a key that is no letter
+        for stream in (
+            sys.stdin,
+            sys.stdout,
+        ):  # a name that the terminal cannot write, or a key that is no letter
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="replace")
 
@@ -53,7 +56,9 @@ class Terminal:
                 self._say("")
                 code = self._leave(130)
             except (OSError, BadLog) as error:
-                return fail(f"stopped: {error}. What was answered before is kept; to go on: {self._again}")
+                return fail(
+                    f"stopped: {error}. What was answered before is kept; to go on: {self._again}"
+                )
             return code
 
     def _ask_all(self) -> int:
@@ -72,10 +77,14 @@ class Terminal:
                     self._say("\nFirst one to practise, whose answer does not count.\n")
                     key = self._put()
                 case "question":
-                    self._say(f"\nQuestion {screen['question']['number']}{self._more_to_come(screen)}\n")
+                    self._say(
+                        f"\nQuestion {screen['question']['number']}{self._more_to_come(screen)}\n"
+                    )
                     key = self._put()
                 case _:
-                    open_still = f" of whole numbers. {self._finer}" if screen["end"]["open"] else "."
+                    open_still = (
+                        f" of whole numbers. {self._finer}" if screen["end"]["open"] else "."
+                    )
                     self._say(f"\nThere are no more questions{open_still}")
                     self._say(_KEYS_AT_THE_END)
                     key = self._read({"": "done"}, "done", _KEYS_AT_THE_END)
@@ -105,7 +114,9 @@ class Terminal:
         return self._read({}, "quit", _KEYS)
 
     def _why(self, screen: dict[str, Any]) -> None:
-        """Why the question is asked, and how many come after it, as far as that was computed meanwhile."""
+        """Why the question is asked, and how many come after it, as far as that was computed
+        meanwhile.
+        """
         if screen["stage"] == "practice":
             self._say("To try the keys.")
             return
@@ -122,21 +133,34 @@ class Terminal:
         if to_come is None:
             return ""
         least, most = to_come
-        return f" (about {f'{least} to {most}' if least < most else most} more)" if most else " (perhaps the last one)"
+        return (
+            f" (about {f'{least} to {most}' if least < most else most} more)"
+            if most
+            else " (perhaps the last one)"
+        )
 
     def _report(self, end: dict[str, Any]) -> None:
         counts = end["counts"]
         kinds = ("equal", "equal"), ("cannot tell", "cannot tell"), ("unused", "not used")
-        among = ", ".join(f"{counts[n]} {name}" for n, name in (*kinds, ("withdrawn", "more taken back")) if counts[n])
+        among = ", ".join(
+            f"{counts[n]} {name}"
+            for n, name in (*kinds, ("withdrawn", "more taken back"))
+            if counts[n]
+        )
         self._say(f"\n{_answers(counts['answered'])}{f' ({among})' if among else ''}\n")
         if end["scale"]:
-            for line in scale_report([ScaleRow(**row) for row in end["scale"]], end["certainty"], self._width):
+            for line in scale_report(
+                [ScaleRow(**row) for row in end["scale"]], end["certainty"], self._width
+            ):
                 print(line)
         self._say("")
         for line in end["statements"]:
             self._say(line)
         for conflict in end["conflicts"]:
-            self._say(f"\nThese {len(conflict)} answers do not go together; to change any one of them would mend it:")
+            self._say(
+                f"\nThese {len(conflict)} answers do not go together; to change any one of them "
+                "would mend it:"
+            )
             for entry in conflict:
                 self._say(f"  - {entry['sentence']}")
         self._say(f"\nAll answers are in {self._log.path}.")
@@ -151,7 +175,9 @@ class Terminal:
         return self._interview.handle({"do": do, **parts})
 
     def _read(self, more: dict[str, str], at_end: str, keys: str) -> str:
-        """The next line that means something; ``at_end`` where there are no more; keys: what is said of others."""
+        """The next line that means something; ``at_end`` where there are no more; keys: what is
+        said of others.
+        """
         while True:
             print("> ", end="", flush=True)
             line = sys.stdin.readline()
@@ -168,12 +194,17 @@ class Terminal:
                 self._say(f"{said[:40]!r} is no answer here. {keys}")
 
     def _say(self, text: str) -> None:
-        """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its ends stay."""
+        """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its
+        ends stay.
+        """
         before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
         item = len(text) - len(text.lstrip(" -"))
         further = " " * (item + 2 * (item == 2))
         said = textwrap.wrap(
-            printable(text.strip("\n")), self._width, subsequent_indent=further, break_on_hyphens=False
+            printable(text.strip("\n")),
+            self._width,
+            subsequent_indent=further,
+            break_on_hyphens=False,
         )
         print("\n" * before + "\n".join(said) + "\n" * (after if said else 0), flush=True)
 
@@ -183,18 +214,23 @@ def _answers(n: int) -> str:
 
 
 def scale_report(rows: Sequence[ScaleRow], certainty: str, width: int) -> list[str]:
-    """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with its interval."""
+    """Lines of at most so many columns: what each level is worth, best first, from 0 to 100, with
+    its interval.
+    """
     name = min(max(len(row.label) for row in rows), width - 20)
     bar = min(_BAR, width - name - 22)
     said = (
-        "What the levels are worth, from 0 to 100: 60 is as good as 60 of 100 at the best level and 40 at the worst "
+        "What the levels are worth, from 0 to 100: 60 is as good as 60 of 100 at the best level "
+        "and 40 at the worst "
         f"(best guess, interval; {certainty})"
     )
     lines = textwrap.wrap(said, width)
     for row in rows:
         known = "" if row.low == row.high else f"{row.low:.0f} to {row.high:.0f}"
         line = f"  {row.label[:name]:{name}} {row.value:5.0f}  {known:9}"
-        lines.append(f"{line}  {_bar(row.low, row.value, row.high, bar) if bar >= _LEAST_BAR else ''}".rstrip())
+        lines.append(
+            f"{line}  {_bar(row.low, row.value, row.high, bar) if bar >= _LEAST_BAR else ''}".rstrip()  # noqa: E501
+        )
     return lines
 
 

@@ -22,7 +22,9 @@ Env = gym.Env[Any, Any]
 
 
 class LevelRewarded(gym.Wrapper[Any, Any, Any, Any], Generic[R]):
-    """An environment whose reward is made of its steps' levels, which ``info["level"]`` then holds."""
+    """An environment whose reward is made of its steps' levels, which ``info["level"]`` then
+    holds.
+    """
 
     def __init__(self, env: Env, levels: Levels) -> None:
         super().__init__(env)
@@ -53,14 +55,18 @@ class LevelRewardedVector(VectorWrapper[Any, Any, NDArray[Any]]):
         self._mode = env.metadata.get("autoreset_mode", AutoresetMode.NEXT_STEP)
         if self._mode == AutoresetMode.SAME_STEP and callable(levels.level):
             raise ValueError(
-                "environments that start anew in the step that ends an episode need level= to be a key of info "
-                "or a mapping from rewards; wrap each of them instead: gymnasium.make_vec(..., wrappers=[...])"
+                "environments that start anew in the step that ends an episode need level= to be a "
+                "key of info "
+                "or a mapping from rewards; wrap each of them instead: gymnasium.make_vec(..., "
+                "wrappers=[...])"
             )
         self._ended = np.zeros(env.num_envs, dtype=np.bool_)
         self._during: Floats = np.empty(0)
         self._ending: Floats | None = None
 
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+    def reset(
+        self, *, seed: Any = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
         """Reset the environments, all of them or, as ``options`` may say, some."""
         some = (options or {}).get("reset_mask", np.ones(self.num_envs, dtype=np.bool_))
         self._ended = self._ended & ~np.asarray(some)
@@ -114,7 +120,9 @@ class ByValues:
     def values(self, values: Comparator | ArrayLike) -> None:
         self._values = numbers_of(values, self.levels.k)
         ending = self.levels.ending
-        self._pay(self.levels.during @ self._values, None if ending is None else ending @ self._values)
+        self._pay(
+            self.levels.during @ self._values, None if ending is None else ending @ self._values
+        )
 
     def _pay(self, during: Floats, ending: Floats | None) -> None:
         """Take the rewards (k,) of steps at each level, and of those that terminate an episode."""
@@ -122,7 +130,8 @@ class ByValues:
 
 
 class OrdinalReward(ByValues, LevelRewarded[float]):
-    """An environment whose reward is the value of each step's level, so that any library can train on it.
+    """An environment whose reward is the value of each step's level, so that any library can train
+    on it.
 
     The discounted sum of an episode's rewards is its share vector times ``values``, exactly.
     ``info["level"]`` has the level. The ``values`` may be set anew at any time.
@@ -157,7 +166,9 @@ class OrdinalReward(ByValues, LevelRewarded[float]):
     as always in Gymnasium.
     """
 
-    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copying calls it without arguments
+    def __new__(
+        cls, env: Any = None, *given: Any, **settings: Any
+    ) -> Any:  # copying calls it without arguments
         if isinstance(env, VectorEnv):
             return OrdinalRewardVector(env, *given, **settings)
         return super().__new__(cls)
@@ -174,7 +185,8 @@ class OrdinalRewardVector(ByValues, LevelRewardedVector):
 
 
 class LevelVector(LevelRewarded[Floats]):
-    """An environment whose reward is a vector (k,), as in MO-Gymnasium: 1 at the step's level, else 0.
+    """An environment whose reward is a vector (k,), as in MO-Gymnasium: 1 at the step's level, else
+    0.
 
     With a ``discount`` the discounted sum of the vectors is the episode's share vector, which
     totals 1 when it ends. MO-Gymnasium's ``LinearReward`` with the values for weights then gives
@@ -196,13 +208,21 @@ class LevelVector(LevelRewarded[Floats]):
         If a setting is out of range.
     """
 
-    def __new__(cls, env: Any = None, *given: Any, **settings: Any) -> Any:  # copying calls it without arguments
+    def __new__(
+        cls, env: Any = None, *given: Any, **settings: Any
+    ) -> Any:  # copying calls it without arguments
         if isinstance(env, VectorEnv):
             return LevelVectorVector(env, *given, **settings)
         return super().__new__(cls)
 
     def __init__(
-        self, env: Env, k: int, level: Level = "level", after: After = None, *, discount: float | None = None
+        self,
+        env: Env,
+        k: int,
+        level: Level = "level",
+        after: After = None,
+        *,
+        discount: float | None = None,
     ) -> None:
         super().__init__(env, Levels(k, level, after, discount))
         self._during = list(self.levels.during)
@@ -273,9 +293,14 @@ def numbers_of(values: Comparator | ArrayLike, k: int | None = None) -> Floats:
         values = best_guess(values)  # type: ignore[arg-type]
     found = np.array(values, dtype=np.float64)
     if found.ndim != 1 or len(found) < 2 or (k is not None and len(found) != k):
-        raise ValueError(f"values must be {k or 'k >= 2'} numbers, one a level, worst first, not shape {found.shape}")
+        raise ValueError(
+            f"values must be {k or 'k >= 2'} numbers, one a level, worst first, not shape "
+            f"{found.shape}"
+        )
     if not (np.isfinite(found).all() and (np.diff(found) >= 0).all()):
-        raise ValueError(f"values must be finite and must not fall from the worst level to the best, not {found}")
+        raise ValueError(
+            f"values must be finite and must not fall from the worst level to the best, not {found}"
+        )
     return found
 
 

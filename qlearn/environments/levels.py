@@ -24,12 +24,13 @@ from elicit.model.comparator import check_levels
 from elicit.model.scale import Floats
 
 Level: TypeAlias = str | Mapping[float, int] | Callable[[Any, Any, dict[str, Any]], Any]
-"""Where a step's level, 0 (worst) to k - 1, is found: a key of its ``info``; the level of each value that the reward
-takes; or a function of (observation, reward, info), of a vectorised environment in batches."""
+"""Where a step's level, 0 (worst) to k - 1, is found: a key of its ``info``; the level of each
+value that the reward takes; or a function of (observation, reward, info), of a vectorised
+environment in batches."""
 
 After: TypeAlias = int | Literal["last"] | None
-"""What lasts once an episode has terminated: a level, 0 to k - 1; "last": that of its last step; None: not said, for
-tasks that never terminate."""
+"""What lasts once an episode has terminated: a level, 0 to k - 1; "last": that of its last step;
+None: not said, for tasks that never terminate."""
 
 
 @dataclass(frozen=True)
@@ -49,24 +50,43 @@ class Levels:
         k = check_levels(self.k)
         if not (isinstance(self.level, (str, Mapping)) or callable(self.level)):
             raise TypeError(
-                f"level must be a key of info, a mapping from rewards to levels, or a function, not {self.level!r}"
+                "level must be a key of info, a mapping from rewards to levels, or a function, "
+                f"not {self.level!r}"
             )
         if isinstance(self.level, Mapping):
             stray = next((level for level in self.level.values() if not _is_level(level, k)), None)
-            require(stray is None, "level", f"a mapping from rewards to levels, 0 to {k - 1}", self.level)
-        given = self.after is None or _is_level(self.after, k) or (isinstance(self.after, str) and self.after == "last")
-        require(given, "after", f"a level, 0 to {k - 1}, or 'last', or None for tasks without an end", self.after)
+            require(
+                stray is None,
+                "level",
+                f"a mapping from rewards to levels, 0 to {k - 1}",
+                self.level,
+            )
+        given = (
+            self.after is None
+            or _is_level(self.after, k)
+            or (isinstance(self.after, str) and self.after == "last")
+        )
+        require(
+            given,
+            "after",
+            f"a level, 0 to {k - 1}, or 'last', or None for tasks without an end",
+            self.after,
+        )
         known = self.discount is None or (is_number(self.discount, 0) and self.discount < 1)
         require(known, "discount", "a number of at least 0 and below 1", self.discount)
 
     @property
     def during(self) -> Floats:
-        """The count (k, k) of a step at each level towards the shares, while the episode goes on."""
+        """The count (k, k) of a step at each level towards the shares, while the episode goes
+        on.
+        """
         return np.eye(self.k) * (1.0 if self.discount is None else 1.0 - self.discount)
 
     @property
     def ending(self) -> Floats | None:
-        """The count (k, k) of a step that terminates the episode, or None if no lasting level is given."""
+        """The count (k, k) of a step that terminates the episode, or None if no lasting level is
+        given.
+        """
         if self.discount is None or self.after == "last":
             return np.eye(self.k)
         if self.after is None:
@@ -103,15 +123,23 @@ class Levels:
         """
         level = self.level
         if isinstance(level, Mapping):
-            found = [self.of_step(None, r, {}) if step else 0 for r, step in zip(rewards, stepped, strict=True)]
+            found = [
+                self.of_step(None, r, {}) if step else 0
+                for r, step in zip(rewards, stepped, strict=True)
+            ]
         elif isinstance(level, str):
-            if stepped.any() and (level not in infos or not infos.get(f"_{level}", stepped)[stepped].all()):
+            if stepped.any() and (
+                level not in infos or not infos.get(f"_{level}", stepped)[stepped].all()
+            ):
                 raise self._missing(rewards, infos)
             found = infos.get(level, np.zeros(len(stepped), np.int64))
         else:
             found = level(observations, rewards, infos)
             if np.shape(found) not in ((), stepped.shape):
-                raise ValueError(f"level= must find one level for each of {len(stepped)} environments, not {found!r}")
+                raise ValueError(
+                    f"level= must find one level for each of {len(stepped)} environments, not "
+                    f"{found!r}"
+                )
         levels = np.where(stepped, np.asarray(found), 0)
         whole = levels.shape == stepped.shape and levels.dtype.kind in "iuf"
         if not (whole and ((levels >= 0) & (levels < self.k) & (levels == np.floor(levels))).all()):
@@ -121,20 +149,29 @@ class Levels:
     def never_ends(self) -> ValueError:
         """Return the error for an episode that terminates although no lasting level is given."""
         return ValueError(
-            "an episode has terminated, and the time after it counts, but it is not said at which level: give after=, "
+            "an episode has terminated, and the time after it counts, but it is not said at which "
+            "level: give after=, "
             f"a level from 0 to {self.k - 1}, or 'last' for that of the last step"
         )
 
     def _missing(self, reward: Any, info: dict[str, Any]) -> ValueError:
         if isinstance(self.level, Mapping):
-            return ValueError(f"no level is given for the reward {float(reward)!r}: level= maps {sorted(self.level)}")
+            return ValueError(
+                f"no level is given for the reward {float(reward)!r}: level= maps "
+                f"{sorted(self.level)}"
+            )
         return ValueError(
-            f"the step's info has no {self.level!r}, only {sorted(info)}: level= takes the key of info under which the "
-            "level is, a mapping from rewards to levels, or a function of (observation, reward, info)"
+            f"the step's info has no {self.level!r}, only {sorted(info)}: level= takes the key of "
+            "info under which the "
+            "level is, a mapping from rewards to levels, or a function of (observation, reward, "
+            "info)"
         )
 
     def _bad(self, found: Any) -> ValueError:
-        return ValueError(f"a step's level must be a whole number from 0 to {self.k - 1} (worst first), not {found!r}")
+        return ValueError(
+            f"a step's level must be a whole number from 0 to {self.k - 1} (worst first), not "
+            f"{found!r}"
+        )
 
 
 def _is_level(level: object, k: int) -> bool:

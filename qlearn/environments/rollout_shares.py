@@ -7,8 +7,8 @@ from scipy.stats import norm
 from elicit.model.scale import Floats
 
 STANDARD_ERRORS = 3.0
-"""How far from what was measured a policy's shares are taken to lie at most, in standard errors: they lie farther off
-with a probability of 0.27%."""
+"""How far from what was measured a policy's shares are taken to lie at most, in standard errors:
+they lie farther off with a probability of 0.27%."""
 
 
 class RolloutShares(NamedTuple):
@@ -31,7 +31,8 @@ class RolloutShares(NamedTuple):
 
 
 def error_of_unseen(episodes: int) -> float:
-    """Return the least standard error of a share measured in so many episodes, however alike they are.
+    """Return the least standard error of a share measured in so many episodes, however alike they
+    are.
 
     An outcome of probability p shows in none of n episodes with probability (1 - p)^n. As long as
     that exceeds 0.27%, it cannot be excluded, and a share may be off by p. So ``STANDARD_ERRORS``

@@ -71,20 +71,38 @@ def rollout_shares(
     the ``shares`` alone, which it then takes to be exact.
     """
     if isinstance(env, VectorEnv):
-        raise TypeError(f"episodes are run one after the other: give one environment, not the {env.num_envs} of {env}")
+        raise TypeError(
+            f"episodes are run one after the other: give one environment, not the {env.num_envs} "
+            f"of {env}"
+        )
     levels = levels_of(env)
     if levels is None:
-        require(k is not None, "k", "given for an environment that is not in an OrdinalReward or a LevelVector", k)
+        require(
+            k is not None,
+            "k",
+            "given for an environment that is not in an OrdinalReward or a LevelVector",
+            k,
+        )
         levels = Levels(k or 0, level, after, discount)
     require(k in (None, levels.k), "k", f"left out, or that of the rewards, {levels.k}", k)
     lasts = after if levels.after is None else levels.after
     require(after in (None, lasts), "after", f"left out, or that of the rewards, {lasts!r}", after)
     given = levels.discount if discount is None else discount
     require(given is not None, "discount", "a number of at least 0 and below 1", given)
-    require(levels.discount in (None, given), "discount", f"that of the rewards, {levels.discount!r}", discount)
+    require(
+        levels.discount in (None, given),
+        "discount",
+        f"that of the rewards, {levels.discount!r}",
+        discount,
+    )
     levels = Levels(levels.k, "level" if levels_of(env) is not None else levels.level, lasts, given)
     assert levels.discount is not None
-    require(is_whole(episodes, 2), "episodes", "a whole number of at least 2 (for standard errors)", episodes)
+    require(
+        is_whole(episodes, 2),
+        "episodes",
+        "a whole number of at least 2 (for standard errors)",
+        episodes,
+    )
     known = max_steps is None or is_whole(max_steps, 1)
     require(known, "max_steps", "None or a whole number of at least 1", max_steps)
     most = int(max_steps or max(1.0, np.ceil(np.log(1e-4) / np.log(max(levels.discount, 1e-4)))))
@@ -92,11 +110,15 @@ def rollout_shares(
     for i in range(len(found)):
         found[i] = _one(env, levels, _acting(policy), most, seed if i == 0 else None)
     shares = found.mean(axis=0)
-    errors = np.maximum(found.std(axis=0, ddof=1) / np.sqrt(len(found)), error_of_unseen(len(found)))
+    errors = np.maximum(
+        found.std(axis=0, ddof=1) / np.sqrt(len(found)), error_of_unseen(len(found))
+    )
     return RolloutShares(shares, errors, max(0.0, 1.0 - float(shares.sum())))
 
 
-def _one(env: Any, levels: Levels, act: Callable[[Any], Any], most: int, seed: int | None) -> Floats:
+def _one(
+    env: Any, levels: Levels, act: Callable[[Any], Any], most: int, seed: int | None
+) -> Floats:
     """Return the shares (k,) of one episode; the share missing to 1 was cut off."""
     during, ending, left = levels.during, levels.ending, 1.0
     shares: Floats = np.zeros(levels.k)
@@ -124,7 +146,10 @@ def _acting(policy: Any) -> Callable[[Any], Any]:
     predict = getattr(policy, "predict", None)
     if predict is None:
         if not callable(policy):
-            raise TypeError(f"a policy is a function from an observation to an action, or has predict, not {policy!r}")
+            raise TypeError(
+                "a policy is a function from an observation to an action, or has predict, not "
+                f"{policy!r}"
+            )
         return policy  # type: ignore[no-any-return]
     takes = inspect.signature(predict).parameters
     if not {"state", "episode_start"} <= set(takes):
@@ -135,7 +160,9 @@ def _acting(policy: Any) -> Callable[[Any], Any]:
 
     def act(observation: Any) -> Any:
         nonlocal state, first
-        action, state = predict(observation, state=state, episode_start=np.array([first]), deterministic=True)
+        action, state = predict(
+            observation, state=state, episode_start=np.array([first]), deterministic=True
+        )
         first = False
         return action
 

@@ -22,7 +22,10 @@ from qlearn.experiments.settings import ORDER
 _BUDGET: dict[str, Any] = {"color": "0.45", "linestyle": (0, (2, 2)), "linewidth": 1}
 _INCHES_A_CHARACTER = 0.075  # of a legend's text, of the default font and size
 _INCHES_A_HANDLE = 0.75  # of its handle and the space between two columns
-_LINES, _INCHES_A_LINE = 5, 0.21  # the lines of a legend that the figure's height allows for, and what one more takes
+_LINES, _INCHES_A_LINE = (
+    5,
+    0.21,
+)  # the lines of a legend that the figure's height allows for, and what one more takes
 _ASKED = "questions asked\n(log scale)"
 _LOST = "policy loss, %\n(log scale beyond 0.1)"
 LEGEND = """\
@@ -37,22 +40,30 @@ after 1st    the same, after the tutor's first wrong answer
 *            with audits, in runs that are shorter: their questions compare with each other only
 audits to conflict   in the audited runs: audits until one first contradicted the answers, (runs in which one did
              / all), and in how many of those the audit itself was the wrong answer ("false")
-notes        with how many seeds the question budget was spent, or the limit of sweeps reached"""
+notes        with how many seeds the question budget was spent, or the limit of sweeps reached"""  # noqa: E501
 
 
-def table(summary: pd.DataFrame, names: Mapping[str, str] | None = None, seeds: int | None = None) -> str:
-    """The summary of ``ablation.summarise`` as text of at most 120 columns (if names of your own are short), by problem
-    and learner; ``LEGEND`` explains the columns. ``names`` overrides ``NAMES``; ``seeds``: how many each row should
-    have; those that have fewer say so."""
+def table(
+    summary: pd.DataFrame, names: Mapping[str, str] | None = None, seeds: int | None = None
+) -> str:
+    """The summary of ``ablation.summarise`` as text of at most 120 columns (if names of your own
+    are short), by problem and learner; ``LEGEND`` explains the columns. ``names`` overrides
+    ``NAMES``; ``seeds``: how many each row should have; those that have fewer say so."""
     parts = []
     for (problem, learner), part in summary.groupby(["problem", "learner"], sort=False):
-        conflicts = {(row.comparator, row.error_rate): _conflict(row) for row in part[part.audit > 0].itertuples()}
+        conflicts = {
+            (row.comparator, row.error_rate): _conflict(row)
+            for row in part[part.audit > 0].itertuples()
+        }
         cells = [
             _cells(row, conflicts.get((row.comparator, row.error_rate), ""), seeds)
             for row in part.sort_values("audit", kind="stable").itertuples()
         ]
         text = pd.DataFrame(cells).set_index("comparator").rename_axis(None).to_string()
-        parts.append(f"{_called(names, 'problem', str(problem))}, {_called(names, 'learner', str(learner))}\n{text}")
+        parts.append(
+            f"{_called(names, 'problem', str(problem))}, "
+            f"{_called(names, 'learner', str(learner))}\n{text}"
+        )
     return "\n\n".join(parts)
 
 
@@ -63,19 +74,25 @@ def plot_ablation(
     names: Mapping[str, str] | None = None,
     seeds: int | None = None,
 ) -> Figure:
-    """For each problem and learner, two panels one above the other: questions asked, and true policy loss against the
-    optimal policy under the hidden values, by the tutor's error rate. A line joins the error rates of a comparator;
-    tutors of yours stand beside them, by name, and no line joins them. With 95% t-intervals where there are three seeds
-    or more: of two they would hide all else. Hollow markers: the budget was spent in at least one run.
+    """For each problem and learner, two panels one above the other: questions asked, and true
+    policy loss against the optimal policy under the hidden values, by the tutor's error rate. A
+    line joins the error rates of a comparator; tutors of yours stand beside them, by name, and no
+    line joins them. With 95% t-intervals where there are three seeds or more: of two they would
+    hide all else. Hollow markers: the budget was spent in at least one run.
 
-    ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws the budget, ``names``
-    overrides ``NAMES``, and where points have fewer runs than ``seeds`` the title says so.
+    ``summary`` is ``ablation.summarise(...)``; audited runs are not drawn. ``max_queries`` draws
+    the budget, ``names`` overrides ``NAMES``, and where points have fewer runs than ``seeds`` the
+    title says so.
     """
     called = partial(_called, names)
     plain = summary[summary.audit == 0]
     problems, learners = plain.problem.unique(), plain.learner.unique()
-    figure = Figure(figsize=(1.4 + 4.9 * len(learners), 1.6 + 4.6 * len(problems)), layout="constrained")
-    grid = figure.subplots(2 * len(problems), len(learners), squeeze=False, sharex=True, sharey="row")
+    figure = Figure(
+        figsize=(1.4 + 4.9 * len(learners), 1.6 + 4.6 * len(problems)), layout="constrained"
+    )
+    grid = figure.subplots(
+        2 * len(problems), len(learners), squeeze=False, sharex=True, sharey="row"
+    )
     looks, tutors = styles(plain.comparator), _tutors(plain)
     for i, problem in enumerate(problems):
         for j, learner in enumerate(learners):
@@ -86,27 +103,48 @@ def plot_ablation(
             _scales(asked, lost, max_queries)
             asked.set_ylim(0, 3 * max(10, plain.asked.max()))
             lost.set_ylim(0, 200 * max(0.001, _highest(plain[plain.problem == problem])))
-            asked.set_title(f"{called('problem', problem)}: {called('learner', learner)}", fontsize=11)
+            asked.set_title(
+                f"{called('problem', problem)}: {called('learner', learner)}", fontsize=11
+            )
             if j == 0:
                 asked.set_ylabel(_ASKED)
                 lost.set_ylabel(_LOST)
             own = any(isinstance(tutor, str) for tutor in tutors)
             lost.set_xlabel("the tutor's wrong answers (%)" + (", or your tutor" if own else ""))
-            lost.set_xticks(range(len(tutors)), [t if isinstance(t, str) else f"{100 * t:.3g}" for t in tutors])
+            lost.set_xticks(
+                range(len(tutors)), [t if isinstance(t, str) else f"{100 * t:.3g}" for t in tutors]
+            )
     drawn = sorted(looks, key=lambda name: [*STYLES].index(name) if name in STYLES else len(STYLES))
-    handles = [Line2D([], [], label=called("comparator", name), markersize=7, **looks[name]) for name in drawn]
+    handles = [
+        Line2D([], [], label=called("comparator", name), markersize=7, **looks[name])
+        for name in drawn
+    ]
     if max_queries is not None:
         handles.append(Line2D([], [], label="budget", **_BUDGET))
     if (plain.budget_spent > 0).any():
-        hollow: dict[str, Any] = {"color": "0.35", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
+        hollow: dict[str, Any] = {
+            "color": "0.35",
+            "marker": "o",
+            "markerfacecolor": "white",
+            "linestyle": "none",
+        }
         handles.append(Line2D([], [], label="hollow: budget spent", markersize=7, **hollow))
     longest = max(len(str(handle.get_label())) for handle in handles)
-    columns = max(1, min(len(handles), int(figure.get_figwidth() / (_INCHES_A_CHARACTER * longest + _INCHES_A_HANDLE))))
+    columns = max(
+        1,
+        min(
+            len(handles),
+            int(figure.get_figwidth() / (_INCHES_A_CHARACTER * longest + _INCHES_A_HANDLE)),
+        ),
+    )
     more_lines = math.ceil(len(handles) / columns) - _LINES
     figure.set_figheight(figure.get_figheight() + max(0, more_lines) * _INCHES_A_LINE)
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.2
+    )
     title = (
-        "What each comparator costs: questions to the tutor, and policy loss against the optimal policy under the "
+        "What each comparator costs: questions to the tutor, and policy loss against the optimal "
+        "policy under the "
         "hidden values, for each learner alike (share of the value range); lower is better"
     )
     many = len(learners) > 1
@@ -116,7 +154,9 @@ def plot_ablation(
 
 
 def _highest(rows: pd.DataFrame) -> float:
-    """The greatest mean loss, or upper end of an interval that is drawn, as a share of the value range."""
+    """The greatest mean loss, or upper end of an interval that is drawn, as a share of the value
+    range.
+    """
     half = rows.loss_half.where(rows.runs > 2).fillna(0.0)
     return float((rows.loss + half).max())
 
@@ -142,7 +182,9 @@ def _means_of(runs: pd.Series, seeds: int | None) -> str:
         return f"INCOMPLETE: of {seeds} seeds some means have {least} only"
     number = f"{most}" if least == most else f"{least} to {most}"
     seeds_in_words = "one seed" if most == 1 else f"{number} seeds"
-    return f"means over {seeds_in_words}" + (", with 95% intervals" if most > 2 else ": too few for intervals")
+    return f"means over {seeds_in_words}" + (
+        ", with 95% intervals" if most > 2 else ": too few for intervals"
+    )
 
 
 def _paths(
@@ -153,8 +195,8 @@ def _paths(
     looks: Mapping[str, Mapping[str, Any]],
     tutors: list[float | str],
 ) -> None:
-    """Draw the means of each comparator, a line through those of the error rates only. Intervals stand beside each
-    other, and none reaches below 0."""
+    """Draw the means of each comparator, a line through those of the error rates only. Intervals
+    stand beside each other, and none reaches below 0."""
     for place, name in enumerate(looks):  # the same place in every panel
         if not (part.comparator == name).any():
             continue
@@ -163,7 +205,10 @@ def _paths(
         y, wide = mean[own], half[own].where(part.runs[own] > 2).fillna(0.0)
         hollow = (part.budget_spent[own] > 0).to_numpy()
         is_rate = part.error_rate[own].map(lambda tutor: not isinstance(tutor, str)).to_numpy()
-        for chosen, line in ((is_rate, style["linestyle"]), (~is_rate, "none")):  # a name is a category: no line
+        for chosen, line in (
+            (is_rate, style["linestyle"]),
+            (~is_rate, "none"),
+        ):  # a name is a category: no line
             if chosen.any():
                 axes.errorbar(
                     x[chosen],
@@ -177,9 +222,18 @@ def _paths(
                     capsize=2.5,
                 )
         for chosen, face in ((~hollow, style["color"]), (hollow, "white")):
-            look = {"color": style["color"], "marker": style["marker"], "markerfacecolor": face, "markersize": 6.5}
-            for line in axes.plot(x[chosen], y[chosen], linestyle="none", **look, zorder=3, clip_on=False):
-                line.set_in_layout(False)  # not clipped, for 0 lies on the edge; but what is not clipped takes room
+            look = {
+                "color": style["color"],
+                "marker": style["marker"],
+                "markerfacecolor": face,
+                "markersize": 6.5,
+            }
+            for line in axes.plot(
+                x[chosen], y[chosen], linestyle="none", **look, zorder=3, clip_on=False
+            ):
+                line.set_in_layout(
+                    False
+                )  # not clipped, for 0 lies on the edge; but what is not clipped takes room
 
 
 def _scales(asked: Axes, lost: Axes, max_queries: int | None) -> None:

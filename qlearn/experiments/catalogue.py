@@ -1,7 +1,8 @@
-"""The catalogue of comparators, learners and problems: name, factory and label of each, in the order of tables.
+"""The catalogue of comparators, learners and problems: name, factory and label of each, in the
+order of tables.
 
-``ablate``, ``figures``, ``teach``, the pictures, ``warm_up`` and the documentation take their names and parts from
-here. Imports nothing heavy.
+``ablate``, ``figures``, ``teach``, the pictures, ``warm_up`` and the documentation take their names
+and parts from here. Imports nothing heavy.
 """
 
 from __future__ import annotations
@@ -46,10 +47,11 @@ class LearnerEntry:
     label        its name in tables and pictures
     factory      from mdp, comparator and keywords
     keywords     the keywords that it has from the settings, beside those of all learners
-    indifference    the indifference that follows from its tolerance, from the settings and the discount; None: it has
+    indifference    the indifference that follows from its tolerance, from the settings and the
+                    discount; None: it has
                  that of the settings, and pairs with comparators that are ``indifferent``
-    needs_proof  whether it ends by a bound on its policy's loss, which only comparators that ``prove`` can give. It has
-                 no oracle: always asking proves nothing
+    needs_proof  whether it ends by a bound on its policy's loss, which only comparators that
+                 ``prove`` can give. It has no oracle: always asking proves nothing
     compiles     the small run of ``compile_ahead`` that compiles what it needs
     """
 
@@ -79,8 +81,8 @@ class ProblemEntry:
 
     name     its one name: on the command line, in rows of results, in journals
     label    its name in tables and pictures
-    factory  makes the MDP; None for random MDPs, which depend on a seed and a size, and for families. Raises
-             ImportError without the problem's package
+    factory  makes the MDP; None for random MDPs, which depend on a seed and a size, and for
+             families. Raises ImportError without the problem's package
     family   makes the MDP of a family from a seed
     taught   whether ``qlearn teach`` offers it
     """
@@ -92,7 +94,9 @@ class ProblemEntry:
     taught: bool = False
 
     def instance(self, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
-        """Return the MDP and its hidden values (k,). An MDP that no seed changes is made once a process."""
+        """Return the MDP and its hidden values (k,). An MDP that no seed changes is made once a
+        process.
+        """
         from qlearn.problems.random_mdp import draw_values, random_mdp
 
         if self.family is not None:
@@ -132,7 +136,10 @@ _LEARNERS = (
         name="q-learning",
         label="Q-learning",
         factory=_q_learning,
-        keywords=lambda settings: {"steps": settings.steps, "epsilon": settings.exploration or settings.epsilon},
+        keywords=lambda settings: {
+            "steps": settings.steps,
+            "epsilon": settings.exploration or settings.epsilon,
+        },
         compiles="loops",
     ),
     LearnerEntry(
@@ -190,6 +197,8 @@ PROBLEMS: Mapping[str, ProblemEntry] = {entry.name: entry for entry in _PROBLEMS
 TAUGHT_WITH = ("polytope", "posterior")
 """The comparators that ``qlearn teach`` offers, by name."""
 NAMES: Mapping[str, str] = {
-    name: entry.label for catalogue in (PROBLEMS, LEARNERS, COMPARATORS) for name, entry in catalogue.items()
+    name: entry.label
+    for catalogue in (PROBLEMS, LEARNERS, COMPARATORS)
+    for name, entry in catalogue.items()
 }
 """The label of each problem, learner and comparator, by name."""

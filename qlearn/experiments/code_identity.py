@@ -1,4 +1,6 @@
-"""What a function is, as a hash: so that a journal can tell a user's factory of today from that of yesterday."""
+"""What a function is, as a hash: so that a journal can tell a user's factory of today from that of
+yesterday.
+"""
 
 from __future__ import annotations
 
@@ -18,14 +20,18 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(...))
 _OURS = ("elicit", "qlearn")  # what of them a run depends on is hashed as a whole
-_INSTALLED = [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+_INSTALLED = [
+    Path(sysconfig.get_path(name)).resolve()
+    for name in ("stdlib", "platstdlib", "purelib", "platlib")
+]
 
 
 def identity(thing: Any) -> str:
-    """A hash of a function, or of anything else that can be called, the same in every process while nothing changes of
-    its code, its defaults, what it closes over, and the functions, classes and constants that it names, and so on from
-    those: all but what is installed (or of Python itself, or of elicit and qlearn), which goes by its name. What else
-    it holds counts by its pickle; where that cannot be had, the hash is another each time."""
+    """A hash of a function, or of anything else that can be called, the same in every process while
+    nothing changes of its code, its defaults, what it closes over, and the functions, classes and
+    constants that it names, and so on from those: all but what is installed (or of Python itself,
+    or of elicit and qlearn), which goes by its name. What else it holds counts by its pickle; where
+    that cannot be had, the hash is another each time."""
     digest = hashlib.blake2b(digest_size=16)
     for piece in _pieces(thing, {}):
         digest.update(f"{len(piece)} {piece}".encode("utf-8", "surrogatepass"))
@@ -33,8 +39,9 @@ def identity(thing: Any) -> str:
 
 
 def _pieces(thing: Any, met: dict[int, tuple[int, Any]]) -> Iterator[str]:
-    """Texts that tell a thing from others. ``met`` numbers those that may hold themselves, and keeps them, or their
-    ids would be taken by others; constants are not among them, for when two are one object is Python's affair."""
+    """Texts that tell a thing from others. ``met`` numbers those that may hold themselves, and
+    keeps them, or their ids would be taken by others; constants are not among them, for when two
+    are one object is Python's affair."""
     if isinstance(thing, _PLAIN):
         yield f"{type(thing).__name__} {thing!r}"
         return
@@ -69,7 +76,12 @@ def _parts(thing: Any) -> list[Any] | None:
             return [thing.__qualname__, thing.__bases__, own]
         case types.FunctionType() | types.BuiltinFunctionType() | type():
             return [thing.__module__, thing.__qualname__]
-        case types.ModuleType() | types.MemberDescriptorType() | types.GetSetDescriptorType() | typing.TypeVar():
+        case (
+            types.ModuleType()
+            | types.MemberDescriptorType()
+            | types.GetSetDescriptorType()
+            | typing.TypeVar()
+        ):
             return [thing.__name__]
         case types.MethodType():
             return [thing.__func__, thing.__self__]
@@ -96,19 +108,25 @@ def _parts(thing: Any) -> list[Any] | None:
 
 
 _OF_EVERY_CLASS = {  # what Python keeps in a class beside what its author wrote
-    "__dict__", "__weakref__", "__doc__", "__firstlineno__", "__static_attributes__", "__annotations__",
-    "__annotations_cache__", "__annotate_func__", "__dataclass_fields__", "__dataclass_params__", "_abc_impl",
+    "__dict__", "__weakref__", "__doc__", "__firstlineno__", "__static_attributes__",
+    "__annotations__",
+    "__annotations_cache__", "__annotate_func__", "__dataclass_fields__", "__dataclass_params__",
+    "_abc_impl",
     "__orig_bases__", "__parameters__",
 }  # fmt: skip
 
 
 def _named(code: types.CodeType, scope: Mapping[str, Any]) -> list[Any]:
-    """What a function's code names of its module's, and, where that is a module of the user's, what it names of it."""
+    """What a function's code names of its module's, and, where that is a module of the user's, what
+    it names of it.
+    """
     names, found = sorted(_names(code)), []
     for name in names:
         if name in scope:
             found.append(scope[name])
-            if isinstance(scope[name], types.ModuleType) and not _is_installed(scope[name].__name__):
+            if isinstance(scope[name], types.ModuleType) and not _is_installed(
+                scope[name].__name__
+            ):
                 found += [vars(scope[name])[other] for other in names if other in vars(scope[name])]
     return found
 

@@ -1,6 +1,7 @@
-"""Small examples of what runs are made of, for the machine code that they leave behind: nothing but a moment where it
-is there already, else a quarter or half a minute each. Beside each other they are done sooner than one run after
-another would be, for processes that begin together compile the same functions."""
+"""Small examples of what runs are made of, for the machine code that they leave behind: nothing but
+a moment where it is there already, else a quarter or half a minute each. Beside each other they are
+done sooner than one run after another would be, for processes that begin together compile the same
+functions."""
 
 from __future__ import annotations
 
@@ -25,7 +26,9 @@ from qlearn.problems.random_mdp import random_mdp
 
 
 def parts(cells: Iterable[Cell]) -> tuple[Callable[[], None], ...]:
-    """What the runs of these cells will need: with two processes, the loops take up what the proofs have compiled."""
+    """What the runs of these cells will need: with two processes, the loops take up what the proofs
+    have compiled.
+    """
     named = {name for cell in cells for name in (cell["comparator"], cell["learner"])}
     needed = {entry.compiles for entry in COMPARATORS.values() if entry.name in named}
     needed |= {entry.compiles for entry in LEARNERS.values() if entry.name in named}
@@ -46,9 +49,13 @@ def moves() -> None:
 
 @jit.compiling()
 def loops() -> None:
-    """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was asked."""
+    """Q-learning's loop, which holds all rules to judge by, and a tutor who remembers what was
+    asked.
+    """
     mdp, values = random_mdp(6, 3, 5, seed=0)
-    drive(InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, seed=0), TruthfulTutor(values))
+    drive(
+        InteractiveQLearning(mdp, PolytopeComparator(5), steps=1000, seed=0), TruthfulTutor(values)
+    )
     FlippingTutor(values, 0.1).signs(np.diff(_rows(1000), axis=0))
 
 
@@ -56,7 +63,9 @@ def loops() -> None:
 def sweeps() -> None:
     """Value iteration's sweep, and what its result is made of."""
     mdp, values = random_mdp(6, 3, 5, seed=0)
-    drive(InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values))
+    drive(
+        InteractiveValueIteration(mdp, PolytopeComparator(5), tolerance=0.1), TruthfulTutor(values)
+    )
 
 
 @jit.compiling()
@@ -67,7 +76,9 @@ def certificates() -> None:
 
 
 ALL = (proofs, moves, loops, sweeps, certificates)
-"""All that users meet. They are compiled soonest in this order, by as many processes as there are cores."""
+"""All that users meet. They are compiled soonest in this order, by as many processes as there are
+cores.
+"""
 
 
 def _choose(comparator: Comparator) -> None:

@@ -1,4 +1,5 @@
-"""What a user brings to an ablation: a name and a factory, given as a function or as "package.module:factory".
+"""What a user brings to an ablation: a name and a factory, given as a function or as
+"package.module:factory".
 
 Imports nothing heavy.
 """
@@ -14,8 +15,8 @@ from typing import Any
 
 @dataclass(frozen=True, eq=False)
 class Own:
-    """A factory of the user's, and the name that it has in tables and pictures. Two are equal if their names and their
-    code are."""
+    """A factory of the user's, and the name that it has in tables and pictures. Two are equal if
+    their names and their code are."""
 
     name: str
     factory: Callable[..., Any]
@@ -34,16 +35,21 @@ class Own:
         return hash((self.name, self.identity))
 
     def made(self, *arguments: Any, **keywords: Any) -> Any:
-        """What the factory returns. Raises ValueError, which names it, where the factory raises an Exception."""
+        """What the factory returns. Raises ValueError, which names it, where the factory raises an
+        Exception.
+        """
         try:
             return self.factory(*arguments, **keywords)
         except Exception as error:
-            raise ValueError(f"{self.name!r}: the factory raised {type(error).__name__}: {error}") from error
+            raise ValueError(
+                f"{self.name!r}: the factory raised {type(error).__name__}: {error}"
+            ) from error
 
 
 def own_of(text: str) -> Own:
-    """What "package.module:factory", or "name=package.module:factory", stands for; without a name the text is the name.
-    Imports the module. Raises ValueError where there is no such module or attribute, or it cannot be called."""
+    """What "package.module:factory", or "name=package.module:factory", stands for; without a name
+    the text is the name. Imports the module. Raises ValueError where there is no such module or
+    attribute, or it cannot be called."""
     name, _, where = text.rpartition("=")
     module, _, path = where.partition(":")
     if not module or not path:
@@ -56,9 +62,13 @@ def own_of(text: str) -> Own:
             raise ValueError(
                 f"{where!r}: there is no module {missing!r} in the current directory or installed"
             ) from None
-        raise ValueError(f"{where!r}: importing {module} needs {missing!r}, which is not installed") from error
+        raise ValueError(
+            f"{where!r}: importing {module} needs {missing!r}, which is not installed"
+        ) from error
     except Exception as error:
-        raise ValueError(f"{where!r}: importing {module} raised {type(error).__name__}: {error}") from error
+        raise ValueError(
+            f"{where!r}: importing {module} raised {type(error).__name__}: {error}"
+        ) from error
     for part in path.split("."):
         if not hasattr(found, part):
             raise ValueError(f"{where!r}: module {module} has no {path!r}")

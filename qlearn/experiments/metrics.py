@@ -1,4 +1,6 @@
-"""What a simulated run can be held to, once the hidden scale is known: questions, wrong verdicts, losses, audits."""
+"""What a simulated run can be held to, once the hidden scale is known: questions, wrong verdicts,
+losses, audits.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,13 @@ from qlearn.mdp.planning import evaluate_policy, value_iteration
 if TYPE_CHECKING:
     from pandas import DataFrame  # only summarise needs pandas, and it is handed a frame
 
-CELL = ("problem", "learner", "comparator", "error_rate", "audit")  # what names a cell of an ablation
+CELL = (
+    "problem",
+    "learner",
+    "comparator",
+    "error_rate",
+    "audit",
+)  # what names a cell of an ablation
 MEASURES = (
     "asked",
     "asked_percent_open",
@@ -36,13 +44,14 @@ MEASURES = (
     "excess_loss_initial",
 )
 
-_BUFFER = 4096  # verdicts kept before they are judged: one exact judgement costs as much as thousands together
+# verdicts kept before they are judged: one exact judgement costs as much as thousands together
+_BUFFER = 4096
 _BY_ANSWERS = np.isin([*Tier], BY_ANSWERS)  # by tier
 
 
 class VerdictCounts(NamedTuple):
-    """Verdicts a comparator decided, and those among them that are wrong, before and after the tutor's first wrong
-    answer."""
+    """Verdicts a comparator decided, and those among them that are wrong, before and after the
+    tutor's first wrong answer."""
 
     judged_before: int
     wrong_before: int
@@ -53,12 +62,18 @@ class VerdictCounts(NamedTuple):
 class Watch:
     """Judges a comparator's verdicts by the hidden scale: give it to a learner's ``watch``.
 
-    Counts BETTER and WORSE that the answers decided (``BY_ANSWERS``; dominance cannot be wrong) on pairs with
-    |d.e| > ``indifference`` (share of the value range; closer pairs do not matter to the learner). ``values`` (k,) is
-    the hidden scale; ``erred()`` says whether the tutor has given a wrong answer yet.
+    Counts BETTER and WORSE that the answers decided (``BY_ANSWERS``; dominance cannot be wrong) on
+    pairs with |d.e| > ``indifference`` (share of the value range; closer pairs do not matter to the
+    learner). ``values`` (k,) is the hidden scale; ``erred()`` says whether the tutor has given a
+    wrong answer yet.
     """
 
-    def __init__(self, values: ArrayLike, indifference: float = 0.0, erred: Callable[[], bool] = lambda: False) -> None:
+    def __init__(
+        self,
+        values: ArrayLike,
+        indifference: float = 0.0,
+        erred: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._truth = TruthfulTutor(values)
         self._gaps = gaps(values)
         self._indifference = indifference
@@ -72,7 +87,9 @@ class Watch:
         counted = _BY_ANSWERS[decisions.tiers] & (np.abs(decisions.verdicts) == 1)
         if counted.any():
             rows = d[counted]
-            self._waiting.append((rows, decisions.verdicts[counted], np.full(len(rows), int(self._erred()))))
+            self._waiting.append(
+                (rows, decisions.verdicts[counted], np.full(len(rows), int(self._erred())))
+            )
             self._rows += len(rows)
         if self._rows >= _BUFFER:
             self._judge()
@@ -97,27 +114,40 @@ class Watch:
 def counts(result: Result) -> dict[str, Any]:
     """A run's questions and comparisons, for one row of a table.
 
-    ``asked_percent_<denominator>``: questions in percent of "all" comparisons, of the "unequal" (the vectors
-    differ) and of the "open" ones, which dominance does not settle either; nan where there are none. AlwaysAsk
-    does not look for dominance: what is unequal is open for it. Then the comparisons by tier.
+    ``asked_percent_<denominator>``: questions in percent of "all" comparisons, of the "unequal"
+    (the vectors differ) and of the "open" ones, which dominance does not settle either; nan where
+    there are none. AlwaysAsk does not look for dominance: what is unequal is open for it. Then the
+    comparisons by tier.
     """
     unequal = result.compared - result.decided["equal"]
-    denominators = {"all": result.compared, "unequal": unequal, "open": unequal - result.decided["dominance"]}
+    denominators = {
+        "all": result.compared,
+        "unequal": unequal,
+        "open": unequal - result.decided["dominance"],
+    }
     return {
         "status": result.status.name.lower(),
         "rounds": result.rounds,
         "asked": result.asked,
         "compared": result.compared,
-        **{f"asked_percent_{name}": 100 * result.asked / n if n else np.nan for name, n in denominators.items()},
+        **{
+            f"asked_percent_{name}": 100 * result.asked / n if n else np.nan
+            for name, n in denominators.items()
+        },
         **{tier.name.lower(): result.decided[tier.name.lower()] for tier in Tier},
     }
 
 
 def audits(result: Result, values: ArrayLike) -> dict[str, Any]:
-    """A run's audits: how many; the number (from 1) of the first that contradicted the answers, nan if none did;
-    and who was wrong then by the hidden scale ``values`` (k,): the "answers" given before (a model's conclusion
-    from them included), the "audit", or on an exact tie "neither"; "" if none."""
-    row: dict[str, Any] = {"audited": result.audited, "audits_to_contradiction": np.nan, "contradiction_due_to": ""}
+    """A run's audits: how many; the number (from 1) of the first that contradicted the answers, nan
+    if none did; and who was wrong then by the hidden scale ``values`` (k,): the "answers" given
+    before (a model's conclusion from them included), the "audit", or on an exact tie "neither"; ""
+    if none."""
+    row: dict[str, Any] = {
+        "audited": result.audited,
+        "audits_to_contradiction": np.nan,
+        "contradiction_due_to": "",
+    }
     for number, audit in enumerate(result.audits, start=1):
         if audit.contradicts:
             true = int(TruthfulTutor(values).signs(audit.query.d)[0])
@@ -127,8 +157,9 @@ def audits(result: Result, values: ArrayLike) -> dict[str, Any]:
 
 
 def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
-    """v (S,) of figure 4: max over admissible a of sum_i Q(s, a)_i e_i, where Q is the discounted counting
-    vector, that is q (S, A, k) shares over 1 - discount, and e the hidden ``values`` (k,) as they are."""
+    """v (S,) of figure 4: max over admissible a of sum_i Q(s, a)_i e_i, where Q is the discounted
+    counting vector, that is q (S, A, k) shares over 1 - discount, and e the hidden ``values`` (k,)
+    as they are."""
     e = np.asarray(values, dtype=np.float64)
     weighted = np.zeros(q.shape[:2])
     for i in range(mdp.k):  # summed in order: the same on every machine
@@ -138,23 +169,25 @@ def estimated_values(mdp: OrdinalMDP, q: Floats, values: ArrayLike) -> Floats:
 
 
 def greatest_reward(mdp: OrdinalMDP, values: ArrayLike) -> float:
-    """The greatest of the hidden ``values`` (k,) that an admissible action earns: max r of figure 4's formula."""
+    """The greatest of the hidden ``values`` (k,) that an admissible action earns: max r of figure
+    4's formula.
+    """
     return float(np.asarray(values, dtype=np.float64)[mdp.levels[mdp.admissible]].max())
 
 
 def paper_loss(v: Floats, baseline: Floats | float, best: float) -> float:
     """Figure 4's percentage of loss, signed as printed: 100 sum_s (v(s) - V(s)) / (|S| max r).
 
-    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model, ``best`` is the
-    ``greatest_reward``. It compares what two runs believe, not what their policies earn (``planning.policy_loss``). nan
-    where the greatest reward is 0.
+    v (S,) and the baseline V (S,) are ``estimated_values`` with and without a preference model,
+    ``best`` is the ``greatest_reward``. It compares what two runs believe, not what their policies
+    earn (``planning.policy_loss``). nan where the greatest reward is 0.
     """
     return float(100 * np.mean(v - baseline) / best) if best else float("nan")
 
 
 def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
-    """Differences (n, k) to set a noisy tutor's precision by: Q(s, a) - Q(s, a*) in shares under an optimal
-    policy, for every admissible a that the order of the levels alone does not settle."""
+    """Differences (n, k) to set a noisy tutor's precision by: Q(s, a) - Q(s, a*) in shares under an
+    optimal policy, for every admissible a that the order of the levels alone does not settle."""
     _, policy = value_iteration(mdp, values)
     shares = evaluate_policy(mdp, policy)
     q = (1 - mdp.discount) * mdp.vector_rewards()
@@ -166,18 +199,22 @@ def reference_differences(mdp: OrdinalMDP, values: ArrayLike) -> Floats:
 
 
 def summarise(frame: DataFrame) -> DataFrame:
-    """One row a cell, over its seeds: the mean of each of ``MEASURES`` and, as ``<name>_half``, half the width
-    of its 95% t-interval (nan from one seed; runs where a measure is not defined are left out).
+    """One row a cell, over its seeds: the mean of each of ``MEASURES`` and, as ``<name>_half``,
+    half the width of its 95% t-interval (nan from one seed; runs where a measure is not defined are
+    left out).
 
-    ``wrong_percent`` is in percent of the verdicts that a comparator decided, ``wrong_percent_after`` of those
-    after the tutor's first wrong answer. Excess losses are paired by seed with the oracle. Counted are
-    ``runs`` and those with the budget spent, stopped at the limit of sweeps, with an audit that contradicted
-    the answers, and with an audit that was itself wrong then.
+    ``wrong_percent`` is in percent of the verdicts that a comparator decided,
+    ``wrong_percent_after`` of those after the tutor's first wrong answer. Excess losses are paired
+    by seed with the oracle. Counted are ``runs`` and those with the budget spent, stopped at the
+    limit of sweeps, with an audit that contradicted the answers, and with an audit that was itself
+    wrong then.
     """
     judged = frame.judged_before + frame.judged_after
     wide = frame.assign(
         wrong_percent=100 * (frame.wrong_before + frame.wrong_after) / judged.where(judged > 0),
-        wrong_percent_after=100 * frame.wrong_after / frame.judged_after.where(frame.judged_after > 0),
+        wrong_percent_after=100
+        * frame.wrong_after
+        / frame.judged_after.where(frame.judged_after > 0),
         budget_spent=frame.guess > 0,
         sweep_limit=frame.status == "sweep_limit",
         contradicted=frame.audits_to_contradiction > 0,
@@ -191,8 +228,8 @@ def summarise(frame: DataFrame) -> DataFrame:
 
 
 def means(groups: Any, measures: Sequence[str]) -> DataFrame:
-    """Of a grouped frame: the mean of each measure and, as ``<name>_half``, half the width of its 95% t-interval,
-    nan from one number; numbers that are nan are left out."""
+    """Of a grouped frame: the mean of each measure and, as ``<name>_half``, half the width of its
+    95% t-interval, nan from one number; numbers that are nan are left out."""
     mean, spread, n = (groups[list(measures)].agg(how) for how in ("mean", "std", "count"))
     table: DataFrame = mean.join(_half(spread, n).add_suffix("_half"))
     return table[[column for name in measures for column in (name, f"{name}_half")]]

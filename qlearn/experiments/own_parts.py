@@ -1,4 +1,6 @@
-"""The parts of a run that a user's factories make, each held to what a run needs of it. Errors name the factory."""
+"""The parts of a run that a user's factories make, each held to what a run needs of it. Errors name
+the factory.
+"""
 
 from __future__ import annotations
 
@@ -19,34 +21,46 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 
 def problem_of(own: Own, seed: int) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of a factory(seed). Raises ValueError unless it returns such a pair."""
+    """The MDP and the hidden values (k,) of a factory(seed). Raises ValueError unless it returns
+    such a pair.
+    """
     made = own.made(seed)
     pair = made if isinstance(made, tuple) and len(made) == 2 else (None, None)
     if not isinstance(pair[0], OrdinalMDP):
         raise ValueError(
-            f"{_named(own, seed=seed)} must return (mdp, values), an OrdinalMDP and its scale, not {made!r}"
+            f"{_named(own, seed=seed)} must return (mdp, values), an OrdinalMDP and its scale, not "
+            f"{made!r}"
         )
     mdp = pair[0]
     try:
         values = np.array(pair[1], dtype=np.float64)
         gaps(values)
     except (ValueError, TypeError) as error:
-        raise ValueError(f"{_named(own, seed=seed)} returned values that are no scale: {error}") from error
+        raise ValueError(
+            f"{_named(own, seed=seed)} returned values that are no scale: {error}"
+        ) from error
     if values.shape != (mdp.k,):
-        raise ValueError(f"{_named(own, seed=seed)} returned {len(values)} values for an MDP of {mdp.k} levels")
+        raise ValueError(
+            f"{_named(own, seed=seed)} returned {len(values)} values for an MDP of {mdp.k} levels"
+        )
     return mdp, values
 
 
 def comparator_of(own: Own, k: int, seed: int) -> Comparator:
-    """The comparator of a factory(k, seed). Raises ValueError for anything else, and for one of other levels."""
+    """The comparator of a factory(k, seed). Raises ValueError for anything else, and for one of
+    other levels.
+    """
     made = own.made(k, seed)
     try:
         check_comparator_made(made)
     except TypeError as error:
-        raise ValueError(f"{_named(own, k=k, seed=seed)} returned no comparator: {error}") from error
+        raise ValueError(
+            f"{_named(own, k=k, seed=seed)} returned no comparator: {error}"
+        ) from error
     if made.k != k:
         raise ValueError(
-            f"{_named(own, k=k, seed=seed)} returned a comparator of k = {made.k}: it must be made for {k}"
+            f"{_named(own, k=k, seed=seed)} returned a comparator of k = {made.k}: it must be made "
+            f"for {k}"
         )
     comparator: Comparator = made
     return comparator
@@ -60,13 +74,18 @@ def learner_of(own: Own, mdp: OrdinalMDP, comparator: Comparator, seed: int) -> 
     return made
 
 
-def tutor_of(own: Own, values: Floats, seed: int, reference: Callable[[], Floats]) -> Counted | CountsErrors:
-    """The tutor of a factory(values, seed), which may have a third parameter by the name of reference: then that of
-    ``reference``, the differences (n, k) that its noise can be set by. Raises ValueError for what is no tutor."""
+def tutor_of(
+    own: Own, values: Floats, seed: int, reference: Callable[[], Floats]
+) -> Counted | CountsErrors:
+    """The tutor of a factory(values, seed), which may have a third parameter by the name of
+    reference: then that of ``reference``, the differences (n, k) that its noise can be set by.
+    Raises ValueError for what is no tutor."""
     wants = "reference" in inspect.signature(own.factory).parameters
     made = own.made(values.copy(), seed, **({"reference": reference()} if wants else {}))
     if isinstance(made, type) or not callable(made):
-        raise ValueError(f"{_named(own, seed=seed)} must return a tutor, which takes a query, not {made!r}")
+        raise ValueError(
+            f"{_named(own, seed=seed)} must return a tutor, which takes a query, not {made!r}"
+        )
     return made if isinstance(made, CountsErrors) else Counted(made, values)
 
 
@@ -81,7 +100,9 @@ class Counted:
         """The tutor's answer. Raises TypeError unless it is an Answer."""
         answer = self._tutor(query)
         if not isinstance(answer, Answer):
-            raise TypeError(f"a tutor returns an elicit.Answer, but {self._tutor!r} returned {answer!r}")
+            raise TypeError(
+                f"a tutor returns an elicit.Answer, but {self._tutor!r} returned {answer!r}"
+            )
         if answer.verdict is not None:
             true = int(self._truth.signs(query.d)[0])
             self._given += 1
@@ -90,11 +111,14 @@ class Counted:
 
     @property
     def realised_error_rate(self) -> float:
-        """Wrong verdicts as a share of all; nan before the first. To call either of two equal vectors better is not
-        wrong, to call two that differ equal is."""
+        """Wrong verdicts as a share of all; nan before the first. To call either of two equal
+        vectors better is not wrong, to call two that differ equal is."""
         return self._wrong / self._given if self._given else float("nan")
 
 
 def _named(own: Own, **arguments: Any) -> str:
     """The factory, and how it was called."""
-    return f"{own.name!r}: the factory, called with {', '.join(f'{name} = {x}' for name, x in arguments.items())},"
+    return (
+        f"{own.name!r}: the factory, called with "
+        f"{', '.join(f'{name} = {x}' for name, x in arguments.items())},"
+    )

@@ -1,8 +1,9 @@
-"""Many runs at once: one function over many cells, on all cores or on a cluster, with a journal to go on from.
+"""Many runs at once: one function over many cells, on all cores or on a cluster, with a journal to
+go on from.
 
-Only the calling process writes the journal, so that workers need no common disk. A row's key is a hash of all that it
-depends on, and a journal may hold rows of other settings, which are left alone: to add seeds, or to go back to
-earlier settings, computes only what is missing.
+Only the calling process writes the journal, so that workers need no common disk. A row's key is a
+hash of all that it depends on, and a journal may hold rows of other settings, which are left alone:
+to add seeds, or to go back to earlier settings, computes only what is missing.
 """
 
 from __future__ import annotations
@@ -29,11 +30,13 @@ _START = b'{"key": "'  # of every line of a journal
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a sweep. ``rows`` has the row of each cell in its place, None where it had not finished; ``frame``
-    is the table of those that had, where the sweep was to make one."""
+    """Ctrl-C during a sweep. ``rows`` has the row of each cell in its place, None where it had not
+    finished; ``frame`` is the table of those that had, where the sweep was to make one."""
 
     def __init__(self, rows: list[Any]) -> None:
-        super().__init__(f"interrupted after {sum(row is not None for row in rows)} of {len(rows)} rows")
+        super().__init__(
+            f"interrupted after {sum(row is not None for row in rows)} of {len(rows)} rows"
+        )
         self.rows = rows
         self.frame: Any = None
 
@@ -53,37 +56,47 @@ def sweep(
 ) -> list[Any]:
     """``function(cell, **shared)`` for every cell: the rows, in the order of ``cells``.
 
-    function  importable by workers; returns what JSON can hold (arrays are returned as lists), the same for the same
-              arguments. All rows pass through JSON, which keeps every bit of a float, so that a row is the same
-              whether it was computed or read back
+    function  importable by workers; returns what JSON can hold (arrays are returned as lists), the
+              same for the same arguments. All rows pass through JSON, which keeps every bit of a
+              float, so that a row is the same whether it was computed or read back
     shared    keywords that all cells have in common; these and the cells are JSON too
-    journal   file in which finished rows are kept and looked up, under a hash of function, shared and cell: a line a
-              row, on the disk before anything else happens. None: nowhere. ``fresh`` empties it first
-    jobs      processes; -1: one a core; 1: this one. None: as an outer ``joblib.parallel_config`` says, else -1. The
-              backend is the outer one (Dask, say, which has its own idea of the number of workers), else loky
-    cost      cells of the greatest cost begin first, so that no core is left alone with a long one at the end
-    ahead     from the cells whose rows are missing to functions, importable by workers, that are called first, side by
-              side: for what each process would else do for itself, such as to compile
-    own       from a cell to what it needs that JSON cannot hold: what that is, in JSON, by which its row is looked up,
-              and keywords of ``function`` (they may be functions of any kind, which cloudpickle sends to workers)
+    journal   file in which finished rows are kept and looked up, under a hash of function, shared
+              and cell: a line a row, on the disk before anything else happens. None: nowhere.
+              ``fresh`` empties it first
+    jobs      processes; -1: one a core; 1: this one. None: as an outer ``joblib.parallel_config``
+              says, else -1. The backend is the outer one (Dask, say, which has its own idea of the
+              number of workers), else loky
+    cost      cells of the greatest cost begin first, so that no core is left alone with a long one
+              at the end
+    ahead     from the cells whose rows are missing to functions, importable by workers, that are
+              called first, side by side: for what each process would else do for itself, such as to
+              compile
+    own       from a cell to what it needs that JSON cannot hold: what that is, in JSON, by which
+              its row is looked up, and keywords of ``function`` (they may be functions of any kind,
+              which cloudpickle sends to workers)
     progress  called with (rows finished, rows in all) at the start and after every row
 
-    Linear algebra has one thread while a cell is computed, for how a sum is split among threads shows in its last
-    digits. A process of a cluster stays so.
+    Linear algebra has one thread while a cell is computed, for how a sum is split among threads
+    shows in its last digits. A process of a cluster stays so.
 
-    Raises Interrupted on Ctrl-C; BrokenExecutor where a worker process died (killed, or out of memory); what
-    ``function`` raises, or what goes ahead; BlockingIOError for a journal that another process writes to; ValueError
-    for a file that is no journal, which is left as it is. In all these cases the journal keeps the rows that have
-    finished, and the same call goes on from there.
+    Raises Interrupted on Ctrl-C; BrokenExecutor where a worker process died (killed, or out of
+    memory); what ``function`` raises, or what goes ahead; BlockingIOError for a journal that
+    another process writes to; ValueError for a file that is no journal, which is left as it is. In
+    all these cases the journal keeps the rows that have finished, and the same call goes on from
+    there.
     """
     from threadpoolctl import threadpool_limits
 
     shared = dict(shared or {})
     besides = [own(cell) if own else (None, {}) for cell in cells]
-    keys = [_key(function, shared, cell, what) for cell, (what, _) in zip(cells, besides, strict=True)]
+    keys = [
+        _key(function, shared, cell, what) for cell, (what, _) in zip(cells, besides, strict=True)
+    ]
     keywords = {key: {**shared, **more} for key, (_, more) in zip(keys, besides, strict=True)}
     with ExitStack() as stack:
-        stack.enter_context(threadpool_limits(1))  # only the thread that set a limit can lift it: not each cell
+        stack.enter_context(
+            threadpool_limits(1)
+        )  # only the thread that set a limit can lift it: not each cell
         kept, keep = stack.enter_context(_journal(journal, fresh)) if journal else ({}, None)
         rows = {key: kept[key] for key in keys if key in kept}
         missing = {key: cell for key, cell in zip(keys, cells, strict=True) if key not in rows}
@@ -91,7 +104,9 @@ def sweep(
         show = progress or (lambda done, total: None)
         try:
             show(len(rows), total)
-            for _ in _computed(((part, ()) for part in (ahead(missing.values()) if ahead else ())), jobs):
+            for _ in _computed(
+                ((part, ()) for part in (ahead(missing.values()) if ahead else ())), jobs
+            ):
                 pass
             order = sorted(missing, key=lambda key: -cost(missing[key]) if cost else 0.0)
             calls = ((_call, (function, key, missing[key], keywords[key])) for key in order)
@@ -121,10 +136,14 @@ def _plain(value: Any) -> Any:
     """Numpy's numbers and arrays as Python's."""
     if hasattr(value, "tolist"):
         return value.tolist()
-    raise TypeError(f"cells, settings and rows must be plain values that JSON can hold, not {value!r}")
+    raise TypeError(
+        f"cells, settings and rows must be plain values that JSON can hold, not {value!r}"
+    )
 
 
-def _computed(calls: Iterator[tuple[Callable[..., Any], tuple[Any, ...]]], jobs: int | None) -> Generator[Any]:
+def _computed(
+    calls: Iterator[tuple[Callable[..., Any], tuple[Any, ...]]], jobs: int | None
+) -> Generator[Any]:
     """What the calls return, as it comes, in any order."""
     import joblib
     from joblib.parallel import LokyBackend, get_active_backend
@@ -135,17 +154,24 @@ def _computed(calls: Iterator[tuple[Callable[..., Any], tuple[Any, ...]]], jobs:
         parent = None
         if isinstance(backend, LokyBackend):
             parent = os.getpid()
-            # for numba and what a library starts before it can be told: set where the process begins
-            stack.enter_context(joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1))
+            # for numba and what a library starts before it can be told: set where the process
+            # begins
+            stack.enter_context(
+                joblib.parallel_config("loky", n_jobs=jobs, inner_max_num_threads=1)
+            )
         # one call a task: a batch would be lost, or reported, as a whole
         parallel = joblib.Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-        results = parallel(joblib.delayed(_in_worker)(parent, call, arguments) for call, arguments in calls)
+        results = parallel(
+            joblib.delayed(_in_worker)(parent, call, arguments) for call, arguments in calls
+        )
         try:
             for result in results:  # noqa: UP028 - "yield from" would close them itself, with joblib's warning
                 yield result
         finally:
             with warnings.catch_warnings():  # that not all was used: the caller knows
-                warnings.filterwarnings("ignore", ".*(successfully executed|still being processed)", UserWarning)
+                warnings.filterwarnings(
+                    "ignore", ".*(successfully executed|still being processed)", UserWarning
+                )
                 results.close()
 
 
@@ -155,16 +181,22 @@ def _in_worker(parent: int | None, call: Callable[..., Any], arguments: tuple[An
     return call(*arguments)
 
 
-def _call(function: Callable[..., Any], key: str, cell: Cell, keywords: Mapping[str, Any]) -> tuple[str, Any]:
+def _call(
+    function: Callable[..., Any], key: str, cell: Cell, keywords: Mapping[str, Any]
+) -> tuple[str, Any]:
     from threadpoolctl import threadpool_limits
 
-    threadpool_limits(1)  # for good: another thread of this process may be at a cell of its own when this one is done
+    threadpool_limits(
+        1
+    )  # for good: another thread of this process may be at a cell of its own when this one is done
     return key, function(cell, **keywords)
 
 
 @cache
 def _end_with(parent: int) -> None:
-    """End this process when its parent is gone. Loky's workers would go on with rows that nobody waits for."""
+    """End this process when its parent is gone. Loky's workers would go on with rows that nobody
+    waits for.
+    """
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -175,16 +207,21 @@ def _end_with(parent: int) -> None:
 
 
 @contextmanager
-def _journal(path: Path, fresh: bool) -> Iterator[tuple[dict[str, Any], Callable[[str, str], None]]]:
-    """The rows of a journal by their keys, and what appends one, given as JSON on one line. A last line that was cut
-    short is removed: its row has not finished. Makes the folders that it lies in."""
+def _journal(
+    path: Path, fresh: bool
+) -> Iterator[tuple[dict[str, Any], Callable[[str, str], None]]]:
+    """The rows of a journal by their keys, and what appends one, given as JSON on one line. A last
+    line that was cut short is removed: its row has not finished. Makes the folders that it lies
+    in."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("ab+") as file:
         _lock(file, path)
         file.seek(0)
         text = file.read()
         if not text.startswith(_START[: len(text)]):
-            raise ValueError(f"{path} is no journal, it begins {text[:40]!r}: move it away, or name another file")
+            raise ValueError(
+                f"{path} is no journal, it begins {text[:40]!r}: move it away, or name another file"
+            )
         whole = 0 if fresh else text.rfind(b"\n") + 1
         rows = dict[str, Any]()
         for number, line in enumerate(text[:whole].splitlines(), start=1):
@@ -205,12 +242,14 @@ def _journal(path: Path, fresh: bool) -> Iterator[tuple[dict[str, Any], Callable
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Hold the file until it is closed, or the process is gone. Where the system has no file locks two processes append
-    whole lines of equal rows, and only time is lost."""
+    """Hold the file until it is closed, or the process is gone. Where the system has no file locks
+    two processes append whole lines of equal rows, and only time is lost."""
     if sys.platform != "win32":
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise BlockingIOError(f"another process is writing to {path}: wait for it, or take another place") from None
+            raise BlockingIOError(
+                f"another process is writing to {path}: wait for it, or take another place"
+            ) from None
         except OSError:  # a file system without locks
             pass

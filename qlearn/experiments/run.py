@@ -1,5 +1,5 @@
-"""One run of the ablation: a learner, a comparator, a tutor and a problem, from the few words that name them; and many,
-each beside the oracle's."""
+"""One run of the ablation: a learner, a comparator, a tutor and a problem, from the few words that
+name them; and many, each beside the oracle's."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ from qlearn.mdp.planning import policy_loss, value_iteration
 
 SimulatedTutor: TypeAlias = TruthfulTutor | FlippingTutor | BradleyTerryTutor
 Owned: TypeAlias = Mapping[str, Own]
-"""Of one run: the user's own, by the column of the table that has their names ("comparator", ...)."""
+"""Of one run: the user's own, by the column of the table that has their names ("comparator",
+...).
+"""
 
 _NO_RUNS = (
     "cli",
@@ -56,8 +58,8 @@ _NO_RUNS = (
 
 
 class Run(NamedTuple):
-    """One finished run: its row of the table, v (S,) of figure 4 and the greatest reward that can be had, for the
-    comparison with the oracle, and the seconds it took."""
+    """One finished run: its row of the table, v (S,) of figure 4 and the greatest reward that can
+    be had, for the comparison with the oracle, and the seconds it took."""
 
     row: dict[str, Any]
     v: Floats
@@ -77,21 +79,28 @@ TUTORS: Mapping[str, Callable[[OrdinalMDP, Floats, float, int], SimulatedTutor]]
 """A tutor who errs at a rate above 0, from the hidden values (k,) and the seed of his errors."""
 
 
-def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned | None = None) -> Run:
+def run(
+    cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned | None = None
+) -> Run:
     """One run of one cell, on one thread.
 
-    cell    the names of its "learner" and "comparator", "error_rate" of the tutor (or the name of a tutor in ``own``),
-            "audit" (share of the decided pairs) and "seed". Audited runs are shorter, for contradictions show early.
-            "always" has no budget. With an error rate of 0 the tutor is truthful. In place of an error rate, "c" is
-            the precision of eq. (6) in the paper's units, discounted counts times the hidden values as they are
+    cell    the names of its "learner" and "comparator", "error_rate" of the tutor (or the name of a
+            tutor in ``own``), "audit" (share of the decided pairs) and "seed". Audited runs are
+            shorter, for contradictions show early. "always" has no budget. With an error rate of 0
+            the tutor is truthful. In place of an error rate, "c" is the precision of eq. (6) in the
+            paper's units, discounted counts times the hidden values as they are
     values  (k,) the hidden scale
-    own     factories in place of what ``COMPARATORS``, ``LEARNERS`` and ``TUTORS`` have, by "comparator", "learner" and
-            "error_rate": see ``ablation.ablate``. A learner of the user's has settings of its own, the budget included
+    own     factories in place of what ``COMPARATORS``, ``LEARNERS`` and ``TUTORS`` have, by
+            "comparator", "learner" and "error_rate": see ``ablation.ablate``. A learner of the
+            user's has settings of its own, the budget included
     """
     own = own or {}
     settings = _of_cell(settings, cell, mdp, own)
     with threadpool_limits(1):
-        comparator, tutor = _comparator(cell, mdp.k, settings, own), _tutor(cell, mdp, values, settings, own)
+        comparator, tutor = (
+            _comparator(cell, mdp.k, settings, own),
+            _tutor(cell, mdp, values, settings, own),
+        )
         learner = _learner(cell, mdp, comparator, settings, own)
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
@@ -108,7 +117,9 @@ def run(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Ow
             "loss": float(np.mean(loss)),
             "loss_initial": float(mdp.initial @ loss),
         }
-        return Run(row, estimated_values(mdp, result.q, values), greatest_reward(mdp, values), seconds)
+        return Run(
+            row, estimated_values(mdp, result.q, values), greatest_reward(mdp, values), seconds
+        )
 
 
 def _comparator(cell: Cell, k: int, settings: Settings, own: Owned) -> Comparator:
@@ -117,7 +128,9 @@ def _comparator(cell: Cell, k: int, settings: Settings, own: Owned) -> Comparato
     return COMPARATORS[cell["comparator"]].make(k, cell["seed"], asdict(settings))
 
 
-def _tutor(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned) -> CountsErrors:
+def _tutor(
+    cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own: Owned
+) -> CountsErrors:
     seed, rate = cell["seed"], cell["error_rate"]
     if "error_rate" in own:
         return tutor_of(own["error_rate"], values, seed, partial(_reference, mdp, tuple(values)))
@@ -127,16 +140,27 @@ def _tutor(cell: Cell, mdp: OrdinalMDP, values: Floats, settings: Settings, own:
 
 
 def of_precision(c: float, mdp: OrdinalMDP, values: Floats, seed: int) -> BradleyTerryTutor:
-    """The tutor of eq. (6) with this c where vectors are discounted counts and the hidden values (k,) as they are."""
+    """The tutor of eq. (6) with this c where vectors are discounted counts and the hidden values
+    (k,) as they are.
+    """
     return BradleyTerryTutor(values, c * (values[-1] - values[0]) / (1.0 - mdp.discount), seed)
 
 
-def _learner(cell: Cell, mdp: OrdinalMDP, comparator: Comparator, settings: Settings, own: Owned) -> Learner:
+def _learner(
+    cell: Cell, mdp: OrdinalMDP, comparator: Comparator, settings: Settings, own: Owned
+) -> Learner:
     if "learner" in own:
         return learner_of(own["learner"], mdp, comparator, cell["seed"])
     entry = LEARNERS[cell["learner"]]
     common = settings.named("max_queries", "indifference")
-    return entry.factory(mdp, comparator, seed=cell["seed"], audit=cell["audit"], **common, **entry.keywords(settings))
+    return entry.factory(
+        mdp,
+        comparator,
+        seed=cell["seed"],
+        audit=cell["audit"],
+        **common,
+        **entry.keywords(settings),
+    )
 
 
 def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Settings:
@@ -144,7 +168,10 @@ def _of_cell(settings: Settings, cell: Cell, mdp: OrdinalMDP, own: Owned) -> Set
     if settings.tie is None:
         settings = replace(settings, tie=TIE if "error_rate" in own else 0.0)
     if cell["audit"]:
-        steps, sweeps = min(settings.steps, settings.audit_steps), min(settings.max_sweeps, settings.audit_sweeps)
+        steps, sweeps = (
+            min(settings.steps, settings.audit_steps),
+            min(settings.max_sweeps, settings.audit_sweeps),
+        )
         settings = replace(settings, steps=steps, max_sweeps=sweeps)
     derived = None if "learner" in own else LEARNERS[cell["learner"]].indifference
     if derived is not None:
@@ -160,9 +187,13 @@ def instance(problem: str, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
 
 
 def _problem_of(cell: Cell, size: Size, own: Owned) -> tuple[OrdinalMDP, Floats]:
-    """The MDP and the hidden values (k,) of a cell; the user's own is made anew, for what it reads may have changed."""
+    """The MDP and the hidden values (k,) of a cell; the user's own is made anew, for what it reads
+    may have changed.
+    """
     given = own.get("problem")
-    return problem_of(given, cell["seed"]) if given else instance(cell["problem"], cell["seed"], size)
+    return (
+        problem_of(given, cell["seed"]) if given else instance(cell["problem"], cell["seed"], size)
+    )
 
 
 def run_all(
@@ -173,32 +204,45 @@ def run_all(
     shown: Callable[[pd.DataFrame], pd.DataFrame],
     **how: Any,
 ) -> pd.DataFrame:
-    """One row a cell, in their order, beside the oracle's of the same problem and seed: always asking a truthful tutor.
+    """One row a cell, in their order, beside the oracle's of the same problem and seed: always
+    asking a truthful tutor.
 
-    A cell is as ``run`` has it, with the name of its "problem"; ``size`` has "states", "actions", "levels" and
-    "discount" of the random MDPs, where the cells do not name their own. ``function`` is ``run_named``, or adds to its
-    row; ``shown`` makes the table that is returned; ``how`` are keywords of ``sweep``. The last columns, nan without
-    an oracle and for audited runs, which are shorter than it: ``paper_loss_percent`` (figure 4's formula, signed as
-    printed), ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out), ``excess_loss`` and
-    ``excess_loss_initial`` (true policy loss beyond the oracle's, share of the value range; of a learner of the user's
-    beyond the best policy's, which is 0); and the ``seconds`` of the run.
+    A cell is as ``run`` has it, with the name of its "problem"; ``size`` has "states", "actions",
+    "levels" and "discount" of the random MDPs, where the cells do not name their own. ``function``
+    is ``run_named``, or adds to its row; ``shown`` makes the table that is returned; ``how`` are
+    keywords of ``sweep``. The last columns, nan without an oracle and for audited runs, which are
+    shorter than it: ``paper_loss_percent`` (figure 4's formula, signed as printed),
+    ``paper_abs_percent`` (the same with |v(s) - V(s)|, which cannot cancel out), ``excess_loss``
+    and ``excess_loss_initial`` (true policy loss beyond the oracle's, share of the value range; of
+    a learner of the user's beyond the best policy's, which is 0); and the ``seconds`` of the run.
 
-    Raises ImportError without the package of a problem, ValueError where a factory of the user's returns what it should
-    not, Interrupted on Ctrl-C, and as ``sweep`` does.
+    Raises ImportError without the package of a problem, ValueError where a factory of the user's
+    returns what it should not, Interrupted on Ctrl-C, and as ``sweep`` does.
     """
     given = settings.own()
 
     def given_to(cell: Cell) -> dict[str, Own]:
-        return {column: ones[cell[column]] for column, ones in given.items() if cell[column] in ones}
+        return {
+            column: ones[cell[column]] for column, ones in given.items() if cell[column] in ones
+        }
 
     def own(cell: Cell) -> tuple[Any, dict[str, Any]]:
         mine = given_to(cell)
-        return ({column: one.identity for column, one in mine.items()}, {"own": mine}) if mine else (None, {})
+        return (
+            ({column: one.identity for column, one in mine.items()}, {"own": mine})
+            if mine
+            else (None, {})
+        )
 
     for mine, cell in {(cell["problem"], *given_to(cell).items()): cell for cell in plan}.items():
-        _check_parts(cell, _size(cell, size), settings.of_a_run(), dict(mine[1:]))  # said before the runs
+        _check_parts(
+            cell, _size(cell, size), settings.of_a_run(), dict(mine[1:])
+        )  # said before the runs
     shared = {"size": size, "built": sources(), "settings": asdict(settings.of_a_run())}
-    best = {*given.get("learner", ()), *(name for name, entry in LEARNERS.items() if entry.needs_proof)}
+    best = {
+        *given.get("learner", ()),
+        *(name for name, entry in LEARNERS.items() if entry.needs_proof),
+    }
     try:
         ahead = compile_ahead.parts if len(plan) * settings.steps > _MUCH else None
         rows = sweep(function, plan, shared=shared, ahead=ahead, cost=_cost, own=own, **how)
@@ -219,23 +263,37 @@ def _check_parts(cell: Cell, size: Size, settings: Settings, own: Owned) -> None
 
 
 def run_named(
-    cell: Cell, size: Mapping[str, Any], built: str, settings: Mapping[str, Any], own: Owned | None = None
+    cell: Cell,
+    size: Mapping[str, Any],
+    built: str,
+    settings: Mapping[str, Any],
+    own: Owned | None = None,
 ) -> Run:
-    """``run``, by a worker that makes the problem itself (once): a task is a few hundred bytes, a table of ICU-Sepsis
-    40 MB. Raises RuntimeError if this process's ``sources`` are not those ``built`` names."""
+    """``run``, by a worker that makes the problem itself (once): a task is a few hundred bytes, a
+    table of ICU-Sepsis 40 MB. Raises RuntimeError if this process's ``sources`` are not those
+    ``built`` names."""
     if built != sources():
-        raise RuntimeError("this worker has other sources or libraries than the process that started the sweep")
+        raise RuntimeError(
+            "this worker has other sources or libraries than the process that started the sweep"
+        )
     return run(cell, *_problem_of(cell, _size(cell, size), own or {}), Settings(**settings), own)
 
 
-def in_order(cells: Iterable[Cell], keys: Sequence[str], own: Mapping[str, Iterable[str]] | None = None) -> list[Cell]:
-    """Cells in the order of their table, which goes by these keys; the user's own names, by their columns, come after
-    ours, and tutors of the user's after the error rates."""
-    order = {key: (*ORDER.get(key, ()), *(own or {}).get(key, ())) for key in {*ORDER, *(own or {})}}
+def in_order(
+    cells: Iterable[Cell], keys: Sequence[str], own: Mapping[str, Iterable[str]] | None = None
+) -> list[Cell]:
+    """Cells in the order of their table, which goes by these keys; the user's own names, by their
+    columns, come after ours, and tutors of the user's after the error rates."""
+    order = {
+        key: (*ORDER.get(key, ()), *(own or {}).get(key, ())) for key in {*ORDER, *(own or {})}
+    }
 
     def place(cell: Cell) -> tuple[Any, ...]:
         named = ((key, key in order and isinstance(cell[key], str)) for key in keys)
-        return tuple((is_name, order[key].index(cell[key]) if is_name else cell[key]) for key, is_name in named)
+        return tuple(
+            (is_name, order[key].index(cell[key]) if is_name else cell[key])
+            for key, is_name in named
+        )
 
     return sorted(cells, key=place)
 
@@ -247,7 +305,9 @@ def is_oracle(cell: Cell) -> bool:
 
 @cache
 def sources() -> str:
-    """A hash of what a run depends on beside its settings: the sources, and the libraries that compute."""
+    """A hash of what a run depends on beside its settings: the sources, and the libraries that
+    compute.
+    """
     digest = hashlib.blake2b(digest_size=16)
     here = Path(__file__).parents[1]
     for package in (here.parent / "elicit", here):
@@ -255,7 +315,15 @@ def sources() -> str:
             name = path.relative_to(package).as_posix()
             if package != here or not name.startswith(_NO_RUNS):
                 digest.update(name.encode() + path.read_bytes())
-    for library in ("numpy", "scipy", "clarabel", "numba", "icu-sepsis", "gymnasium", "mo-gymnasium"):
+    for library in (
+        "numpy",
+        "scipy",
+        "clarabel",
+        "numba",
+        "icu-sepsis",
+        "gymnasium",
+        "mo-gymnasium",
+    ):
         try:
             digest.update(f"{library} {version(library)}".encode())
         except PackageNotFoundError:
@@ -273,7 +341,9 @@ _BESIDE = ("paper_loss_percent", "paper_abs_percent", "excess_loss", "excess_los
 
 
 def _cost(cell: Cell) -> float:
-    """The oracles first, which the others are paired with, should the sweep be interrupted; then what takes long."""
+    """The oracles first, which the others are paired with, should the sweep be interrupted; then
+    what takes long.
+    """
     if is_oracle(cell):
         return math.inf
     size = cell.get("levels", 1) * (1 + cell.get("states", 0) / 500)
@@ -283,8 +353,8 @@ def _cost(cell: Cell) -> float:
 
 
 def _beside_oracles(results: Iterable[Any], best_policy: Container[str]) -> pd.DataFrame:
-    """The table of the runs that have finished. Learners in ``best_policy`` are held to it: how they do with a
-    comparator that never learns is not known."""
+    """The table of the runs that have finished. Learners in ``best_policy`` are held to it: how
+    they do with a comparator that never learns is not known."""
     runs = [Run(row, np.array(v), best, seconds) for row, v, best, seconds in filter(None, results)]
     oracles = {_problem(run.row): run for run in runs if is_oracle(run.row)}
     table = []
@@ -296,7 +366,9 @@ def _beside_oracles(results: Iterable[Any], best_policy: Container[str]) -> pd.D
         elif oracle is not None and not row["audit"]:
             distance = paper_loss(np.abs(v - oracle.v), 0.0, best)
             excess = (row[name] - oracle.row[name] for name in ("loss", "loss_initial"))
-            beside = dict(zip(_BESIDE, (paper_loss(v, oracle.v, best), distance, *excess), strict=True))
+            beside = dict(
+                zip(_BESIDE, (paper_loss(v, oracle.v, best), distance, *excess), strict=True)
+            )
         table.append(row | beside | {"seconds": seconds})
     return pd.DataFrame(table)
 

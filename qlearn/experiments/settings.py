@@ -1,6 +1,8 @@
-"""The settings of the ablation and of the paper's figures: each with its default, what it may be and what it means.
+"""The settings of the ablation and of the paper's figures: each with its default, what it may be
+and what it means.
 
-The command line, its help and all checks are made from the fields of these classes. Imports nothing heavy.
+The command line, its help and all checks are made from the fields of these classes. Imports nothing
+heavy.
 """
 
 from __future__ import annotations
@@ -54,8 +56,8 @@ class Choice:
 
 @dataclass(frozen=True)
 class NameOrOwn(Choice):
-    """One of these names, or the user's own: an ``Own``, or the text of one. ``call`` says in words what a factory
-    takes and returns."""
+    """One of these names, or the user's own: an ``Own``, or the text of one. ``call`` says in words
+    what a factory takes and returns."""
 
     call: str
 
@@ -63,17 +65,22 @@ class NameOrOwn(Choice):
     def wanted(self) -> str:
         """The wanted values, in words."""
         ours = f"one of {', '.join(self.names)}, or " if self.names else ""
-        return f'{ours}"package.module:factory", or of a mapping {{name: factory}}, where factory{self.call}'
+        return (
+            f'{ours}"package.module:factory", or of a mapping {{name: factory}}, where '
+            f"factory{self.call}"
+        )
 
     def value_of(self, given: Any) -> Any:
-        """The name, or the Own, that was given; None if it is neither. Raises ValueError for the text of a factory that
-        there is not."""
+        """The name, or the Own, that was given; None if it is neither. Raises ValueError for the
+        text of a factory that there is not."""
         if isinstance(given, Own) or (isinstance(given, str) and given in self.names):
             return given
         return own_of(given) if isinstance(given, str) and ":" in given else None
 
     def named(self, name: Any, given: Any) -> Any:
-        """The value of an item of a mapping: ours of this name (given as the same name, or ...), or the user's own."""
+        """The value of an item of a mapping: ours of this name (given as the same name, or ...), or
+        the user's own.
+        """
         if not isinstance(name, str) or not name:
             return None
         if name in self.names and given in (name, ...):
@@ -101,15 +108,25 @@ ORDER: Mapping[str, tuple[str, ...]] = {
     "comparator": tuple(COMPARATORS),
     "errs": TUTORS,
 }
-"""The order in which tables and pictures name things; the user's own come after them, as they were given."""
-OWN = {"problem": "problems", "learner": "learners", "comparator": "comparators", "error_rate": "tutors"}
+"""The order in which tables and pictures name things; the user's own come after them, as they were
+given.
+"""
+OWN = {
+    "problem": "problems",
+    "learner": "learners",
+    "comparator": "comparators",
+    "error_rate": "tutors",
+}
 """The columns of a table that may hold a name of the user's, and the setting that gives it."""
 
 
 def setting(default: Any, check: Number | Choice, text: str, may_be_empty: bool = False) -> Any:
-    """A field of a class of settings. A tuple stands for one or more values, each of which is checked, on the command
-    line also for none where it ``may_be_empty``; None is allowed where the field's type says so."""
-    return field(default=default, metadata={"check": check, "help": text, "may_be_empty": may_be_empty})
+    """A field of a class of settings. A tuple stands for one or more values, each of which is
+    checked, on the command line also for none where it ``may_be_empty``; None is allowed where the
+    field's type says so."""
+    return field(
+        default=default, metadata={"check": check, "help": text, "may_be_empty": may_be_empty}
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,27 +134,40 @@ class Settings:
     """The settings of one run. Values that cannot be raise ValueError, which names the setting."""
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    """The settings that the command has as options, by the title under which its help lists them."""
+    """The settings that the command has as options, by the title under which its help lists
+    them.
+    """
 
     noise: str = setting(
         "flip",
         Choice(("flip", "logistic")),
-        "errors however clear the case (flip), or near ties mostly, set to the same mean rate (logistic)",
+        "errors however clear the case (flip), or near ties mostly, set to the same mean rate "
+        "(logistic)",
     )
-    max_queries: int | None = setting(2000, FROM_0, "question budget; beyond it the best guess decides")
+    max_queries: int | None = setting(
+        2000, FROM_0, "question budget; beyond it the best guess decides"
+    )
     audit_steps: int = setting(2000, COUNT, "steps of an audited run, if steps are not fewer")
-    audit_sweeps: int = setting(20, COUNT, "sweeps of an audited run at most, if max-sweeps are not fewer")
+    audit_sweeps: int = setting(
+        20, COUNT, "sweeps of an audited run at most, if max-sweeps are not fewer"
+    )
     steps: int = setting(100_000, COUNT, "number of steps of Q-learning")
-    epsilon: float = setting(1.0, SHARE, "chance of a random action; at 1 all comparators see the same transitions")
+    epsilon: float = setting(
+        1.0, SHARE, "chance of a random action; at 1 all comparators see the same transitions"
+    )
     exploration: str | None = setting(
         None,
         Choice(("constant", "decaying", "restarts", "optimistic", "uniform")),
         "a named way of exploring, in place of epsilon",
     )
-    indifference: float = setting(0.0, SHARE, "undecided pairs this close count as equal (share of range)")
+    indifference: float = setting(
+        0.0, SHARE, "undecided pairs this close count as equal (share of range)"
+    )
     close: float = setting(0.005, SHARE, "the indifference of posterior-close")
     tolerance: float = setting(0.005, INNER, "policy loss aimed at (share of range)")
-    max_sweeps: int = setting(200, COUNT, "value iteration stops there; a tutor who errs anew each time keeps it going")
+    max_sweeps: int = setting(
+        200, COUNT, "value iteration stops there; a tutor who errs anew each time keeps it going"
+    )
     precision: float = setting(300.0, SCALE, "of the Bradley-Terry prior, logits per unit of d.e")
     n_boot: int = setting(50, COUNT, "number of resamples of a Bradley-Terry fit")
     level: float = setting(0.95, INNER, "confidence level, also the posterior's")
@@ -145,14 +175,19 @@ class Settings:
         0.05, SCALE, "growth of the answers between two Bradley-Terry fits; 0: fit at each (hours)"
     )
     lapse: float | None = setting(
-        None, BELOW_1, "share of answers that the posterior takes to be given at random (default: it is learned)"
+        None,
+        BELOW_1,
+        "share of answers that the posterior takes to be given at random (default: it is learned)",
     )
     particles: int = setting(1000, PARTICLES, "the posterior's number of particles")
-    slack: float = setting(0.0, SCALE, "violation allowed the relaxed polytope beyond the least (share of range)")
+    slack: float = setting(
+        0.0, SCALE, "violation allowed the relaxed polytope beyond the least (share of range)"
+    )
     tie: float | None = setting(
         None,
         BELOW_1,
-        "how far apart a tutor may call equal; 0 with ours, who are exact, .01 with yours (share of range)",
+        "how far apart a tutor may call equal; 0 with ours, who are exact, .01 with yours (share "
+        "of range)",
     )
 
     def __post_init__(self) -> None:
@@ -184,7 +219,8 @@ class AblationSettings(Settings):
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "the sweep": (
-            "problems", "learners", "comparators", "error_rates", "noise", "tutors", "tie", "audit", "audit_steps",
+            "problems", "learners", "comparators", "error_rates", "noise", "tutors", "tie", "audit",
+            "audit_steps",
             "audit_sweeps", "seeds", "seed", "max_queries",
         ),
         "the random MDP": ("states", "actions", "levels", "discount"),
@@ -202,13 +238,15 @@ class AblationSettings(Settings):
     learners: tuple[str | Own, ...] = setting(
         tuple(LEARNERS),
         NameOrOwn(tuple(LEARNERS), "(mdp, comparator, seed) returns a Learner"),
-        "Q-learning; interactive value iteration and policy iteration; your own. Policy iteration runs only with "
+        "Q-learning; interactive value iteration and policy iteration; your own. Policy iteration "
+        "runs only with "
         "comparators that can prove a loss bound: not with always, not with box",
     )
     comparators: tuple[str | Own, ...] = setting(
         _IN_THE_ABLATION,
         NameOrOwn(_IN_THE_ABLATION, "(k, seed) returns a Comparator"),
-        "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; Bradley-Terry; your own",
+        "always ask; polytope, plain and relaxed; posterior, plain and with an indifference; "
+        "Bradley-Terry; your own",
     )
     tutors: tuple[str | Own, ...] = setting(
         (),
@@ -218,21 +256,29 @@ class AblationSettings(Settings):
     error_rates: tuple[float, ...] = setting(
         (0.0, 0.05, 0.15), ERROR_RATE, "the tutor's chance of a wrong answer; 0 is truthful"
     )
-    audit: float = setting(0.05, SHARE, "share of decided pairs put to the tutor in the audited runs; 0: none")
+    audit: float = setting(
+        0.05, SHARE, "share of decided pairs put to the tutor in the audited runs; 0: none"
+    )
     seeds: int = setting(4, COUNT, "number of seeds")
     seed: int = setting(0, FROM_0, "the first seed")
     states: int = setting(100, COUNT, "number of states")
     actions: int = setting(5, COUNT, "number of actions")
     levels: int = setting(10, LEVELS, "number of levels")
-    discount: float = setting(0.95, BELOW_1, "discount factor of random MDPs; other problems have their own")
+    discount: float = setting(
+        0.95, BELOW_1, "discount factor of random MDPs; other problems have their own"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in OWN.values():
             names = [one.name for one in getattr(self, name) if isinstance(one, Own)]
-            clash = {n for n in names if names.count(n) > 1 or n in getattr(self, name) or n == ALWAYS}
+            clash = {
+                n for n in names if names.count(n) > 1 or n in getattr(self, name) or n == ALWAYS
+            }
             if clash:
-                raise ValueError(f"{name}: {min(clash)!r} already means something: name your own otherwise")
+                raise ValueError(
+                    f"{name}: {min(clash)!r} already means something: name your own otherwise"
+                )
 
     def names(self, setting: str) -> tuple[str, ...]:
         """The names of what one of the settings in ``OWN`` holds."""
@@ -241,30 +287,42 @@ class AblationSettings(Settings):
     def own(self) -> dict[str, dict[str, Own]]:
         """The user's own, by the column of the table and by name."""
         given = {column: getattr(self, name) for column, name in OWN.items()}
-        return {column: {one.name: one for one in ones if isinstance(one, Own)} for column, ones in given.items()}
+        return {
+            column: {one.name: one for one in ones if isinstance(one, Own)}
+            for column, ones in given.items()
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
 class FiguresSettings(Settings):
-    """The settings of the paper's figures. A run differs from those of the ablation in a tutor as in eq. (6); in having
-    no budget, or that would be what figures 2 and 3 show; and in fits only when the answers have grown by a fifth."""
+    """The settings of the paper's figures. A run differs from those of the ablation in a tutor as
+    in eq. (6); in having no budget, or that would be what figures 2 and 3 show; and in fits only
+    when the answers have grown by a fifth."""
 
     GROUPS: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "the two series": (
-            "levels", "at_states", "states", "at_levels", "actions", "discount", "seeds", "seed", "steps", "epsilon",
+            "levels", "at_states", "states", "at_levels", "actions", "discount", "seeds", "seed",
+            "steps", "epsilon",
         ),
         "comparators and tutors": (
-            "comparators", "tutors", "thinned", "precision", "n_boot", "level", "refit_growth", "lapse",
+            "comparators", "tutors", "thinned", "precision", "n_boot", "level", "refit_growth",
+            "lapse",
             "particles",
         ),
     }  # fmt: skip
 
     noise: str = setting("logistic", Choice(("flip", "logistic")), "as in the ablation")
     max_queries: int | None = setting(None, FROM_0, "as in the ablation")
-    refit_growth: float = setting(0.2, SCALE, "growth of the box's answers between two fits; 0: fit at each (hours)")
-    levels: tuple[int, ...] = setting((5, 10, 15, 20, 25), LEVELS, "numbers of levels of the first series")
+    refit_growth: float = setting(
+        0.2, SCALE, "growth of the box's answers between two fits; 0: fit at each (hours)"
+    )
+    levels: tuple[int, ...] = setting(
+        (5, 10, 15, 20, 25), LEVELS, "numbers of levels of the first series"
+    )
     at_states: int = setting(100, COUNT, "its number of states")
-    states: tuple[int, ...] = setting((100, 200, 300, 400, 500), COUNT, "numbers of states of the second series")
+    states: tuple[int, ...] = setting(
+        (100, 200, 300, 400, 500), COUNT, "numbers of states of the second series"
+    )
     at_levels: int = setting(20, LEVELS, "its number of levels")
     actions: int = setting(5, COUNT, "number of actions")
     discount: float = setting(0.95, BELOW_1, "discount factor")
@@ -273,18 +331,22 @@ class FiguresSettings(Settings):
     comparators: tuple[str, ...] = setting(
         _IN_THE_PAPER,
         Choice(_IN_THE_PAPER),
-        "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box with footnote 3 and without",
+        "the polytope (its tutor never errs), the posterior, the paper's Bradley-Terry box with "
+        "footnote 3 and without",
     )
     tutors: tuple[str, ...] = setting(
         TUTORS[:5],
         Choice(TUTORS),
-        "who answers all but the polytope, whose tutor never errs: as in eq. (6) with this c, on counts times values "
-        "of 0..99, or with the precision that errs in this share of the comparisons of an optimal policy",
+        "who answers all but the polytope, whose tutor never errs: as in eq. (6) with this c, on "
+        "counts times values "
+        "of 0..99, or with the precision that errs in this share of the comparisons of an optimal "
+        "policy",
     )
     thinned: tuple[str, ...] = setting(
         ("posterior",),
         Choice(_IN_THE_PAPER),
-        "comparators (or none) that run only at every other size and with every other tutor; all others run at every "
+        "comparators (or none) that run only at every other size and with every other tutor; all "
+        "others run at every "
         "size with the first and the last tutor, and at every other one with those between",
         may_be_empty=True,
     )
@@ -298,12 +360,18 @@ def _checked(one: Field[Any], given: Any) -> Any:
         raise ValueError(f"{one.name} must be several values, not {given!r}")
     try:
         if isinstance(given, Mapping) and isinstance(check, NameOrOwn):
-            found = [(f"{name!r}: {value!r}", check.named(name, value)) for name, value in given.items()]
+            found = [
+                (f"{name!r}: {value!r}", check.named(name, value)) for name, value in given.items()
+            ]
         else:
-            found = [(repr(value), check.value_of(value)) for value in (given if many else (given,))]
+            found = [
+                (repr(value), check.value_of(value)) for value in (given if many else (given,))
+            ]
     except ValueError as error:
         raise ValueError(f"{one.name}: {error}") from error
     for shown, value in found:
         if value is None:
-            raise ValueError(f"{one.name} must {'each ' if many else ''}be {check.wanted}, not {shown}")
+            raise ValueError(
+                f"{one.name} must {'each ' if many else ''}be {check.wanted}, not {shown}"
+            )
     return tuple(value for _, value in found) if many else found[0][1]

@@ -1,1 +1,3 @@
-"""Solvers that stop when they need the tutor, and what a policy can still lose. Imports from ``mdp`` and elicit."""
+"""Solvers that stop when they need the tutor, and what a policy can still lose. Imports from
+``mdp`` and elicit.
+"""

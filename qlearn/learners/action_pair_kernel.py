@@ -1,12 +1,14 @@
-"""What every compiled loop does with one pair of vectors: its difference, the verdict on it, and a record of both.
+"""What every compiled loop does with one pair of vectors: its difference, the verdict on it, and a
+record of both.
 
-Many comparisons differ little from one that was settled before: the same two actions, whose vectors have moved since.
-So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0 for the gaps g of every plausible scale.
-Gaps are not negative, so whatever difference has tail sums t >= f, entry by entry, has t.g >= f.g >= 0 too, and the
-same verdict ("not left, but right", with -t >= f). To look at k - 1 numbers costs a tenth of a proof. Where a verdict
-goes by the weight of drawn scales, f is such that the same draws stay on the same side. A certificate holds while the
-answers stay the same; one that was proven of all scales that fit them holds for ever, for answers only add
-(``elicit.decision.comparator_rule.outlasts_answers``).
+Many comparisons differ little from one that was settled before: the same two actions, whose vectors
+have moved since. So a verdict that took a proof leaves a *certificate*: a vector f with f.g >= 0
+for the gaps g of every plausible scale. Gaps are not negative, so whatever difference has tail sums
+t >= f, entry by entry, has t.g >= f.g >= 0 too, and the same verdict ("not left, but right", with
+-t >= f). To look at k - 1 numbers costs a tenth of a proof. Where a verdict goes by the weight of
+drawn scales, f is such that the same draws stay on the same side. A certificate holds while the
+answers stay the same; one that was proven of all scales that fit them holds for ever, for answers
+only add (``elicit.decision.comparator_rule.outlasts_answers``).
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ USED, ROOM = 0, 1  # what ``Told.fill`` holds
 
 
 class Certificates(NamedTuple):
-    """The last certificate of each pair of state and action, row s*A + a; ``verdicts`` is 0 where there is none."""
+    """The last certificate of each pair of state and action, row s*A + a; ``verdicts`` is 0 where
+    there is none.
+    """
 
     least: NDArray[np.floating[Any]]  # (n, p) f, of the tail sums times the verdict
     verdicts: NDArray[np.int8]  # (n,)
@@ -53,8 +57,8 @@ class Kept(NamedTuple):
 
 
 class Told(NamedTuple):
-    """Answers that a tutor has given within a loop, until the elicitation takes them; there is no room where Python has
-    to ask her."""
+    """Answers that a tutor has given within a loop, until the elicitation takes them; there is no
+    room where Python has to ask her."""
 
     vectors: Floats  # (c, 2, k) left and right
     verdicts: NDArray[np.int8]  # (c,)
@@ -85,15 +89,22 @@ class AnswersInLoops(Protocol):
 
 
 class PairJudge:
-    """An elicitation as a compiled loop sees it, the loop's certificates, and what it keeps for a watcher."""
+    """An elicitation as a compiled loop sees it, the loop's certificates, and what it keeps for a
+    watcher.
+    """
 
-    def __init__(self, elicitation: Elicitation, pairs: int, digits: DTypeLike = np.float64, room: int = 0) -> None:
+    def __init__(
+        self, elicitation: Elicitation, pairs: int, digits: DTypeLike = np.float64, room: int = 0
+    ) -> None:
         k, room = elicitation.comparator.k, max(room, _KEPT_AT_ONCE)
         least = np.empty((pairs, k - 1), dtype=digits)
         self.certificates = Certificates(least, np.zeros(pairs, np.int8), np.zeros(pairs, np.int8))
         self._elicitation = elicitation
         self._unwatched, self._watched = (
-            Kept(np.empty((c, k)), np.empty(c, np.int8), np.empty(c, np.int8), np.zeros(1, np.int64)) for c in (0, room)
+            Kept(
+                np.empty((c, k)), np.empty(c, np.int8), np.empty(c, np.int8), np.zeros(1, np.int64)
+            )
+            for c in (0, room)
         )
         c = _TOLD_AT_ONCE
         self._told = Told(
@@ -103,7 +114,9 @@ class PairJudge:
             marks=np.empty(c),
             fill=np.zeros(2, np.int64),
         )
-        self.tutor: AnswersInLoops | None = None  # who is asked within the loop, where the elicitation has room for it
+        self.tutor: AnswersInLoops | None = (
+            None  # who is asked within the loop, where the elicitation has room for it
+        )
 
     def judging(self, rule: Rule) -> Judging:
         """How pairs are judged now, the comparator going by this rule."""
@@ -130,8 +143,8 @@ class PairJudge:
         return respondent
 
     def enter(self, tiers: NDArray[np.int64]) -> bool:
-        """Count a loop's comparisons (len(Tier),), have the elicitation take what was told, and show the watcher what
-        was kept; returns whether anything was told."""
+        """Count a loop's comparisons (len(Tier),), have the elicitation take what was told, and
+        show the watcher what was kept; returns whether anything was told."""
         elicitation, kept = self._elicitation, self._watched
         elicitation.counts += tiers
         if elicitation.signs is not None:
@@ -139,29 +152,37 @@ class PairJudge:
         taken = self.take_told()
         n, kept.used[0] = int(kept.used[0]), 0
         if n and elicitation.watch is not None:
-            elicitation.watch(kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy()))
+            elicitation.watch(
+                kept.d[:n].copy(), Decisions(kept.verdicts[:n].copy(), kept.tiers[:n].copy())
+            )
         return taken
 
     def take_told(self) -> bool:
-        """Have the elicitation take what was told, which may have been left behind by an interruption; returns whether
-        anything was."""
+        """Have the elicitation take what was told, which may have been left behind by an
+        interruption; returns whether anything was."""
         told = self._told
         n = int(told.fill[USED])
         if n:
-            self._elicitation.take(told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy())
+            self._elicitation.take(
+                told.vectors[:n, 0], told.vectors[:n, 1], told.verdicts[:n].copy()
+            )
             told.fill[:] = 0
             self.take_answers()
         return n > 0
 
     def take_answers(self) -> None:
-        """The comparator has learned something: forget the certificates, unless they were proven."""
+        """The comparator has learned something: forget the certificates, unless they were
+        proven.
+        """
         if not outlasts_answers(rule_of(self._elicitation.comparator)):
             self.certificates.verdicts[:] = 0
 
 
 @compiled
 def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
-    """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by eq. (4)."""
+    """Q(s, a) - Q(s, b) of q (S, A, k) into d (k,), its tail sums into t (p,), and their verdict by
+    eq. (4).
+    """
     # no views of rows of q: to count references to it would cost as much as all the sums
     total, least, greatest = -0.0, 0.0, 0.0
     for j in range(len(d) - 1, 0, -1):
@@ -175,8 +196,9 @@ def difference(q: Any, s: int, a: int, b: int, d: Any, t: Any) -> int:
 
 @compiled
 def certify(judged: Judgement, least: Any, row: int, certificates: Certificates) -> tuple[int, int]:
-    """Verdict and tier of what ``judge_pair`` has just judged, UNSETTLED of an audit, which is for Python to see to. If
-    it has written a certificate in ``least`` (p,), that is the row's from now on."""
+    """Verdict and tier of what ``judge_pair`` has just judged, UNSETTLED of an audit, which is for
+    Python to see to. If it has written a certificate in ``least`` (p,), that is the row's from now
+    on."""
     verdict, tier = judged.verdict, judged.tier
     if verdict == UNKNOWN and tier != BY_TUTOR:
         verdict = UNSETTLED
@@ -184,23 +206,25 @@ def certify(judged: Judgement, least: Any, row: int, certificates: Certificates)
     if judged.certified:
         round_up(least, certificates.least[row])
         certificates.verdicts[row] = verdict
-        certificates.tiers[row] = BY_SCREEN if tier == BY_SIMPLEX else tier  # to look it up takes no program
+        certificates.tiers[row] = (
+            BY_SCREEN if tier == BY_SIMPLEX else tier
+        )  # to look it up takes no program
     return verdict, tier
 
 
 @compiled
 def full(kept: Kept, fill: Any) -> bool:
-    """Whether what was kept or told must be handed over before another pair is judged: there may be no more of it, or
-    the comparator has learned something. ``fill`` is that of ``Told``."""
+    """Whether what was kept or told must be handed over before another pair is judged: there may be
+    no more of it, or the comparator has learned something. ``fill`` is that of ``Told``."""
     watched = len(kept.tiers) > 0 and kept.used[0] == len(kept.tiers)
     return bool(watched or (fill[USED] > 0 and fill[USED] == fill[ROOM]))
 
 
 @compiled
 def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, int]:
-    """Put a pair with tail sums t (p,) that is left open to the tutor: verdict and tier. UNKNOWN where Python has to
-    ask. UNSETTLED where what was kept must be handed over first, for whoever watches may want to know what was decided
-    before the tutor's first error."""
+    """Put a pair with tail sums t (p,) that is left open to the tutor: verdict and tier. UNKNOWN
+    where Python has to ask. UNSETTLED where what was kept must be handed over first, for whoever
+    watches may want to know what was decided before the tutor's first error."""
     kept, tutor, told = judging.kept, judging.tutor, judging.told
     fill = told.fill
     if fill[ROOM] == 0:
@@ -211,7 +235,12 @@ def put(q: Any, s: int, a: int, b: int, t: Any, judging: Judging) -> tuple[int, 
         for way in (1, -1):
             if abs(way * mark - told.marks[row]) <= reach and apart(t, way, told.sums[row]) <= near:
                 return way * told.verdicts[row], BY_KNOWN
-    if tutor.kind != TRUTHFUL and tutor.tally[WRONG] == 0 and len(kept.tiers) > 0 and kept.used[0] > 0:
+    if (
+        tutor.kind != TRUTHFUL
+        and tutor.tally[WRONG] == 0
+        and len(kept.tiers) > 0
+        and kept.used[0] > 0
+    ):
         return UNSETTLED, BY_TUTOR
     row = fill[USED]
     verdict = respond(t, tutor)

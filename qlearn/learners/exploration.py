@@ -18,8 +18,8 @@ Start: TypeAlias = Literal["worst", "zero", "best"]
 
 @dataclass(frozen=True)
 class Decay:
-    """A chance of exploring that falls in a straight line from ``first`` to ``last`` over the first ``share`` of the
-    steps, and stays there. All three lie in 0..1, share above 0."""
+    """A chance of exploring that falls in a straight line from ``first`` to ``last`` over the first
+    ``share`` of the steps, and stays there. All three lie in 0..1, share above 0."""
 
     first: float = 1.0
     last: float = 0.05
@@ -28,29 +28,39 @@ class Decay:
     def __call__(self, steps: NDArray[np.int64]) -> Floats:
         """The chance in each of the steps 0, 1, ... (n,) of a run of n steps."""
         over = max(1.0, self.share * len(steps))
-        return np.asarray(self.first + (self.last - self.first) * np.minimum(1.0, steps / over), dtype=np.float64)
+        return np.asarray(
+            self.first + (self.last - self.first) * np.minimum(1.0, steps / over), dtype=np.float64
+        )
 
     def __post_init__(self) -> None:
         for name in ("first", "last", "share"):
             value = getattr(self, name)
             if not (is_number(value, 0) and value <= 1) or (name == "share" and value == 0):
-                raise ValueError(f"{name} of a Decay must lie in 0..1{' above 0' * (name == 'share')}, not {value!r}")
+                raise ValueError(
+                    f"{name} of a Decay must lie in 0..1{' above 0' * (name == 'share')}, not "
+                    f"{value!r}"
+                )
 
 
 Epsilon: TypeAlias = float | Decay | Callable[[NDArray[np.int64]], Floats]
-"""A constant chance, or a function from the numbers (n,) of all steps of a run to the chance in each."""
+"""A constant chance, or a function from the numbers (n,) of all steps of a run to the chance in
+each.
+"""
 
 
 @dataclass(frozen=True)
 class Exploration:
     """Settings of how ``InteractiveQLearning`` explores.
 
-    epsilon         chance of a uniformly drawn action. At 1 the agent never follows what it has learned (Q-learning
-                    learns the best policy all the same), and all comparators see the same transitions
-    start           where all vectors begin. "worst": all mass on the worst level; "best": on the best one, which
-                    makes what has not been tried look good (optimism); "zero": the paper's line 4, whose totals
-                    differ for long, so that early questions are ill-posed
-    episode_length  restart from the MDP's initial distribution after so many steps; None: in terminal states only
+    epsilon         chance of a uniformly drawn action. At 1 the agent never follows what it has
+                    learned (Q-learning learns the best policy all the same), and all comparators
+                    see the same transitions
+    start           where all vectors begin. "worst": all mass on the worst level; "best": on the
+                    best one, which makes what has not been tried look good (optimism); "zero": the
+                    paper's line 4, whose totals differ for long, so that early questions are
+                    ill-posed
+    episode_length  restart from the MDP's initial distribution after so many steps; None: in
+                    terminal states only
     """
 
     epsilon: Epsilon
@@ -73,18 +83,27 @@ EXPLORATIONS: Mapping[str, Exploration] = MappingProxyType(
         "uniform": Exploration(1.0, start="best"),
     }
 )
-"""The choices that have a name; ``python -m benchmarks.paper.exploration`` measures what each leads to."""
+"""The choices that have a name; ``python -m benchmarks.paper.exploration`` measures what each leads
+to.
+"""
 
 
 def exploration_of(choice: Epsilon | Exploration | str | None) -> Exploration:
-    """An exploration itself, the one of that name, or "constant" with that epsilon; of None "optimistic". Raises
-    ValueError where there is no such name."""
+    """An exploration itself, the one of that name, or "constant" with that epsilon; of None
+    "optimistic". Raises ValueError where there is no such name."""
     choice = "optimistic" if choice is None else choice
     if isinstance(choice, str):
-        wanted = "a number in 0..1, a function of steps, an Exploration, or one of the names " + ", ".join(EXPLORATIONS)
+        wanted = (
+            "a number in 0..1, a function of steps, an Exploration, or one of the names "
+            + ", ".join(EXPLORATIONS)
+        )
         require(choice in EXPLORATIONS, "epsilon", wanted, choice)
         return EXPLORATIONS[choice]
-    return choice if isinstance(choice, Exploration) else replace(EXPLORATIONS["constant"], epsilon=choice)
+    return (
+        choice
+        if isinstance(choice, Exploration)
+        else replace(EXPLORATIONS["constant"], epsilon=choice)
+    )
 
 
 def epsilons(epsilon: Epsilon, steps: int) -> Floats:
@@ -92,12 +111,17 @@ def epsilons(epsilon: Epsilon, steps: int) -> Floats:
 
     Raises ValueError unless all lie in 0..1.
     """
-    return schedule(epsilon, steps, "epsilon must be a number in 0..1, or a function from steps (n,) to chances (n,)")
+    return schedule(
+        epsilon,
+        steps,
+        "epsilon must be a number in 0..1, or a function from steps (n,) to chances (n,)",
+    )
 
 
 def schedule(choice: object, n: int, wanted: str, *, positive: bool = False) -> Floats:
-    """A number itself, as (1,), or what a function gives for 0, 1, ... n - 1, at least for 0. Raises ValueError, which
-    says what is ``wanted``, unless all lie in 0..1, or above 0 where they are to be ``positive``."""
+    """A number itself, as (1,), or what a function gives for 0, 1, ... n - 1, at least for 0.
+    Raises ValueError, which says what is ``wanted``, unless all lie in 0..1, or above 0 where they
+    are to be ``positive``."""
     if not (callable(choice) or is_number(choice)):
         raise ValueError(f"{wanted}, not {choice!r}")
     times = np.arange(max(1, n))

@@ -18,7 +18,15 @@ from elicit.asking.elicitation import Audit, Elicitation, OnConflict, Pair, Told
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator, Tier, check_comparator_made
 from elicit.model.outcomes import Status
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, as_verdict, match
+from elicit.model.query import (
+    Answer,
+    Answers,
+    InconsistentAnswers,
+    Query,
+    Verdict,
+    as_verdict,
+    match,
+)
 from elicit.model.scale import Floats
 from elicit.model.tutor import TutorOfMany, check_tutor_made
 from elicit.tutors.answer_log import EXPECTED, AnswerLog
@@ -29,12 +37,14 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 R_co = TypeVar("R_co", covariant=True)
 
 TutorLike: TypeAlias = Callable[[Query], Answer | int]
-"""A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an Answer."""
+"""A ``Tutor``, or a function that returns a verdict on the query's left vector in place of an
+Answer.
+"""
 
 
 def place(mdp: OrdinalMDP, state: int, a: int, b: int) -> tuple[str, str, tuple[int, int, int]]:
-    """Return the names of where actions a and b are compared: the sentences that ask about them, with a left and with b
-    left, and the numbers of the state and of the actions."""
+    """Return the names of where actions a and b are compared: the sentences that ask about them,
+    with a left and with b left, and the numbers of the state and of the actions."""
     return _sentence(mdp, state, a, b), _sentence(mdp, state, b, a), (state, min(a, b), max(a, b))
 
 
@@ -44,7 +54,13 @@ def _sentence(mdp: OrdinalMDP, state: int, a: int, b: int) -> str:
 
 
 def pair_of(
-    mdp: OrdinalMDP, left: Floats, right: Floats, state: int, a: int, b: int, tier: int = int(Tier.TUTOR)
+    mdp: OrdinalMDP,
+    left: Floats,
+    right: Floats,
+    state: int,
+    a: int,
+    b: int,
+    tier: int = int(Tier.TUTOR),
 ) -> Pair:
     """The vectors of actions a (left) and b (right), to ask about: see ``Pair``."""
     sentences = place(mdp, state, a, b)
@@ -58,30 +74,39 @@ def state_of(pair: Pair) -> int:
 
 
 def check_problem(mdp: OrdinalMDP, comparator: Comparator) -> None:
-    """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels differ in number."""
+    """Raise TypeError for anything but an MDP and a comparator, and ValueError where their levels
+    differ in number.
+    """
     if not isinstance(mdp, OrdinalMDP):
         raise TypeError(f"an OrdinalMDP is wanted, not {mdp!r}")
     check_comparator_made(comparator)
     if mdp.k != comparator.k:
         raise ValueError(
-            f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}: make it with k = {mdp.k}"
+            f"the MDP has {mdp.k} levels, but the comparator was made for k = {comparator.k}: make "
+            f"it with k = {mdp.k}"
         )
 
 
 _LEAST_SHOWN = 1e-6
-"""The least positive loss bound that is printed, a share of the value range: rounding alone gives smaller ones."""
+"""The least positive loss bound that is printed, a share of the value range: rounding alone gives
+smaller ones.
+"""
 
 _SHARE = "a share of the value range, above 0 and below 1 (0.01: a policy may lose 1% of the range)"
 
 
 def check_tolerance(tolerance: float) -> float:
-    """Return ``tolerance`` as a float. Raises ValueError unless it is a share of the value range, below 1."""
+    """Return ``tolerance`` as a float. Raises ValueError unless it is a share of the value range,
+    below 1.
+    """
     require(is_number(tolerance) and 0 < tolerance < 1, "tolerance", _SHARE, tolerance)
     return float(tolerance)
 
 
 def check_max_loss(max_loss: float | None) -> float | None:
-    """Return ``max_loss``. Raises ValueError unless it is None or a share of the value range, below 1."""
+    """Return ``max_loss``. Raises ValueError unless it is None or a share of the value range, below
+    1.
+    """
     holds = max_loss is None or (is_number(max_loss) and 0 < max_loss < 1)
     require(holds, "max_loss", f"None or {_SHARE}", max_loss)
     return max_loss
@@ -89,11 +114,12 @@ def check_max_loss(max_loss: float | None) -> float | None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """A learner's policy and counts so far. ``print(result)`` says them in words, with the bound on the policy's loss.
+    """A learner's policy and counts so far. ``print(result)`` says them in words, with the bound on
+    the policy's loss.
 
-    ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted; ``decided``: comparisons by tier;
-    ``shares``: ``q``, or a function that computes it; ``guarantee``: computes the loss bound; ``rounds``: steps,
-    sweeps, or policies solved for; ``discount``: the MDP's.
+    ``policy`` (S,) actions; ``asked``: questions to the tutor, audits not counted; ``decided``:
+    comparisons by tier; ``shares``: ``q``, or a function that computes it; ``guarantee``: computes
+    the loss bound; ``rounds``: steps, sweeps, or policies solved for; ``discount``: the MDP's.
     """
 
     policy: NDArray[np.int64]
@@ -110,16 +136,20 @@ class Result:
     discount: float
 
     def __str__(self) -> str:
-        """Return the status, the number of questions, and what the loss bound means. Computing the bound may take long
-        on a large model."""
-        questions = "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
+        """Return the status, the number of questions, and what the loss bound means. Computing the
+        bound may take long on a large model."""
+        questions = (
+            "1 question was asked" if self.asked == 1 else f"{self.asked:,} questions were asked"
+        )
         return f"{self.status.sentence}\n{questions}.\n{self._loss_in_words()}"
 
     def __repr__(self) -> str:
         parts = [f"status={self.status.name}", f"asked={self.asked}"]
         parts += [f"audited={self.audited}"] if self.audits else []
         parts += [f"cannot_tell={self.cannot_tell}"] if self.cannot_tell else []
-        if "_guaranteed" in vars(self):  # to bound the loss can take long: said only where somebody has read it
+        if "_guaranteed" in vars(
+            self
+        ):  # to bound the loss can take long: said only where somebody has read it
             parts += [f"loss_bound={self.loss_bound:.3g}", f"confidence={self.confidence:g}"]
         return f"Result({', '.join(parts)})"
 
@@ -134,26 +164,27 @@ class Result:
 
     @property
     def loss_bound(self) -> float:
-        """Upper bound on the policy's loss at the worst state, as a share of the value range; nan if there is none.
+        """Upper bound on the policy's loss at the worst state, as a share of the value range; nan
+        if there is none.
 
-        The loss is (1 - discount) times the loss of return against the best policy, divided by the value of the best
-        level minus that of the worst. The bound is computed from the MDP's transition probabilities, also if the
-        learner only samples them.
+        The loss is (1 - discount) times the loss of return against the best policy, divided by the
+        value of the best level minus that of the worst. The bound is computed from the MDP's
+        transition probabilities, also if the learner only samples them.
         """
         return float(self._guaranteed.loss_bound)
 
     @property
     def return_loss_bound(self) -> float:
-        """Upper bound on the policy's loss of return at the worst state, where the best level's reward exceeds the
-        worst level's by 1: ``loss_bound / (1 - discount)``."""
+        """Upper bound on the policy's loss of return at the worst state, where the best level's
+        reward exceeds the worst level's by 1: ``loss_bound / (1 - discount)``."""
         return self.loss_bound / (1 - self.discount)
 
     @property
     def confidence(self) -> float:
         """The probability that ``loss_bound`` holds.
 
-        1: no scale that fits the answers allows more (the answers must be right). The comparator's level for a
-        posterior. nan if none can be stated."""
+        1: no scale that fits the answers allows more (the answers must be right). The comparator's
+        level for a posterior. nan if none can be stated."""
         return float(self._guaranteed.confidence)
 
     def _loss_in_words(self) -> str:
@@ -161,9 +192,12 @@ class Result:
             return "No bound on the policy's loss can be given."
         share = 0.0 if self.loss_bound == 0 else max(self.loss_bound, _LEAST_SHOWN)
         return (
-            f"The policy loses at most {_rounded_up(100 * share)}% of the value range ({self._confidence_in_words()}): "
-            "(1 - discount) times its loss of return, over the value of the best level against the worst, at "
-            f"the worst state.\nAs a loss of return it is at most {_rounded_up(share / (1 - self.discount))}, in units "
+            f"The policy loses at most {_rounded_up(100 * share)}% of the value range "
+            f"({self._confidence_in_words()}): "
+            "(1 - discount) times its loss of return, over the value of the best level against the "
+            "worst, at "
+            "the worst state.\nAs a loss of return it is at most "
+            f"{_rounded_up(share / (1 - self.discount))}, in units "
             "of the best level's reward minus the worst level's."
         )
 
@@ -172,7 +206,9 @@ class Result:
             return "with unknown confidence"
         if self.confidence == 1:
             return "proven, if the answers are right"
-        return f"with probability {self.confidence:.4g}, if the tutor errs as the comparator assumes"
+        return (
+            f"with probability {self.confidence:.4g}, if the tutor errs as the comparator assumes"
+        )
 
     @property
     def audited(self) -> int:
@@ -186,19 +222,26 @@ class Result:
 
 
 def _rounded_up(x: float) -> str:
-    """Return a number of at least 0 with three digits that count, rounded up, so that it still bounds."""
+    """Return a number of at least 0 with three digits that count, rounded up, so that it still
+    bounds.
+    """
     if x == 0:
         return "0"
     unit = 10.0 ** (math.floor(math.log10(x)) - 2)
-    return f"{math.ceil(x / unit - 1e-6) * unit:.3g}"  # a millionth of the last digit: 0.01 is not 0.0101
+    # a millionth of the last digit: 0.01 is not 0.0101
+    return f"{math.ceil(x / unit - 1e-6) * unit:.3g}"
 
 
 class Learner:
-    """A solver that stops when it needs the tutor. What all learners do alike, they leave to their elicitation."""
+    """A solver that stops when it needs the tutor. What all learners do alike, they leave to their
+    elicitation.
+    """
 
     seed: Seed = 0  # that gives the same run again
     _elicitation: Elicitation
-    _bounded: tuple[Comparator, NDArray[np.int64]] | None = None  # for what the loss was last bounded
+    _bounded: tuple[Comparator, NDArray[np.int64]] | None = (
+        None  # for what the loss was last bounded
+    )
 
     def __repr__(self) -> str:
         now, known = self._elicitation, self.comparator
@@ -207,27 +250,35 @@ class Learner:
 
     @one_thread
     def ask(self) -> tuple[Query, ...]:
-        """The pending queries, the same until told; () when finished. Goes on as far as it needs no tutor."""
+        """The pending queries, the same until told; () when finished. Goes on as far as it needs no
+        tutor.
+        """
         self._act()
         return self._elicitation.ask() or self._go_on()
 
     @one_thread
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
-        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless ``on_conflict="drop"``:
-        then such an answer settles its own pair only, and is returned. Where it raises, nothing has changed; where it
-        is interrupted (Ctrl+C), either nothing has, or the answers were taken: ``ask`` then goes on from them."""
+    def tell(
+        self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
+    ) -> tuple[Answer, ...]:
+        """Take answers to pending queries. Raises StaleAnswer, or InconsistentAnswers unless
+        ``on_conflict="drop"``: then such an answer settles its own pair only, and is returned.
+        Where it raises, nothing has changed; where it is interrupted (Ctrl+C), either nothing has,
+        or the answers were taken: ``ask`` then goes on from them."""
         self._act()
         _, dropped = self._elicitation.tell(answers, on_conflict)
         self._act()
         return dropped
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not logged. None: ask."""
+        """Let ``signs`` (differences (n, k) to verdicts (n,)) answer from now on: counted, not
+        logged. None: ask.
+        """
         self._elicitation.signs = signs
 
     def watch(self, watcher: Watch) -> None:
-        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on: of Q-learning those that neither
-        equality nor dominance settled, of policy iteration the questions answered."""
+        """Call ``watcher(d, decisions)`` with batches of the comparisons acted on: of Q-learning
+        those that neither equality nor dominance settled, of policy iteration the questions
+        answered."""
         self._elicitation.watch = watcher
 
     @property
@@ -257,12 +308,16 @@ class Learner:
     def _take(self, told: Sequence[Told]) -> None:
         """Act on the verdicts. To do so twice must come to the same as once."""
 
-    def _certified(self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None) -> bool:
+    def _certified(
+        self, mdp: OrdinalMDP, policy: NDArray[np.int64], max_loss: float | None
+    ) -> bool:
         """Return whether no plausible scale lets the policy (S,) lose more than ``max_loss``.
 
         False also if the same policy and the same answers were tried last time."""
         comparator, last = self.comparator, self._bounded
-        if max_loss is None or (last is not None and last[0] is comparator and (last[1] == policy).all()):
+        if max_loss is None or (
+            last is not None and last[0] is comparator and (last[1] == policy).all()
+        ):
             return False
         self._bounded = comparator, policy.copy()
         return loses_at_most(mdp, policy, comparator, max_loss)
@@ -278,15 +333,18 @@ class Learner:
         more: NDArray[np.int64] | int = 0,
         guarantee: Callable[[], Guarantee] | None = None,
     ) -> Result:
-        """The Result of this policy, which must stay as it is; ``more`` (len(Tier),): comparisons beside those that the
-        elicitation counted. Without a status the tutor is waited for."""
+        """The Result of this policy, which must stay as it is; ``more`` (len(Tier),): comparisons
+        beside those that the elicitation counted. Without a status the tutor is waited for."""
         elicitation = self._elicitation
         return Result(
             policy=policy,
             shares=shares,
             status=status or Status.WAITING,
             asked=elicitation.asked,
-            decided={tier.name.lower(): int(n) for tier, n in zip(Tier, elicitation.counts + more, strict=True)},
+            decided={
+                tier.name.lower(): int(n)
+                for tier, n in zip(Tier, elicitation.counts + more, strict=True)
+            },
             comparator=elicitation.comparator,
             answers=elicitation.answers,
             audits=tuple(elicitation.audits),
@@ -311,7 +369,9 @@ class Drivable(Protocol[R_co]):
     def ask(self) -> tuple[Query, ...]:
         """The pending queries, the same until told; () where there are none."""
 
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+    def tell(
+        self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
+    ) -> tuple[Answer, ...]:
         """Take answers to pending queries; those dropped are returned."""
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
@@ -336,16 +396,18 @@ def drive(
     progress: Callable[[R_co], None] | None = None,
     on_conflict: OnConflict = "raise",
 ) -> R_co:
-    """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be trained.
+    """Ask and tell until the learner asks no more, for it has finished, or waits for a policy to be
+    trained.
 
-    The tutor returns an Answer, or a verdict on the query's left vector: a Verdict, or 1, 0, -1. To say "cannot tell",
-    it returns ``Answer(query, None)``.
+    The tutor returns an Answer, or a verdict on the query's left vector: a Verdict, or 1, 0, -1. To
+    say "cannot tell", it returns ``Answer(query, None)``.
 
-    Every answer goes to ``log`` before the learner is told. One that contradicts the others is then marked unused
-    there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles its own pair only. Where the tutor
-    raises, or is interrupted, at one of several questions (``batch``), the answers to those before are logged and told
-    all the same. ``progress`` is called with the Result so far after every round of questions. AlwaysAsk with a
-    simulated tutor asks so much that only counts are kept. Raises StaleAnswer, before any answer of the round is
+    Every answer goes to ``log`` before the learner is told. One that contradicts the others is then
+    marked unused there, and either raises InconsistentAnswers or (``on_conflict="drop"``) settles
+    its own pair only. Where the tutor raises, or is interrupted, at one of several questions
+    (``batch``), the answers to those before are logged and told all the same. ``progress`` is
+    called with the Result so far after every round of questions. AlwaysAsk with a simulated tutor
+    asks so much that only counts are kept. Raises StaleAnswer, before any answer of the round is
     logged, where the tutor answers what was not asked.
     """
     require(on_conflict in ("raise", "drop"), "on_conflict", "'raise' or 'drop'", on_conflict)
@@ -354,7 +416,9 @@ def drive(
     if signs is not None:
         learner.consult(signs)
     quiet = log is None and progress is None
-    own = hasattr(type(tutor), "respondent")  # not handed on from a tutor that this one wraps, who wants to be called
+    own = hasattr(
+        type(tutor), "respondent"
+    )  # not handed on from a tutor that this one wraps, who wants to be called
     if quiet and own and isinstance(tutor, AnswersInLoops) and isinstance(learner, AsksWithin):
         learner.ask_within(tutor)
     try:
@@ -369,8 +433,8 @@ def drive(
 def _signs_of(tutor: TutorLike) -> Callable[[ArrayLike], NDArray[np.int8]] | None:
     """Return the tutor's way to answer many questions at once; None if it has none.
 
-    None also if its way to answer a single question belongs to a derived class, or wraps the tutor that has ``signs``:
-    that way would be left out."""
+    None also if its way to answer a single question belongs to a derived class, or wraps the tutor
+    that has ``signs``: that way would be left out."""
     if isinstance(tutor, TutorOfMany):
         for place in (tutor, *type(tutor).__mro__):
             own = getattr(place, "__dict__", {})
@@ -406,12 +470,17 @@ def _driven(
 
 
 def _answer_of(reply: Answer | int, query: Query) -> Answer:
-    """Return the tutor's reply as an Answer to the query. ``match`` refuses what is neither an Answer nor a verdict."""
+    """Return the tutor's reply as an Answer to the query. ``match`` refuses what is neither an
+    Answer nor a verdict.
+    """
     return Answer(query, as_verdict(reply)) if isinstance(reply, (int, np.integer)) else reply
 
 
 def _log_and_tell(
-    learner: Drivable[Any], answers: Sequence[Answer], log: AnswerLog | None, on_conflict: OnConflict
+    learner: Drivable[Any],
+    answers: Sequence[Answer],
+    log: AnswerLog | None,
+    on_conflict: OnConflict,
 ) -> None:
     """Log answers, then tell them to the learner."""
     if not answers:
@@ -428,7 +497,9 @@ def _log_and_tell(
 
 def _append(log: AnswerLog, answers: Sequence[Answer], implied: Mapping[str, Verdict]) -> None:
     for answer in answers:
-        audited: dict[str, Any] = {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
+        audited: dict[str, Any] = (
+            {EXPECTED: int(implied[answer.query.id])} if answer.query.id in implied else {}
+        )
         log.append(answer, **audited)
 
 

@@ -1,4 +1,6 @@
-"""Interactive policy iteration: solve for one central scale, then ask only what could still change the policy."""
+"""Interactive policy iteration: solve for one central scale, then ask only what could still change
+the policy.
+"""
 
 from __future__ import annotations
 
@@ -62,10 +64,10 @@ LARGE = 4000  # states up to which rounds are exact, unless told otherwise
 class InteractivePolicyIteration(Learner):
     """A learner that proves a policy with few questions.
 
-    It solves the MDP for the comparator's central scale, and bounds what that policy can lose under every plausible
-    scale (``loss_bound``). While the bound exceeds the tolerance, it asks about an advantage Q(s, a) - V(s) that could
-    still change the policy, and solves again. The bound holds for every scale in K_t with a polytope, and with the
-    comparator's confidence otherwise.
+    It solves the MDP for the comparator's central scale, and bounds what that policy can lose under
+    every plausible scale (``loss_bound``). While the bound exceeds the tolerance, it asks about an
+    advantage Q(s, a) - V(s) that could still change the policy, and solves again. The bound holds
+    for every scale in K_t with a polytope, and with the comparator's confidence otherwise.
 
     Parameters
     ----------
@@ -79,22 +81,24 @@ class InteractivePolicyIteration(Learner):
     strategy : function of ``qlearn.strategies``, or its name
         Picks the question. The default weighs what an answer tells by how likely it is to matter.
     bags : elicit.Bags, optional
-        Ask about simple bags instead ("of 10 days ..."), one at a time, as far as they tell enough of the signs of the
-        advantages in question.
+        Ask about simple bags instead ("of 10 days ..."), one at a time, as far as they tell enough
+        of the signs of the advantages in question.
     cuts : bool, optional
-        Once most plausible scales agree on the policy, also ask about two mixtures of levels that are made to close
-        several advantages at once (``elicit.asking.cuts``). That needs proven bounds, one question at a time, no bags,
-        and a tutor who calls no pair equal and can tell all. Default: with the default strategy.
+        Once most plausible scales agree on the policy, also ask about two mixtures of levels that
+        are made to close several advantages at once (``elicit.asking.cuts``). That needs proven
+        bounds, one question at a time, no bags, and a tutor who calls no pair equal and can tell
+        all. Default: with the default strategy.
     seed : int or Generator or SeedSequence, optional
         Picks audits and samples of states.
     max_queries : int, optional
-        The most questions to ask. After them the policy for the central scale stands, with its loss bound.
+        The most questions to ask. After them the policy for the central scale stands, with its loss
+        bound.
     indifference : float, optional
-        Do not ask about an advantage that no plausible scale puts above this. Default: tolerance (1 - discount). With
-        more, the tolerance may be out of reach.
+        Do not ask about an advantage that no plausible scale puts above this. Default: tolerance (1
+        - discount). With more, the tolerance may be out of reach.
     audit : float
-        The share of the pairs decided by answers, among those that the finished policy depends on, that is put to the
-        tutor all the same.
+        The share of the pairs decided by answers, among those that the finished policy depends on,
+        that is put to the tutor all the same.
     max_audits : int
         The most audits.
     batch : int
@@ -102,10 +106,11 @@ class InteractivePolicyIteration(Learner):
     known : answers or a log
         What was answered earlier. It is never asked again.
     exact : bool, optional
-        Whether every round looks at all states. Otherwise a round improves the last solution approximately, which the
-        bound allows for, and looks at a sample of states, with a few questions a solution, as long as the sample
-        refutes the tolerance; only then all advantages are bounded. Default: True up to ``LARGE`` states. Without
-        ``exact``, ``Result.decided`` counts the alternatives looked at, and all of them at the end.
+        Whether every round looks at all states. Otherwise a round improves the last solution
+        approximately, which the bound allows for, and looks at a sample of states, with a few
+        questions a solution, as long as the sample refutes the tolerance; only then all advantages
+        are bounded. Default: True up to ``LARGE`` states. Without ``exact``, ``Result.decided``
+        counts the alternatives looked at, and all of them at the end.
 
     Raises
     ------
@@ -138,13 +143,20 @@ class InteractivePolicyIteration(Learner):
         self._mdp = mdp
         self._tolerance = check_tolerance(tolerance)
         self._enough = max(tolerance, check_max_loss(max_loss) or 0.0)
-        require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
+        require(
+            bags is None or isinstance(bags, Bags),
+            "bags",
+            "None or an elicit.Bags, such as Bags(days=10)",
+            bags,
+        )
         self._strategy = strategy_of(strategy)
         self._bags = bags
         self._elicitation = Elicitation(
             comparator,
             f"{mdp.fingerprint}/policy-iteration/{tolerance!r}",
-            indifference=self._enough * (1 - mdp.discount) if indifference is None else indifference,
+            indifference=self._enough * (1 - mdp.discount)
+            if indifference is None
+            else indifference,
             max_queries=max_queries,
             audit=audit,
             max_audits=max_audits,
@@ -156,14 +168,18 @@ class InteractivePolicyIteration(Learner):
         require(exact is None or isinstance(exact, bool), "exact", "None, True or False", exact)
         require(cuts is None or isinstance(cuts, bool), "cuts", "None, True or False", cuts)
         small = mdp.n_states <= LARGE if exact is None else exact
-        self._rounds = ExactRounds(mdp, self._enough) if small else SampledRounds(mdp, self._enough, self.seed)
+        self._rounds = (
+            ExactRounds(mdp, self._enough) if small else SampledRounds(mdp, self._enough, self.seed)
+        )
         if cuts:
             _check_cuts(comparator, bags, batch)
         wanted = self._strategy is telling_violation if cuts is None else cuts
         self._cuts = wanted and bags is None and batch == 1
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
-        self._seen_between: tuple[Comparator, ExactRounds | SampledRounds, Advantages, Guarantee] | None = None
+        self._seen_between: (
+            tuple[Comparator, ExactRounds | SampledRounds, Advantages, Guarantee] | None
+        ) = None
 
     def _go_on(self) -> tuple[Query, ...]:
         if self._end is not None:
@@ -192,7 +208,9 @@ class InteractivePolicyIteration(Learner):
         order = rows[best(self._strategy, candidates, len(rows))]
         if self._bags is not None:
             about = over.d[order[: TUNING.signs]]
-            if simple := simple_pair(self._elicitation, self._bags, candidates, about, self._mdp.labels):
+            if simple := simple_pair(
+                self._elicitation, self._bags, candidates, about, self._mdp.labels
+            ):
                 return self._elicitation.open([simple])
         return self._open(over, order[self._elicitation.next_batch(over.d[order])])
 
@@ -200,8 +218,8 @@ class InteractivePolicyIteration(Learner):
     def result(self) -> Result:
         """Return the policy for the central scale, its loss bound, and the counts so far.
 
-        ``decided`` counts the current policy's alternatives by what decided them, and the questions. Asking for a
-        result changes no later question."""
+        ``decided`` counts the current policy's alternatives by what decided them, and the
+        questions. Asking for a result changes no later question."""
         rounds, over, found = self._present()
         comparator = self._elicitation.comparator
         in_full = partial(_in_full, found, self._mdp, over, comparator)
@@ -209,34 +227,46 @@ class InteractivePolicyIteration(Learner):
         settled = np.bincount(self._settled_by(looked_at), minlength=len(Tier))
         shares = partial(q_of, np.arange(self._mdp.n_states), over.v, model_of(self._mdp))
         policy = over.policy.copy()
-        return self._result(self._mdp, policy, shares, self._end, rounds.rounds, more=settled, guarantee=in_full)
+        return self._result(
+            self._mdp, policy, shares, self._end, rounds.rounds, more=settled, guarantee=in_full
+        )
 
     def consult(self, signs: Callable[[Floats], NDArray[np.int8]] | None) -> None:
-        """Do nothing: each question is asked and logged, also for a comparator that never learns."""
+        """Do nothing: each question is asked and logged, also for a comparator that never
+        learns.
+        """
 
     def _present(self) -> tuple[ExactRounds | SampledRounds, Advantages, Guarantee]:
         """Return the rounds after one with what is known now, and that round.
 
-        While only some of several questions are answered, ``ask`` will never see this comparator. A round of the
-        learner's own would then change its next questions, so a copy makes it.
+        While only some of several questions are answered, ``ask`` will never see this comparator. A
+        round of the learner's own would then change its next questions, so a copy makes it.
         """
         comparator = self._elicitation.comparator
-        if not self._elicitation.pending or (self._found is not None and self._found[0] is comparator):
+        if not self._elicitation.pending or (
+            self._found is not None and self._found[0] is comparator
+        ):
             return self._rounds, *self._round()
         if self._seen_between is None or self._seen_between[0] is not comparator:
-            rounds = copy(self._rounds)  # a round puts new arrays in the place of old ones, and writes into none
+            rounds = copy(
+                self._rounds
+            )  # a round puts new arrays in the place of old ones, and writes into none
             self._seen_between = comparator, rounds, *rounds.round(comparator)
         return self._seen_between[1:]
 
     def _round(self) -> tuple[Advantages, Guarantee]:
-        """Return the advantages over the current policy, and its loss bound, inf if it exceeds what is enough."""
+        """Return the advantages over the current policy, and its loss bound, inf if it exceeds what
+        is enough.
+        """
         comparator = self._elicitation.comparator
         if self._found is None or self._found[0] is not comparator:
             self._found = comparator, *self._rounds.round(comparator)
         return self._found[1:]
 
     def _look_further(self) -> tuple[Advantages, Guarantee]:
-        """Return the same after a look at more states, for when nothing seen so far may be asked about."""
+        """Return the same after a look at more states, for when nothing seen so far may be asked
+        about.
+        """
         comparator = self._elicitation.comparator
         self._found = comparator, *self._rounds.look_further(comparator)
         return self._found[1:]
@@ -244,24 +274,33 @@ class InteractivePolicyIteration(Learner):
     def _open_pairs(self, over: Advantages) -> NDArray[np.int64]:
         """Return rows of the advantages that could still change the policy and may be asked about.
 
-        These are the ones that some plausible scale puts above the limit. If there are none and scales are drawn, all
-        draws count, also those that the comparator leaves out."""
+        These are the ones that some plausible scale puts above the limit. If there are none and
+        scales are drawn, all draws count, also those that the comparator leaves out."""
         comparator, places = self._elicitation.comparator, partial(self._place, over)
         limit = self._elicitation.indifference
         rows = worth_asking(self._elicitation, over.d, places, limit)
         if self._elicitation.called_equal:
-            # loss bounds allow for wider ties than verdicts: pairs between the two must not be asked about
+            # loss bounds allow for wider ties than verdicts: pairs between the two must not be
+            # asked about
             rows = rows[decide(comparator, over.d[rows]).verdicts == Verdict.UNKNOWN]
         if not len(rows) and drawn_set(comparator) is not None:
             least = limit if self._elicitation.gave_up else 0.0
-            rows = np.flatnonzero((product(tail_sums(over.d), draws_of(comparator).gaps) > least).any(axis=1))
+            rows = np.flatnonzero(
+                (product(tail_sums(over.d), draws_of(comparator).gaps) > least).any(axis=1)
+            )
             rows = rows[self._elicitation.may_ask(over.d[rows], lambda i: places(rows[i]))]
         return rows
 
-    def _cut(self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates) -> Pair | None:
-        """Return the question that closes most of the advantages in these rows, or None if no cut is wanted."""
+    def _cut(
+        self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates
+    ) -> Pair | None:
+        """Return the question that closes most of the advantages in these rows, or None if no cut
+        is wanted.
+        """
         elicitation, scores = self._elicitation, candidates.scores
-        plain = not (elicitation.unsure or elicitation.cannot_tell or (elicitation.answers.y == 0).any())
+        plain = not (
+            elicitation.unsure or elicitation.cannot_tell or (elicitation.answers.y == 0).any()
+        )
         known = elicitation.comparator
         proven = _has_bounds_and_draws(known) and drawn_set(known) is None
         if not (plain and proven):
@@ -271,7 +310,9 @@ class InteractivePolicyIteration(Learner):
             return None
         high = simultaneous_bounds(known, candidates.d)[0]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
-        found = closing_cut(known, candidates.draws, candidates.d[most], high[most], TUNING.close * self._enough)
+        found = closing_cut(
+            known, candidates.draws, candidates.d[most], high[most], TUNING.close * self._enough
+        )
         if found.row >= 0:
             return self._pair(over, int(rows[most[found.row]]))
         left, right = np.maximum(found.d, 0.0), np.maximum(-found.d, 0.0)
@@ -286,14 +327,18 @@ class InteractivePolicyIteration(Learner):
         rows = np.flatnonzero(verdicts == Verdict.UNKNOWN)
         high = simultaneous_bounds(self._elicitation.comparator, over.d[rows])[0]
         tiers[rows] = np.where(high <= self._elicitation.indifference, Tier.INDIFFERENT, Tier.GUESS)
-        return np.asarray(tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8)
+        return np.asarray(
+            tiers[(tiers != Tier.GUESS) | (self._end is Status.GUESSED)], dtype=np.int8
+        )
 
     def _audit(self, over: Advantages, found: Guarantee) -> tuple[Query, ...]:
         """Audit some of what the proof depends on; without audits, end."""
         if self._elicitation.rule().audit:
             over = self._rounds.some_of(over)
             judged = self._elicitation.judge(over.d, partial(self._place, over))
-            rows = np.flatnonzero((judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR))
+            rows = np.flatnonzero(
+                (judged.verdicts == Verdict.UNKNOWN) & (judged.tiers != Tier.TUTOR)
+            )
         else:
             rows = np.empty(0, np.int64)
         if len(rows):
@@ -303,7 +348,9 @@ class InteractivePolicyIteration(Learner):
         self._end = Status.BOUNDED if np.isnan(found.confidence) else within
         return ()
 
-    def _open(self, over: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None) -> tuple[Query, ...]:
+    def _open(
+        self, over: Advantages, rows: NDArray[np.int64], tiers: Tiers | None = None
+    ) -> tuple[Query, ...]:
         """Ask about these rows. An audit gives the tiers (n,) that decided all rows."""
         return self._elicitation.open(
             [self._pair(over, row, Tier.TUTOR if tiers is None else tiers[row]) for row in rows]
@@ -328,18 +375,29 @@ def _check_cuts(comparator: Comparator, bags: Bags | None, batch: int) -> None:
     """Raise ValueError if no cut could be asked about, though cuts=True was given."""
     advice = "leave cuts out, or say cuts=False, to ask about pairs only"
     if bags is not None:
-        raise ValueError(f"cuts=True asks about other questions than bags={bags!r} does: leave bags out, or {advice}")
+        raise ValueError(
+            f"cuts=True asks about other questions than bags={bags!r} does: leave bags out, or "
+            f"{advice}"
+        )
     if batch != 1:
-        raise ValueError(f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}")
+        raise ValueError(
+            f"cuts=True asks one question at a time, but batch is {batch}: set batch=1, or {advice}"
+        )
     if trusted_share(comparator) is not None or not _has_bounds_and_draws(comparator):
         raise ValueError(
-            "cuts=True needs bounds that are proven of every plausible scale, and draws of such scales, which "
-            f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or {advice}"
+            "cuts=True needs bounds that are proven of every plausible scale, and draws of such "
+            "scales, which "
+            f"{type(comparator).__name__} does not have: take elicit.PolytopeComparator, or "
+            f"{advice}"
         )
 
 
-def _in_full(found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator) -> Guarantee:
+def _in_full(
+    found: Guarantee, mdp: OrdinalMDP, over: Advantages, comparator: Comparator
+) -> Guarantee:
     """Return the guarantee with its bound computed, if the search left it at inf."""
     if np.isfinite(found.loss_bound):
         return found
-    return guarantee(mdp, advantages(mdp, over.policy, over.v), comparator)  # over may be of some states only
+    return guarantee(
+        mdp, advantages(mdp, over.policy, over.v), comparator
+    )  # over may be of some states only

@@ -20,7 +20,14 @@ from elicit.model.query import Query, Verdict
 from elicit.model.scale import Floats
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.action_pair_kernel import AnswersInLoops, PairJudge
-from qlearn.learners.exploration import Epsilon, Exploration, Start, epsilons, exploration_of, schedule
+from qlearn.learners.exploration import (
+    Epsilon,
+    Exploration,
+    Start,
+    epsilons,
+    exploration_of,
+    schedule,
+)
 from qlearn.learners.learner import Learner, Result, check_problem, pair_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
@@ -28,8 +35,9 @@ LearningRate: TypeAlias = float | Callable[[NDArray[np.int64]], Floats]
 
 
 def rescaled_linear_rate(discount: float) -> Callable[[NDArray[np.int64]], Floats]:
-    """The default learning rate (H + 1) / (H + 1 + visits), visits counted before, for the effective horizon
-    H = 1 / (1 - discount) (Jin, Allen-Zhu, Bubeck and Jordan 2018): slow enough to forget the start."""
+    """The default learning rate (H + 1) / (H + 1 + visits), visits counted before, for the
+    effective horizon H = 1 / (1 - discount) (Jin, Allen-Zhu, Bubeck and Jordan 2018): slow enough
+    to forget the start."""
     horizon = 1.0 / (1.0 - discount)
     return lambda visits: np.asarray((horizon + 1.0) / (horizon + 1.0 + visits), dtype=np.float64)
 
@@ -39,24 +47,29 @@ def polynomial_rate(visits: NDArray[np.int64]) -> Floats:
     return np.asarray((1.0 + visits) ** -0.7, dtype=np.float64)
 
 
-_FIRST_PIECE = 256  # steps that the loop runs before it may be compiled; then as many again as it has done
+_FIRST_PIECE = (
+    256  # steps that the loop runs before it may be compiled; then as many again as it has done
+)
 
 
 class InteractiveQLearning(Learner):
-    """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot tell.
+    """Algorithm 1: epsilon-greedy Q-learning on share vectors that asks where the comparator cannot
+    tell.
 
-    ``epsilon``: how it comes to see enough. The chance of a uniformly drawn action (a constant, a ``Decay``, or a
-    function from steps to chances); or an ``Exploration``, or the name of one of ``EXPLORATIONS``, which says too where
-    vectors start and when episodes end. By default "optimistic", chosen by measurement (docs/exploration.md).
-    ``learning_rate``: a constant in (0, 1], or a function from the number of earlier visits of (s, a) to rates; by
-    default ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie within
-    it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at ``comparator.values``. ``audit``:
-    share of the pairs decided by answers that is put to the tutor all the same, ``max_audits`` of them at most.
-    ``known``: what was answered before (Answers, an AnswerLog, or a list of Answer): learned, and not asked again.
-    ``seed`` (None: a new one, kept as ``.seed``; ``rng`` is the same): exploration, transitions and audits hang on it.
-    ``batch`` has no effect here: one
-    run of Q-learning has one pair in question at a time. Only for ``Result.loss_bound`` are the MDP's transition
-    probabilities read: learning itself samples them. ``model`` and ``state``: what the compiled loop reads and changes.
+    ``epsilon``: how it comes to see enough. The chance of a uniformly drawn action (a constant, a
+    ``Decay``, or a function from steps to chances); or an ``Exploration``, or the name of one of
+    ``EXPLORATIONS``, which says too where vectors start and when episodes end. By default
+    "optimistic", chosen by measurement (docs/exploration.md). ``learning_rate``: a constant in (0,
+    1], or a function from the number of earlier visits of (s, a) to rates; by default
+    ``rescaled_linear_rate(mdp.discount)``. ``indifference``: an undecided pair whose bounds lie
+    within it counts as equal. ``max_queries``: beyond it undecided pairs go by the sign at
+    ``comparator.values``. ``audit``: share of the pairs decided by answers that is put to the tutor
+    all the same, ``max_audits`` of them at most. ``known``: what was answered before (Answers, an
+    AnswerLog, or a list of Answer): learned, and not asked again. ``seed`` (None: a new one, kept
+    as ``.seed``; ``rng`` is the same): exploration, transitions and audits hang on it. ``batch``
+    has no effect here: one run of Q-learning has one pair in question at a time. Only for
+    ``Result.loss_bound`` are the MDP's transition probabilities read: learning itself samples them.
+    ``model`` and ``state``: what the compiled loop reads and changes.
     """
 
     @takes_rng
@@ -95,7 +108,10 @@ class InteractiveQLearning(Learner):
             labels=mdp.labels,
         )
         rate = rescaled_linear_rate(mdp.discount) if learning_rate is None else learning_rate
-        wanted = "learning_rate must be a number in (0, 1], or a function from visits (n,) to such rates (n,)"
+        wanted = (
+            "learning_rate must be a number in (0, 1], or a function from visits (n,) to such "
+            "rates (n,)"
+        )
         self.model = kernel.Model(
             successors=mdp.successors.astype(np.int64),
             cumulative=np.cumsum(mdp.probabilities, axis=2),
@@ -122,11 +138,13 @@ class InteractiveQLearning(Learner):
     def result(self) -> Result:
         """The greedy policy and the counts so far."""
         rounds = int(self.state.cursor[kernel.STEP])
-        return self._result(self._mdp, self.state.best.copy(), self.state.q.copy(), self._status(), rounds)
+        return self._result(
+            self._mdp, self.state.best.copy(), self.state.q.copy(), self._status(), rounds
+        )
 
     def run_to(self, steps: int, puts_off: bool = False) -> tuple[Query, ...]:
-        """Run to this step, or to a pair that only the tutor can settle: then the query. Where questions are put off,
-        such pairs go by the best guess."""
+        """Run to this step, or to a pair that only the tutor can settle: then the query. Where
+        questions are put off, such pairs go by the best guess."""
         elicitation, state = self._elicitation, self.state
         elicitation.puts_off = puts_off
         self._pairs.take_told()
@@ -158,8 +176,8 @@ class InteractiveQLearning(Learner):
             elicitation.commit(d, Decisions(verdicts, tiers))
 
     def ask_within(self, tutor: AnswersInLoops | None) -> None:
-        """Let the compiled loop ask this tutor by itself from now on, where that comes to the same: with a comparator
-        that is ``LearnsInSteps``, no audits and no ties. None: no more."""
+        """Let the compiled loop ask this tutor by itself from now on, where that comes to the same:
+        with a comparator that is ``LearnsInSteps``, no audits and no ties. None: no more."""
         self._pairs.tutor = tutor
 
     @property
@@ -189,7 +207,14 @@ class InteractiveQLearning(Learner):
         s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]]
         challenger, incumbent = self.model.actions[s, position], self.state.best[s]
         q = self.state.q[s]
-        return pair_of(self._mdp, q[challenger].copy(), q[incumbent].copy(), int(s), int(challenger), int(incumbent))
+        return pair_of(
+            self._mdp,
+            q[challenger].copy(),
+            q[incumbent].copy(),
+            int(s),
+            int(challenger),
+            int(incumbent),
+        )
 
 
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:
@@ -197,11 +222,19 @@ def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.S
     q = np.zeros((n, m, k))
     if start != "zero":
         q[:, :, 0 if start == "worst" else k - 1] = 1.0  # Alg. 1, l. 4
-    q[mdp.terminal] = np.eye(k)[mdp.final_level[mdp.terminal], None]  # a terminal state's value is its level, for ever
-    pick = (uniform(fold(model.key, kernel.FIRST_BEST, np.arange(n))) * model.n_actions).astype(np.int64)
+    q[mdp.terminal] = np.eye(k)[
+        mdp.final_level[mdp.terminal], None
+    ]  # a terminal state's value is its level, for ever
+    pick = (uniform(fold(model.key, kernel.FIRST_BEST, np.arange(n))) * model.n_actions).astype(
+        np.int64
+    )
     best = model.actions[np.arange(n), pick]  # Alg. 1, l. 5
     cursor = np.zeros(7, dtype=np.int64)
     cursor[kernel.POSITION] = kernel.IDLE
-    cursor[kernel.STATE] = kernel.draw(model.initial, float(uniform(fold(model.key, kernel.RESTART, 0))))
+    cursor[kernel.STATE] = kernel.draw(
+        model.initial, float(uniform(fold(model.key, kernel.RESTART, 0)))
+    )
     decided = np.zeros(len(Tier), np.int64)
-    return kernel.State(q=q, best=best, visits=np.zeros((n, m), np.int64), cursor=cursor, decided=decided)
+    return kernel.State(
+        q=q, best=best, visits=np.zeros((n, m), np.int64), cursor=cursor, decided=decided
+    )

@@ -14,27 +14,36 @@ from elicit.model.query import Query
 from elicit.model.scale import Floats, tail_sums
 from qlearn.learners.learner import check_max_loss, pair_of, place
 from qlearn.learners.q_learning import InteractiveQLearning
-from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation, worth_asking
+from qlearn.learners.query_strategies import (
+    Candidates,
+    Strategy,
+    best,
+    strategy_of,
+    telling_violation,
+    worth_asking,
+)
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
 FIRST = 2  # checkpoint, in visits for each pair of state and action
-MOVED = 0.25  # of the way that a difference has come since the last checkpoint: it may come as far again
+# of the way that a difference has come since the last checkpoint: it may come as far again
+MOVED = 0.25
 
 
 class LateQLearning(InteractiveQLearning):
     """Q-learning on share vectors that asks only at checkpoints, about what could matter.
 
-    Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at doubling numbers of
-    steps, and at each at most ``2 (k - 1)`` questions are asked, so that questions grow with the logarithm of the
-    steps. There a pair is asked about only if some plausible scale puts an alternative above the greedy action by more
-    than the ``indifference``, and by more than the difference is likely to move still; the best by ``strategy`` first
-    (``qlearn.strategies``). At the end nothing moves any more, and what could matter to the policy by more than the
-    indifference is asked about, within the same number.
+    Between checkpoints undecided pairs go by the comparator's central scale. Checkpoints come at
+    doubling numbers of steps, and at each at most ``2 (k - 1)`` questions are asked, so that
+    questions grow with the logarithm of the steps. There a pair is asked about only if some
+    plausible scale puts an alternative above the greedy action by more than the ``indifference``,
+    and by more than the difference is likely to move still; the best by ``strategy`` first
+    (``qlearn.strategies``). At the end nothing moves any more, and what could matter to the policy
+    by more than the indifference is asked about, within the same number.
 
-    What it guesses decides what it sees: explore well, as by default, or it ends elsewhere than where
-    ``InteractiveQLearning`` does. ``max_loss``: stop at a checkpoint where no plausible scale lets the greedy policy
-    lose more. Other keywords as there. One that asks about everything (AlwaysAsk with a simulated tutor) asks at once
-    all the same.
+    What it guesses decides what it sees: explore well, as by default, or it ends elsewhere than
+    where ``InteractiveQLearning`` does. ``max_loss``: stop at a checkpoint where no plausible scale
+    lets the greedy policy lose more. Other keywords as there. One that asks about everything
+    (AlwaysAsk with a simulated tutor) asks at once all the same.
     """
 
     def __init__(
@@ -74,7 +83,9 @@ class LateQLearning(InteractiveQLearning):
         return self._end or Status.WAITING
 
     def _question(self) -> tuple[Query, ...]:
-        """Go by what is known now, and ask the next question of this checkpoint, if one is worth it."""
+        """Go by what is known now, and ask the next question of this checkpoint, if one is worth
+        it.
+        """
         elicitation, state = self._elicitation, self.state
         if elicitation.signs is not None:
             return ()
@@ -82,36 +93,49 @@ class LateQLearning(InteractiveQLearning):
         self._go_by(elicitation.comparator.values, q, policy)
         if self._asked >= 2 * (q.shape[2] - 1):
             return ()
-        wanted = self._live & (state.visits > 0)  # a vector that was never updated says nothing of its action
+        wanted = self._live & (
+            state.visits > 0
+        )  # a vector that was never updated says nothing of its action
         wanted[np.arange(len(policy)), policy] = False
         states, actions = np.nonzero(wanted)
         own = policy[states]
         d = q[states, actions] - q[states, own]
         unsettled = elicitation.indifference + self._moving(states, actions, own)
         rows = worth_asking(
-            elicitation, d, lambda i: place(self._mdp, int(states[i]), int(actions[i]), int(own[i])), unsettled
+            elicitation,
+            d,
+            lambda i: place(self._mdp, int(states[i]), int(actions[i]), int(own[i])),
+            unsettled,
         )
         self._refused |= bool(len(rows)) and elicitation.spent
         if not len(rows) or elicitation.spent:
             return ()
-        pool = Candidates(d[rows], states[rows], actions[rows], elicitation.indifference, elicitation.comparator)
+        pool = Candidates(
+            d[rows], states[rows], actions[rows], elicitation.indifference, elicitation.comparator
+        )
         row = rows[best(self._strategy, pool)[0]]
         self._asked += 1
         s, a, b = int(states[row]), int(actions[row]), int(own[row])
         return elicitation.open([pair_of(self._mdp, q[s, a].copy(), q[s, b].copy(), s, a, b)])
 
     def _go_by(self, values: Floats, q: Floats, policy: NDArray[np.int64]) -> None:
-        """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where they are as good."""
+        """Make ``policy`` (S,) greedy in q (S, A, k) for a scale (k,), its own actions kept where
+        they are as good.
+        """
         worth = np.where(self._live, product(tail_sums(q), np.diff(values)), -np.inf)
         rows = np.flatnonzero(self._live.any(axis=1))
         better = worth[rows].max(axis=1) > worth[rows, policy[rows]]
         policy[rows[better]] = worth[rows[better]].argmax(axis=1)
 
-    def _moving(self, states: NDArray[np.int64], actions: NDArray[np.int64], own: NDArray[np.int64]) -> Floats:
-        """(n,) how far each difference is likely to move still, under the central scale: a share of how far it has
-        come since the last checkpoint; 0 at the end."""
+    def _moving(
+        self, states: NDArray[np.int64], actions: NDArray[np.int64], own: NDArray[np.int64]
+    ) -> Floats:
+        """(n,) how far each difference is likely to move still, under the central scale: a share of
+        how far it has come since the last checkpoint; 0 at the end."""
         if self.done:
             return np.zeros(len(states))
         way = self.state.q - self._before
         gaps = np.diff(self._elicitation.comparator.values)
-        return np.asarray(MOVED * np.abs(product(tail_sums(way[states, actions] - way[states, own]), gaps)))
+        return np.asarray(
+            MOVED * np.abs(product(tail_sums(way[states, actions] - way[states, own]), gaps))
+        )

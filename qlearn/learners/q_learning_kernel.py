@@ -1,7 +1,9 @@
-"""The Q-learning loop as arrays and a cursor: runs until it is done or meets a pair it cannot decide.
+"""The Q-learning loop as arrays and a cursor: runs until it is done or meets a pair it cannot
+decide.
 
-The cursor says where the loop stands (in the middle of a step's comparisons, if need be); calling again with a verdict
-goes on from there. Random numbers are a hash of (key, purpose, counters): see ``elicit._support.hashing.fold``.
+The cursor says where the loop stands (in the middle of a step's comparisons, if need be); calling
+again with a verdict goes on from there. Random numbers are a hash of (key, purpose, counters): see
+``elicit._support.hashing.fold``.
 """
 
 from __future__ import annotations
@@ -18,10 +20,25 @@ from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
-from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, full, keep, put
+from qlearn.learners.action_pair_kernel import (
+    BY_TUTOR,
+    Judging,
+    certify,
+    difference,
+    full,
+    keep,
+    put,
+)
 
 DONE, ASK, DEFER, FULL = range(4)
-EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = 1, 2, 3, 4, 5, 6  # purposes of random numbers
+EXPLORE, ACTION, TRANSITION, RESTART, FIRST_BEST, AUDITS = (
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+)  # purposes of random numbers
 STEP, STATE, POSITION, LAST, NEXT, EPISODE, AGE = range(7)  # what the cursor holds
 IDLE = -1  # POSITION between two steps
 
@@ -60,18 +77,20 @@ class State(NamedTuple):
 
 @compiled
 def draw(cumulative: Any, u: float) -> int:
-    """The first index whose running sum exceeds u; the last with any probability if rounding hides it."""
+    """The first index whose running sum exceeds u; the last with any probability if rounding hides
+    it.
+    """
     below = cumulative[-1] * (1.0 - 2.0**-53)  # the greatest number less than the total
     return int(np.searchsorted(cumulative, min(u, below), side="right"))
 
 
 @compiled
 def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
-    """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none yet). Kept is what
-    neither equality nor dominance settled.
+    """Run Algorithm 1 from the cursor; ``verdict`` settles the pair it stands at (UNKNOWN: none
+    yet). Kept is what neither equality nor dominance settled.
 
-    Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair, ASK where only the
-    tutor can settle it and DEFER where perhaps the elicitation can.
+    Returns DONE; FULL where what was kept must be handed over first; or, with the cursor at a pair,
+    ASK where only the tutor can settle it and DEFER where perhaps the elicitation can.
     """
     rule, asking, oracle, certificates, kept, _, told = judging
     limits, verdict_of, tier_of = certificates
@@ -98,7 +117,11 @@ def advance(state: State, model: Model, verdict: int, judging: Judging) -> int:
                             return FULL
                         if oracle.kind != NOBODY:
                             verdict, tier = respond(t, oracle), BY_TUTOR
-                        elif plain and verdict_of[row] != 0 and certifies(limits, row, verdict_of[row], t):
+                        elif (
+                            plain
+                            and verdict_of[row] != 0
+                            and certifies(limits, row, verdict_of[row], t)
+                        ):
                             verdict, tier = verdict_of[row], tier_of[row]
                         else:
                             judged = judge_pair(d, t, work, least, rule, asking)
@@ -152,7 +175,9 @@ def learn(state: State, model: Model) -> None:
         cursor[POSITION] = 0
         cursor[LAST] = model.n_actions[s]
     cursor[AGE] += 1
-    ended = model.terminal[successor] or (model.episode_length > 0 and cursor[AGE] >= model.episode_length)
+    ended = model.terminal[successor] or (
+        model.episode_length > 0 and cursor[AGE] >= model.episode_length
+    )
     if ended:
         cursor[EPISODE] += 1
         cursor[AGE] = 0

@@ -1,14 +1,16 @@
-"""Query strategies: small functions that score candidates; the one with the greatest score is asked about.
+"""Query strategies: small functions that score candidates; the one with the greatest score is asked
+about.
 
-A strategy is any function from ``Candidates`` to scores (n,), or the name of one of those here; of equal scores the
-first is taken. Your own:
+A strategy is any function from ``Candidates`` to scores (n,), or the name of one of those here; of
+equal scores the first is taken. Your own:
 
     def closest_to_even_odds(candidates):
         left_better = (candidates.scores > 0) @ candidates.weights
         return -abs(left_better - 0.5)
 
-``candidates.scores`` (n, m) holds d.e of each candidate under each of m plausible scales, ``weights`` (m,) how
-plausible these are; ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and the comparator are there too.
+``candidates.scores`` (n, m) holds d.e of each candidate under each of m plausible scales,
+``weights`` (m,) how plausible these are; ``d``, ``states``, ``actions``, ``limit``, ``bounds`` and
+the comparator are there too.
 """
 
 from __future__ import annotations
@@ -46,13 +48,15 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)  # completion offers the strategies, not what the learners use beside them
+    return sorted(
+        __all__
+    )  # completion offers the strategies, not what the learners use beside them
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Differences d (n, k) that may be asked about: of a challenger at ``states`` (n,), ``actions`` (n,), left, and
-    the incumbent, right. ``limit``: what d.e must exceed to matter."""
+    """Differences d (n, k) that may be asked about: of a challenger at ``states`` (n,), ``actions``
+    (n,), left, and the incumbent, right. ``limit``: what d.e must exceed to matter."""
 
     d: Floats
     states: NDArray[np.int64]
@@ -62,7 +66,9 @@ class Candidates:
 
     @cached_property
     def draws(self) -> Draws:
-        """Plausible scales: the comparator's ``draws``; of one that has none, scales drawn from all ordered ones."""
+        """Plausible scales: the comparator's ``draws``; of one that has none, scales drawn from all
+        ordered ones.
+        """
         return draws_of(self.comparator)
 
     @property
@@ -117,32 +123,49 @@ def most_even_cut(candidates: Candidates) -> Floats:
 
 
 def mutual_information(candidates: Candidates) -> Floats:
-    """Expected information of the answer on the scale, in bits, by the comparator's own model of the tutor (Houlsby et
-    al. 2011; Biyik et al. 2019): the entropy of the answer, less its mean entropy were the scale known."""
+    """Expected information of the answer on the scale, in bits, by the comparator's own model of
+    the tutor (Houlsby et al. 2011; Biyik et al. 2019): the entropy of the answer, less its mean
+    entropy were the scale known."""
     chance, weights = candidates.agreement, candidates.weights
     return np.asarray(entropy(product(chance, weights)) - product(entropy(chance), weights))
 
 
 def violated_weight(candidates: Candidates) -> Floats:
-    """The probability that the difference matters: the weight of the scales with d.e beyond the limit."""
+    """The probability that the difference matters: the weight of the scales with d.e beyond the
+    limit.
+    """
     return product(candidates.scores > candidates.limit, candidates.weights)
 
 
 def telling_violation(candidates: Candidates) -> Floats:
-    """Mutual information times the weight of the scales under which the difference matters, one draw's weight added so
-    that there is a best question also where no draw says that it does."""
+    """Mutual information times the weight of the scales under which the difference matters, one
+    draw's weight added so that there is a best question also where no draw says that it does."""
     spare = 1.0 / len(candidates.weights)
     return np.asarray(mutual_information(candidates) * (violated_weight(candidates) + spare))
 
 
-_ALL = (first_come, widest_bound, max_regret, most_even_cut, mutual_information, violated_weight, telling_violation)
-STRATEGIES: Mapping[str, Strategy] = MappingProxyType({strategy.__name__: strategy for strategy in _ALL})
+_ALL = (
+    first_come,
+    widest_bound,
+    max_regret,
+    most_even_cut,
+    mutual_information,
+    violated_weight,
+    telling_violation,
+)
+STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
+    {strategy.__name__: strategy for strategy in _ALL}
+)
 """Those above, by name."""
 
 
 def strategy_of(choice: Strategy | str) -> Strategy:
-    """The strategy itself, or the one of that name; raises ValueError where there is none, or what cannot be called."""
-    wanted = f"a function from Candidates to scores (n,), or one of the names {', '.join(STRATEGIES)}"
+    """The strategy itself, or the one of that name; raises ValueError where there is none, or what
+    cannot be called.
+    """
+    wanted = (
+        f"a function from Candidates to scores (n,), or one of the names {', '.join(STRATEGIES)}"
+    )
     known = choice in STRATEGIES if isinstance(choice, str) else callable(choice)
     require(known, "strategy", wanted, choice)
     return STRATEGIES[choice] if isinstance(choice, str) else choice
@@ -151,15 +174,15 @@ def strategy_of(choice: Strategy | str) -> Strategy:
 def worth_asking(
     elicitation: Elicitation, d: Floats, places: Callable[[int], Place], limit: float | Floats
 ) -> NDArray[np.int64]:
-    """Rows of the differences d (n, k) that some plausible scale puts above the limit, one for all or (n,), and that
-    may be asked about; ``places`` gives where a row is compared."""
+    """Rows of the differences d (n, k) that some plausible scale puts above the limit, one for all
+    or (n,), and that may be asked about; ``places`` gives where a row is compared."""
     rows = np.flatnonzero(simultaneous_bounds(elicitation.comparator, d)[0] > limit)
     return rows[elicitation.may_ask(d[rows], lambda i: places(int(rows[i])))]
 
 
 def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[int]:
-    """The candidates with the greatest scores, first ones first among equals. Raises ValueError for scores that are
-    no numbers (n,)."""
+    """The candidates with the greatest scores, first ones first among equals. Raises ValueError for
+    scores that are no numbers (n,)."""
     scores = np.asarray(strategy(candidates), dtype=np.float64)
     if scores.shape != (len(candidates),) or np.isnan(scores).any():
         raise ValueError(
@@ -170,8 +193,8 @@ def best(strategy: Strategy, candidates: Candidates, how_many: int = 1) -> list[
 
 
 def _coarse(scores: Floats) -> Floats:
-    """Scores rounded to a grid that is finer than any that matter and coarser than their rounding errors, so that two
-    that are equal but for those are equal."""
+    """Scores rounded to a grid that is finer than any that matter and coarser than their rounding
+    errors, so that two that are equal but for those are equal."""
     some = np.isfinite(scores)
     _, exponent = np.frexp(np.abs(scores[some]).max(initial=0.0))
     unit = np.ldexp(1.0, int(exponent) - 32)
@@ -179,10 +202,14 @@ def _coarse(scores: Floats) -> Floats:
 
 
 def simple_pair(
-    elicitation: Elicitation, bags: Bags, candidates: Candidates, about: Floats, labels: Sequence[str]
+    elicitation: Elicitation,
+    bags: Bags,
+    candidates: Candidates,
+    about: Floats,
+    labels: Sequence[str],
 ) -> Pair | None:
-    """A question of simple bags that tells of the signs of ``about`` (c, k); None where none tells anything. Bags are
-    about no state: the sentence alone is their place."""
+    """A question of simple bags that tells of the signs of ``about`` (c, k); None where none tells
+    anything. Bags are about no state: the sentence alone is their place."""
     asked, draws = bags.questions(len(labels)), candidates.draws
     d = asked.left / bags.days - asked.right / bags.days
     may = elicitation.may_ask(d, lambda _: ())

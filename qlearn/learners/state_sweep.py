@@ -1,4 +1,6 @@
-"""A sweep of value iteration over all states: compiled, as far as it needs neither Python nor the tutor."""
+"""A sweep of value iteration over all states: compiled, as far as it needs neither Python nor the
+tutor.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.warm_planning import nearly_valued
 
 BLOCK = 2048  # states one thread takes at a time
-BLOCKS = 8  # at once: each has its own copy of the proofs, so that results do not depend on the number of threads
+# at once: each has its own copy of the proofs, so that results do not depend on the number of
+# threads
+BLOCKS = 8
 
 States = NDArray[np.int64]
 
@@ -38,7 +42,9 @@ class StateSweep:
         self._following = np.empty_like(self.v)
         self.best = np.argmax(mdp.admissible, axis=1)
         self.cursor = np.empty(n, dtype=np.int32)  # each state's next challenger
-        self.judged: dict[int, int] = {}  # of waiting states: their pair's tier, as ``Elicitation.judge`` has it
+        self.judged: dict[
+            int, int
+        ] = {}  # of waiting states: their pair's tier, as ``Elicitation.judge`` has it
         self._pairs = PairJudge(elicitation, n * m, np.float32, room=m)
         self._judged_by = elicitation.comparator  # whom certificates and copies are of
         self._copies: list[Rule] = []
@@ -47,11 +53,13 @@ class StateSweep:
     _waiting: States  # whose pair at the cursor is undecided, in order
 
     def proceed(self, batch: int) -> States:
-        """Compare all states' actions, up to where so many states need the tutor; returns these states in order, and
-        none at the end of the sweep."""
+        """Compare all states' actions, up to where so many states need the tutor; returns these
+        states in order, and none at the end of the sweep."""
         self._look_again(batch)
         while len(self._waiting) < batch and self._reached < self._mdp.n_states:
-            states = np.arange(self._reached, min(self._mdp.n_states, self._reached + BLOCK * BLOCKS))
+            states = np.arange(
+                self._reached, min(self._mdp.n_states, self._reached + BLOCK * BLOCKS)
+            )
             waiting = self._compare(states)
             self._waiting = np.concatenate([self._waiting, waiting])
             self._verified += len(waiting)
@@ -59,23 +67,35 @@ class StateSweep:
         return self._waiting[: min(batch, self._verified)]
 
     def settle(self, state: int, verdict: Verdict) -> None:
-        """The verdict on the pair at a waiting state's cursor. What waits behind it may be settled by now."""
+        """The verdict on the pair at a waiting state's cursor. What waits behind it may be settled
+        by now.
+        """
         self._settle(np.array([state]), np.array([verdict], dtype=np.int8))
         self._verified = 0
 
     def pairs(self, states: States) -> tuple[Floats, Floats, NDArray[np.int32], States]:
-        """The pairs at the cursors of n states: left and right (n, k), challenger's and incumbent's actions (n,)."""
-        rows, challengers, incumbents = np.arange(len(states)), self.cursor[states], self.best[states]
+        """The pairs at the cursors of n states: left and right (n, k), challenger's and incumbent's
+        actions (n,).
+        """
+        rows, challengers, incumbents = (
+            np.arange(len(states)),
+            self.cursor[states],
+            self.best[states],
+        )
         q = q_of(states, self.v, self.model)
         return q[rows, challengers], q[rows, incumbents], challengers, incumbents
 
     @property
     def span(self) -> float:
-        """At the end of a sweep: how far states' changes of V can lie apart under an ordered scale."""
+        """At the end of a sweep: how far states' changes of V can lie apart under an ordered
+        scale.
+        """
         return float((self._change[1] - self._change[0]).max())
 
     def follow(self, within: float) -> None:
-        """Go on from what the present actions are worth, to about ``within``: swept without comparing any."""
+        """Go on from what the present actions are worth, to about ``within``: swept without
+        comparing any.
+        """
         self.v = nearly_valued(self._mdp, self.best, self.v, within)
 
     def next_sweep(self) -> None:
@@ -88,13 +108,15 @@ class StateSweep:
         self.cursor[:] = 0
         self.judged.clear()
         self._reached = 0  # states from here on have not been looked at in this sweep
-        self._change = no_outcome(0, self._mdp.k).change  # the least and the greatest so far of each tail sum of V
+        self._change = no_outcome(
+            0, self._mdp.k
+        ).change  # the least and the greatest so far of each tail sum of V
         self._waiting = np.empty(0, dtype=np.int64)
         self._verified = 0  # how many of the first of them are so with all that is known
 
     def _look_again(self, batch: int) -> None:
-        """Judge waiting states anew, in order, until a batch of them is known to need the tutor: twice as many each
-        time, for few calls, and few judgements that the next answer outdates."""
+        """Judge waiting states anew, in order, until a batch of them is known to need the tutor:
+        twice as many each time, for few calls, and few judgements that the next answer outdates."""
         size = batch
         while self._verified < min(batch, len(self._waiting)):
             part, rest = np.split(self._waiting[self._verified :], [size])
@@ -104,8 +126,8 @@ class StateSweep:
             size *= 2
 
     def _compare(self, states: States) -> States:
-        """Compare the actions of these states until each is done or needs the tutor; returns those that do, in
-        order."""
+        """Compare the actions of these states until each is done or needs the tutor; returns those
+        that do, in order."""
         waiting: list[States] = []
         while len(states):
             going_on: list[States] = []
@@ -124,8 +146,8 @@ class StateSweep:
         return np.sort(np.concatenate(waiting)) if waiting else states
 
     def _swept(self, states: States) -> Iterator[tuple[States, Outcome]]:
-        """The compiled sweep over blocks of states: parts of them, and what became of each. Beside each other, unless
-        somebody looks on or answers."""
+        """The compiled sweep over blocks of states: parts of them, and what became of each. Beside
+        each other, unless somebody looks on or answers."""
         blocks = [states[i : i + BLOCK] for i in range(0, len(states), BLOCK)]
         rules = self._rules(len(blocks))
         alone = self._elicitation.watch is not None or self._elicitation.signs is not None
@@ -141,7 +163,10 @@ class StateSweep:
 
     def _sweep(self, states: States, rule: Rule) -> tuple[States, Outcome]:
         """The first states, as many as were reached, and what became of them."""
-        work, out = Work(self.v, self._following, self.best, self.cursor), no_outcome(len(states), self._mdp.k)
+        work, out = (
+            Work(self.v, self._following, self.best, self.cursor),
+            no_outcome(len(states), self._mdp.k),
+        )
         with np.errstate(all="ignore"):  # hashes wrap around
             reached = sweep(states, work, self.model, self._pairs.judging(rule), out)
         return states[:reached], out
@@ -155,8 +180,8 @@ class StateSweep:
         self._pairs.enter(out.tiers)
 
     def _judge(self, states: States) -> States:
-        """Have the elicitation judge the pairs at the cursors of states, all at once; returns those that need the
-        tutor."""
+        """Have the elicitation judge the pairs at the cursors of states, all at once; returns those
+        that need the tutor."""
         if not len(states):
             return states
         left, right, challengers, incumbents = self.pairs(states)
@@ -180,15 +205,17 @@ class StateSweep:
         self.cursor[states] += 1
 
     def _rules(self, n: int) -> Sequence[Rule]:
-        """What the comparator knows, as arrays, for each of n blocks: what they find out on the way goes into copies.
-        After an answer certificates may not hold, except what was proven."""
+        """What the comparator knows, as arrays, for each of n blocks: what they find out on the way
+        goes into copies. After an answer certificates may not hold, except what was proven."""
         if self._elicitation.comparator is not self._judged_by:
             self._judged_by = self._elicitation.comparator
             self._pairs.take_answers()
             self._copies.clear()
         rule = rule_of(self._judged_by)
         if self._elicitation.puts_off and rule.kind not in (NOTHING, ASKING):
-            rule = silent()  # the best guess lies among the plausible scales, and is cheaper to look up
+            rule = (
+                silent()
+            )  # the best guess lies among the plausible scales, and is cheaper to look up
         if n == 1 or rule.kind not in PROOFS:
             return [rule] * n
         self._copies.extend(_copy(rule) for _ in range(n - len(self._copies)))
@@ -198,4 +225,6 @@ class StateSweep:
 def _copy(rule: Rule) -> Rule:
     """The same proofs, in arrays of their own where walks write."""
     written = ("points", "inverses", "active", "kind", "age", "counts")
-    return rule._replace(known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written}))
+    return rule._replace(
+        known=rule.known._replace(**{name: getattr(rule.known, name).copy() for name in written})
+    )

@@ -1,7 +1,7 @@
 """One sweep of value iteration on share vectors, a block of states at a time, in compiled code.
 
-Q(s, a) of one state fits into a small scratch, so only V is kept. A state whose pair is not for compiled code to settle
-is left waiting, its cursor at that pair, while the other states go on.
+Q(s, a) of one state fits into a small scratch, so only V is kept. A state whose pair is not for
+compiled code to settle is left waiting, its cursor at that pair, while the other states go on.
 """
 
 from __future__ import annotations
@@ -39,9 +39,12 @@ class Outcome(NamedTuple):
 
     best: NDArray[np.int64]  # (n,)
     cursor: NDArray[np.int32]  # (n,)
-    code: NDArray[np.int8]  # (n,) DONE; of the pair at the cursor UNKNOWN to all but the tutor, or UNSETTLED; ANSWERED
+    code: NDArray[
+        np.int8
+    ]  # (n,) DONE; of the pair at the cursor UNKNOWN to all but the tutor, or UNSETTLED; ANSWERED
     tiers: NDArray[np.int64]  # (len(Tier),) comparisons by who settled them
-    change: Floats  # (2, k - 1) the least and the greatest change of each tail sum of V at the states that are done
+    # (2, k - 1) the least and the greatest change of each tail sum of V at the states that are done
+    change: Floats
 
 
 def no_outcome(n: int, k: int) -> Outcome:
@@ -57,11 +60,12 @@ def no_outcome(n: int, k: int) -> Outcome:
 
 @unlocked
 def sweep(states: Any, work: Work, model: Model, judging: Judging, out: Outcome) -> int:
-    """Back up each of the states (n,), and compare its actions with the best of those before them, from its cursor on.
-    Returns how many states were reached: it stops where there may be no room to keep the next state's comparisons.
+    """Back up each of the states (n,), and compare its actions with the best of those before them,
+    from its cursor on. Returns how many states were reached: it stops where there may be no room to
+    keep the next state's comparisons.
 
-    An oracle is asked about one challenger of each state, so that all states take turns; then the state's code is
-    ANSWERED. It stops behind a state where she comes back UNSETTLED.
+    An oracle is asked about one challenger of each state, so that all states take turns; then the
+    state's code is ANSWERED. It stops behind a state where she comes back UNSETTLED.
     """
     rule, asking, oracle, certificates, kept, _, _ = judging
     limits, verdict_of, tier_of = certificates

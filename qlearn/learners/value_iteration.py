@@ -28,7 +28,13 @@ from qlearn.learners.learner import (
     pair_of,
     state_of,
 )
-from qlearn.learners.query_strategies import Candidates, Strategy, best, strategy_of, telling_violation
+from qlearn.learners.query_strategies import (
+    Candidates,
+    Strategy,
+    best,
+    strategy_of,
+    telling_violation,
+)
 from qlearn.learners.state_sweep import StateSweep
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
@@ -38,34 +44,36 @@ _EVALUATED = 0.1  # of the span that sweeps stop at: how nearly the present acti
 
 
 class InteractiveValueIteration(Learner):
-    """Value iteration on share vectors: each sweep backs up Q(s, a) = (1 - discount) r(s, a) + discount P V
-    and compares every state's actions, starting from the last sweep's best.
+    """Value iteration on share vectors: each sweep backs up Q(s, a) = (1 - discount) r(s, a) +
+    discount P V and compares every state's actions, starting from the last sweep's best.
 
-    ``tolerance``: with right answers and verdicts the policy loses at most this share of the value range, below 1.
-    ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose bounds lie within it
-    counts as equal; so does a pair that the tutor cannot tell, but then the tolerance is no promise, and the status is
-    UNSURE in place of CONVERGED; so does what she calls equal, which may be farther apart (the comparator's ``tie``):
-    then it is CALLED_EQUAL, unless the loss is bounded within the tolerance all the same. With a comparator that has
-    no ``simultaneous_bounds`` it ends BOUNDED in place of CONVERGED: nothing says that its verdicts hold together.
-    Stops when a sweep's changes
-    of V differ from state to state by less than tolerance (1 - discount) / (2 discount) under every ordered scale (what
-    all states change alike moves no comparison), or after ``max_sweeps`` (default: twice what value iteration with
-    known values can need; a tutor who errs anew each time can keep V moving for ever).
-    ``partial_sweeps``: from the second sweep on, and in the first half of ``max_sweeps``, V goes on between two sweeps
-    to what the present actions are worth, without comparing any, as in modified policy iteration (Puterman and Shin
-    1978): the same promise after fewer sweeps and mostly fewer questions. False: each sweep starts from the last one's
-    V, as in the paper.
-    ``max_loss`` stops after a sweep whose policy no plausible scale lets lose more (``Result.loss_bound``, computed
-    whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``seed`` only picks the
-    audits. Questions come in order of states, each asked as soon as what is known cannot settle it; with ``batch`` > 1
-    up to that many at once.
+    ``tolerance``: with right answers and verdicts the policy loses at most this share of the value
+    range, below 1. ``indifference`` (default tolerance (1 - discount) / 2): an undecided pair whose
+    bounds lie within it counts as equal; so does a pair that the tutor cannot tell, but then the
+    tolerance is no promise, and the status is UNSURE in place of CONVERGED; so does what she calls
+    equal, which may be farther apart (the comparator's ``tie``): then it is CALLED_EQUAL, unless
+    the loss is bounded within the tolerance all the same. With a comparator that has no
+    ``simultaneous_bounds`` it ends BOUNDED in place of CONVERGED: nothing says that its verdicts
+    hold together. Stops when a sweep's changes of V differ from state to state by less than
+    tolerance (1 - discount) / (2 discount) under every ordered scale (what all states change alike
+    moves no comparison), or after ``max_sweeps`` (default: twice what value iteration with known
+    values can need; a tutor who errs anew each time can keep V moving for ever).
+    ``partial_sweeps``: from the second sweep on, and in the first half of ``max_sweeps``, V goes on
+    between two sweeps to what the present actions are worth, without comparing any, as in modified
+    policy iteration (Puterman and Shin 1978): the same promise after fewer sweeps and mostly fewer
+    questions. False: each sweep starts from the last one's V, as in the paper. ``max_loss`` stops
+    after a sweep whose policy no plausible scale lets lose more (``Result.loss_bound``, computed
+    whenever policy or answers have changed). Other keywords as for InteractiveQLearning; ``seed``
+    only picks the audits. Questions come in order of states, each asked as soon as what is known
+    cannot settle it; with ``batch`` > 1 up to that many at once.
 
-    ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so that
-    several runs side by side do not crowd each other; there is one, too, where somebody watches or answers by
-    ``consult``. Beside the MDP only V is kept, twice (S, k), and what settled each (s, a) last, k - 1 numbers of half
-    size; partial sweeps take V twice more while they last, and one row of transitions a state. ``Result.q`` is computed
-    when first read, once finished of the policy's value. Where only the comparator itself can tell, it is asked about
-    many pairs at a time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
+    ``jobs`` threads share a sweep: the same result whatever their number. One is the default, so
+    that several runs side by side do not crowd each other; there is one, too, where somebody
+    watches or answers by ``consult``. Beside the MDP only V is kept, twice (S, k), and what settled
+    each (s, a) last, k - 1 numbers of half size; partial sweeps take V twice more while they last,
+    and one row of transitions a state. ``Result.q`` is computed when first read, once finished of
+    the policy's value. Where only the comparator itself can tell, it is asked about many pairs at a
+    time; for one without a rule (``elicit.decision.comparator_rule``) that is all the time.
     """
 
     @takes_rng
@@ -93,7 +101,9 @@ class InteractiveValueIteration(Learner):
         holds = max_sweeps is None or is_whole(max_sweeps, 1)
         require(holds, "max_sweeps", "None or a whole number of at least 1", max_sweeps)
         require(isinstance(partial_sweeps, bool), "partial_sweeps", "True or False", partial_sweeps)
-        require(is_whole(jobs, 1), "jobs, the number of threads,", "a whole number of at least 1", jobs)
+        require(
+            is_whole(jobs, 1), "jobs, the number of threads,", "a whole number of at least 1", jobs
+        )
         gamma = mdp.discount
         self._mdp, self._tolerance = mdp, float(tolerance)
         self._max_sweeps = max_sweeps or 2 * sweeps_needed(gamma, tolerance)
@@ -113,7 +123,9 @@ class InteractiveValueIteration(Learner):
             labels=mdp.labels,
         )
         self._states = StateSweep(mdp, self._elicitation, int(jobs))
-        self._candidates = self._elicitation.batch  # pairs to gather before some of them are asked about
+        self._candidates = (
+            self._elicitation.batch
+        )  # pairs to gather before some of them are asked about
         self._sweeps = 0
         self._patience_from = 0  # the sweep from which on the limit counts
         self._guessed = 0  # comparisons that went by the best guess, but need not count
@@ -124,7 +136,9 @@ class InteractiveValueIteration(Learner):
         """The policy and the counts so far."""
         mdp, policy, v = self._mdp, self._states.best.copy(), self._states.v.copy()
         if self._end is None:
-            shares = partial(q_of, np.arange(mdp.n_states), v, self._states.model)  # computed when first read
+            shares = partial(
+                q_of, np.arange(mdp.n_states), v, self._states.model
+            )  # computed when first read
         else:  # where sweeps end, values may still have far to go, all alike
             shares = partial(_followed_from, v, policy, mdp, _EVALUATED * self._small_span)
         return self._result(mdp, policy, shares, self._end, self._sweeps)
@@ -161,7 +175,9 @@ class InteractiveValueIteration(Learner):
             pairs.append(pair_of(self._mdp, left[i], right[i], s, a, b, self._states.judged[s]))
         return self._elicitation.open(pairs)
 
-    def _in_order(self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]) -> list[int]:
+    def _in_order(
+        self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]
+    ) -> list[int]:
         """The rows of d (n, k), those to ask about first in front."""
         return list(range(len(d)))
 
@@ -176,8 +192,8 @@ class InteractiveValueIteration(Learner):
             self._end = Status.SWEEP_LIMIT
         else:
             self._states.next_sweep()
-            # the first sweep looks one step ahead: its actions are not worth questions about what they come to;
-            # and in the end plain sweeps are certain to contract
+            # the first sweep looks one step ahead: its actions are not worth questions about what
+            # they come to; and in the end plain sweeps are certain to contract
             if self._partial_sweeps and self._sweeps > 1 and used <= self._max_sweeps // 2:
                 self._states.follow(_EVALUATED * self._small_span)
 
@@ -191,22 +207,30 @@ class InteractiveValueIteration(Learner):
             found = loss_bound(self._mdp, self._states.best, self.comparator)
             proven = found.loss_bound <= self._tolerance and not math.isnan(found.confidence)
             return Status.CONVERGED if proven else Status.CALLED_EQUAL
-        return Status.CONVERGED if offers(self.comparator, "simultaneous_bounds") else Status.BOUNDED
+        return (
+            Status.CONVERGED if offers(self.comparator, "simultaneous_bounds") else Status.BOUNDED
+        )
 
 
 class LateValueIteration(InteractiveValueIteration):
-    """Value iteration on share vectors that puts its questions off (Gilbert, Spanjaard, Viappiani and Weng 2015, who
-    delay and order them).
+    """Value iteration on share vectors that puts its questions off (Gilbert, Spanjaard, Viappiani
+    and Weng 2015, who delay and order them).
 
-    Undecided pairs go by the comparator's central scale until V has settled; only then one of those that it met is
-    asked about, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on. It stops after a sweep in which
-    nothing had to be guessed, so that the same guarantee holds as for InteractiveValueIteration. Other keywords as
-    there; the default limit of sweeps is for each question. One that asks about everything (AlwaysAsk with a simulated
-    tutor) asks at once all the same.
+    Undecided pairs go by the comparator's central scale until V has settled; only then one of those
+    that it met is asked about, the best by ``strategy`` (``qlearn.strategies``), and sweeps go on.
+    It stops after a sweep in which nothing had to be guessed, so that the same guarantee holds as
+    for InteractiveValueIteration. Other keywords as there; the default limit of sweeps is for each
+    question. One that asks about everything (AlwaysAsk with a simulated tutor) asks at once all the
+    same.
     """
 
     def __init__(
-        self, mdp: OrdinalMDP, comparator: Comparator, *, strategy: Strategy | str = telling_violation, **settings: Any
+        self,
+        mdp: OrdinalMDP,
+        comparator: Comparator,
+        *,
+        strategy: Strategy | str = telling_violation,
+        **settings: Any,
     ) -> None:
         super().__init__(mdp, comparator, **settings)
         self._strategy, self._patient = strategy_of(strategy), settings.get("max_sweeps") is None
@@ -219,13 +243,21 @@ class LateValueIteration(InteractiveValueIteration):
             self._put_off(True)
             self._answered.clear()  # the comparator knows, or the elicitation does
 
-    def _in_order(self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]) -> list[int]:
+    def _in_order(
+        self, d: Floats, states: NDArray[np.int64], actions: NDArray[np.int32]
+    ) -> list[int]:
         limit, comparator = self._elicitation.indifference, self._elicitation.comparator
-        return best(self._strategy, Candidates(d, states, actions.astype(np.int64), limit, comparator), len(d))
+        return best(
+            self._strategy,
+            Candidates(d, states, actions.astype(np.int64), limit, comparator),
+            len(d),
+        )
 
     def _finish_sweep(self) -> None:
         super()._finish_sweep()
-        self._guessed = int(self._elicitation.counts[Tier.GUESS])  # what counts is to guess nothing in the last sweep
+        self._guessed = int(
+            self._elicitation.counts[Tier.GUESS]
+        )  # what counts is to guess nothing in the last sweep
 
     def _settled(self) -> Status | None:
         status = super()._settled()
@@ -241,13 +273,17 @@ class LateValueIteration(InteractiveValueIteration):
 
 
 def _followed_from(v: Floats, policy: NDArray[np.int64], mdp: OrdinalMDP, within: float) -> Floats:
-    """Q (S, A, k) where a policy (S,) is followed from the next state on, to about ``within``; v (S, k): near it."""
+    """Q (S, A, k) where a policy (S,) is followed from the next state on, to about ``within``; v
+    (S, k): near it.
+    """
     return q_of(np.arange(mdp.n_states), nearly_valued(mdp, policy, v, within), model_of(mdp))
 
 
 def sweeps_needed(discount: float, tolerance: float) -> int:
-    """Sweeps after which scalar value iteration has stopped: its first change is at most 1 - discount, and
-    each later one at most discount times the last."""
+    """Sweeps after which scalar value iteration has stopped: its first change is at most 1 -
+    discount, and each later one at most discount times the last."""
     if discount == 0:
         return 1
-    return max(1, math.ceil(math.log(min(1.0, tolerance / (4 * discount))) / math.log(discount)) + 2)
+    return max(
+        1, math.ceil(math.log(min(1.0, tolerance / (4 * discount))) / math.log(discount)) + 2
+    )

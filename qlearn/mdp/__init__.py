@@ -1,1 +1,3 @@
-"""MDPs whose rewards are levels, and their ground truth: tables, backups, planning. Imports from elicit."""
+"""MDPs whose rewards are levels, and their ground truth: tables, backups, planning. Imports from
+elicit.
+"""

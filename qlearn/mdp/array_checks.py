@@ -1,4 +1,6 @@
-"""Checks of an MDP's arrays, a block of states at a time: what is checked may fill most of the memory there is."""
+"""Checks of an MDP's arrays, a block of states at a time: what is checked may fill most of the
+memory there is.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,9 @@ _ROUNDING = 1e-12  # nearer to 1 than this, a row is kept bit for bit, so that c
 def clean(
     targets: NDArray[Any], probabilities: Floats, terminal: Flags, admissible: Flags
 ) -> tuple[NDArray[np.integer[Any]], Floats]:
-    """Successors (S, A, b) int32 and probabilities (S, A, b) as ``OrdinalMDP`` stores them: what is never read
-    overwritten, every row checked and, beyond rounding, divided by its sum. Arrays that need no change
-    come back themselves; read-only ones are never written to. Raises ValueError."""
+    """Successors (S, A, b) int32 and probabilities (S, A, b) as ``OrdinalMDP`` stores them: what is
+    never read overwritten, every row checked and, beyond rounding, divided by its sum. Arrays that
+    need no change come back themselves; read-only ones are never written to. Raises ValueError."""
     n, _, b = probabilities.shape
     step = max(1, BLOCK // max(1, probabilities[0].size))
     for start in range(0, n, step):
@@ -39,7 +41,9 @@ def clean(
             last = b - 1 - np.argmin(padding[:, :, ::-1], axis=2, keepdims=True)
             t = np.where(padding, np.take_along_axis(t, last, axis=2), t)
         whole = _int32("successors", t, start)
-        reject("successors", whole, (whole < 0) | (whole >= n), f"must be a state in 0..{n - 1}", start)
+        reject(
+            "successors", whole, (whole < 0) | (whole >= n), f"must be a state in 0..{n - 1}", start
+        )
         p = distributions("probabilities", p, needed=admissible[part], start=start)
         if p is not before[1] and not np.array_equal(p, before[1]):
             probabilities = probabilities if probabilities.flags.writeable else probabilities.copy()
@@ -51,16 +55,21 @@ def clean(
 
 
 def reject(name: str, array: NDArray[Any], bad: Flags, rule: str, start: int = 0) -> None:
-    """Raise ValueError naming the first bad entry; ``start`` is the index of the array's first row."""
+    """Raise ValueError naming the first bad entry; ``start`` is the index of the array's first
+    row.
+    """
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         named = (index[0] + start, *index[1:])
         raise ValueError(f"{name}[{', '.join(map(str, named))}] is {array[index]}, but {rule}")
 
 
-def numbers(name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, whole: bool = False) -> NDArray[Any]:
-    """A copy of ``given`` as floats; of integers (``whole``) as int32 where they fit. An array of just that
-    type that is read-only and owns its memory is taken as it is. Raises TypeError, ValueError."""
+def numbers(
+    name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, whole: bool = False
+) -> NDArray[Any]:
+    """A copy of ``given`` as floats; of integers (``whole``) as int32 where they fit. An array of
+    just that type that is read-only and owns its memory is taken as it is. Raises TypeError,
+    ValueError."""
     kind: Any = np.float64
     if whole and isinstance(given, np.ndarray) and given.dtype.kind in "iu":
         fits = not given.size or (given.min() >= -(2**31) and given.max() < 2**31)
@@ -78,7 +87,9 @@ def numbers(name: str, given: ArrayLike, shape: tuple[int, ...] | None = None, w
 
 
 def _frozen(array: NDArray[Any]) -> bool:
-    return bool(type(array) is np.ndarray and array.flags.c_contiguous and not array.flags.writeable)
+    return bool(
+        type(array) is np.ndarray and array.flags.c_contiguous and not array.flags.writeable
+    )
 
 
 def indices(name: str, given: ArrayLike, shape: tuple[int, ...], count: int) -> Indices:
@@ -98,13 +109,20 @@ def _int32(name: str, array: NDArray[Any], start: int = 0) -> Indices:
 
 
 def flags(name: str, given: ArrayLike | None, shape: tuple[int, ...], default: bool) -> Flags:
-    """A copy of ``given`` as bools, everywhere ``default`` where it is None. Raises TypeError, ValueError."""
+    """A copy of ``given`` as bools, everywhere ``default`` where it is None. Raises TypeError,
+    ValueError.
+    """
     if given is None:
         return np.full(shape, default)
     if isinstance(given, np.ndarray) and given.dtype == np.bool_ and given.shape == shape:
         return given if _frozen(given) and given.base is None else given.copy(order="C")
     array = numbers(name, given, shape)
-    reject(name, array, (array != 0) & (array != 1), "must be True or False; a list of indices is not taken")
+    reject(
+        name,
+        array,
+        (array != 0) & (array != 1),
+        "must be True or False; a list of indices is not taken",
+    )
     return array.astype(np.bool_)
 
 
@@ -112,7 +130,9 @@ def labels(given: Sequence[str]) -> tuple[str, ...]:
     """The levels' names as plain strings. Raises TypeError, ValueError."""
     found = _strings("labels", given, "a sequence of strings, worst level first")
     if len(found) < 2:
-        raise ValueError(f"labels must name at least 2 levels, not {found}: with one, all policies are equal")
+        raise ValueError(
+            f"labels must name at least 2 levels, not {found}: with one, all policies are equal"
+        )
     return found
 
 
@@ -152,14 +172,15 @@ def check_terminal_levels(levels: Indices, terminal: Flags, admissible: Flags) -
     if bad.any():
         i = int(np.argmax(bad))
         raise ValueError(
-            f"terminal state {ends[i]} has levels {levels[i][admissible[i]].tolist()} over its admissible actions, "
+            f"terminal state {ends[i]} has levels {levels[i][admissible[i]].tolist()} over its "
+            "admissible actions, "
             "but its value is one level for ever: give them all the same level"
         )
 
 
 def distributions(name: str, p: Floats, needed: Flags | None = None, start: int = 0) -> Floats:
-    """p (..., b) with every row a distribution, except the rows of zeros that are not ``needed``; p itself where
-    nothing need change. Raises ValueError."""
+    """p (..., b) with every row a distribution, except the rows of zeros that are not ``needed``; p
+    itself where nothing need change. Raises ValueError."""
     reject(name, p, ~np.isfinite(p), "must be finite", start)
     reject(name, p, p < 0, "must not be negative", start)
     total = p.sum(axis=-1)
@@ -168,7 +189,10 @@ def distributions(name: str, p: Floats, needed: Flags | None = None, start: int 
         index = tuple(int(i) for i in np.argwhere(off > _SUM_TOLERANCE)[0])
         named = (index[0] + start, *index[1:]) if index else index
         row = f"{name}[{', '.join(map(str, named))}]" if index else name
-        raise ValueError(f"{row} sums to {float(total[index])!r}, not 1: divide it by its sum if this is only rounding")
+        raise ValueError(
+            f"{row} sums to {float(total[index])!r}, not 1: divide it by its sum if this is only "
+            "rounding"
+        )
     if not (off > _ROUNDING).any():
         return p
     scaled: Floats = p / np.where(off > _ROUNDING, total, 1.0)[..., None]

@@ -1,4 +1,6 @@
-"""Backing up share vectors, eq. (3), a state at a time, in code that numba can compile: Q is never kept for all."""
+"""Backing up share vectors, eq. (3), a state at a time, in code that numba can compile: Q is never
+kept for all.
+"""
 
 from __future__ import annotations
 
@@ -17,22 +19,30 @@ class Model(NamedTuple):
 
     successors: NDArray[np.integer[Any]]  # (n,)
     probabilities: Floats  # (n,)
-    ends: NDArray[np.integer[Any]]  # (S*A + 1,) where each row starts, and the last ends; an empty one is inadmissible
+    ends: NDArray[
+        np.integer[Any]
+    ]  # (S*A + 1,) where each row starts, and the last ends; an empty one is inadmissible
     levels: NDArray[np.integer[Any]]  # (S*A,)
     terminal: NDArray[np.bool_]  # (S,)
     n_actions: int
     discount: float
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Model:
-        """Itself: copies of its arrays could be written to, and a copied learner would be compiled for anew."""
+        """Itself: copies of its arrays could be written to, and a copied learner would be compiled
+        for anew.
+        """
         return self
 
 
 def model_of(mdp: OrdinalMDP) -> Model:
-    """The MDP's own arrays, to read: whether they could be written to is chance, and would be compiled for anew."""
+    """The MDP's own arrays, to read: whether they could be written to is chance, and would be
+    compiled for anew.
+    """
     p, levels = mdp.transitions, mdp.levels.reshape(-1)
     indices, data, ends = _to_read(p.indices), _to_read(p.data), _to_read(p.indptr)
-    return Model(indices, data, ends, _to_read(levels), _to_read(mdp.terminal), mdp.n_actions, mdp.discount)
+    return Model(
+        indices, data, ends, _to_read(levels), _to_read(mdp.terminal), mdp.n_actions, mdp.discount
+    )
 
 
 def _to_read(array: Any) -> Any:
@@ -43,8 +53,8 @@ def _to_read(array: Any) -> Any:
 
 @compiled
 def back_up_from(s: int, v: Any, arrays: Any, discount: float, q: Any) -> None:
-    """Q(s, .) into q (A, k), eq. (3) in shares; rows of inadmissible actions are left as they are. ``arrays`` are the
-    model's first four: to hand over all of it for every state costs more."""
+    """Q(s, .) into q (A, k), eq. (3) in shares; rows of inadmissible actions are left as they are.
+    ``arrays`` are the model's first four: to hand over all of it for every state costs more."""
     successors, probabilities, ends, levels = arrays
     m, k = q.shape
     for a in range(m):
@@ -84,8 +94,8 @@ def back_up_together(states: Any, v: Any, model: Model, q: Any) -> None:
 
 @compiled_beside(back_up_together)
 def back_up_all(states: Any, v: Any, model: Model, q: Any) -> None:
-    """Q (n, A, k) of n states, as ``OrdinalMDP`` has it: a terminal state's value whatever the action, and all on
-    the worst level where an action is inadmissible."""
+    """Q (n, A, k) of n states, as ``OrdinalMDP`` has it: a terminal state's value whatever the
+    action, and all on the worst level where an action is inadmissible."""
     m, k = q.shape[1:]
     arrays = model.successors, model.probabilities, model.ends, model.levels
     for i in range(len(states)):

@@ -1,4 +1,6 @@
-"""An OrdinalMDP's arrays from an environment that carries its tables, in the form of Gymnasium's toy texts."""
+"""An OrdinalMDP's arrays from an environment that carries its tables, in the form of Gymnasium's
+toy texts.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from elicit.model.scale import Floats
 from qlearn.mdp import array_checks as checks
 
 Node: TypeAlias = tuple[int, int]
-"""A state of the new MDP: the environment's state (or _END), and the level counted there (_ANY: the action's)."""
+"""A state of the new MDP: the environment's state (or _END), and the level counted there (_ANY: the
+action's).
+"""
 
 _END, _ANY = -1, -1
 
@@ -33,12 +37,20 @@ def read(
     level_of, names = _scale(levels, labels, rewards | ({float(after)} if ends else set()))
     if initial is None:
         initial = getattr(inner, "initial_state_distrib", None)
-    single = all(len({level_of[step[2]] for step in outcomes}) == 1 for actions in table for outcomes in actions)
+    single = all(
+        len({level_of[step[2]] for step in outcomes}) == 1
+        for actions in table
+        for outcomes in actions
+    )
     arrival = dict.fromkeys(level_of, _ANY) if single else level_of
     last = level_of.get(float(after), 0)
     nodes = _nodes(table, arrival, _ANY if single else last)
     arrays = _arrays(table, nodes, level_of, arrival, last)
-    return arrays | {"initial": _start(len(table), len(nodes), initial), "discount": discount, "labels": names}
+    return arrays | {
+        "initial": _start(len(table), len(nodes), initial),
+        "discount": discount,
+        "labels": names,
+    }
 
 
 Table: TypeAlias = list[list[list[tuple[float, int, float, bool]]]]
@@ -49,14 +61,19 @@ def _table(inner: Any) -> Table:
     given = getattr(inner, "P", None)
     if given is None:
         raise TypeError(
-            f"{type(inner).__name__} carries no tables: env.unwrapped.P[s][a] must list (probability, next state, "
+            f"{type(inner).__name__} carries no tables: env.unwrapped.P[s][a] must list "
+            "(probability, next state, "
             "reward, terminated); for another environment build an OrdinalMDP from arrays"
         )
     table = []
     for s in range(len(given)):
         actions = []
         for a in range(len(given[s])):
-            outcomes = [(float(p), int(t), float(r), bool(ended)) for p, t, r, ended in given[s][a] if p != 0]
+            outcomes = [
+                (float(p), int(t), float(r), bool(ended))
+                for p, t, r, ended in given[s][a]
+                if p != 0
+            ]
             if not outcomes:
                 raise ValueError(f"P[{s}][{a}] lists no next state of positive probability")
             wrong = next((t for _, t, _, _ in outcomes if not 0 <= t < len(given)), None)
@@ -70,35 +87,47 @@ def _table(inner: Any) -> Table:
 
 
 def _scale(
-    levels: Mapping[float, str] | Sequence[float] | None, labels: Sequence[str] | None, rewards: set[float]
+    levels: Mapping[float, str] | Sequence[float] | None,
+    labels: Sequence[str] | None,
+    rewards: set[float],
 ) -> tuple[dict[float, int], tuple[str, ...]]:
     """The level of each reward, and the levels' names, worst first."""
     if isinstance(levels, Mapping):
-        names = checks.labels(labels) if labels is not None else tuple(dict.fromkeys(levels.values()))
+        names = (
+            checks.labels(labels) if labels is not None else tuple(dict.fromkeys(levels.values()))
+        )
         stray = next((name for name in levels.values() if name not in names), None)
         if stray is not None:
             raise ValueError(f"levels maps to {stray!r}, which is not among the labels {names}")
         level_of = {float(reward): names.index(name) for reward, name in levels.items()}
     else:
         order = sorted(rewards) if levels is None else [float(reward) for reward in levels]
-        names = tuple(f"reward {reward:g}" for reward in order) if labels is None else checks.labels(labels)
+        names = (
+            tuple(f"reward {reward:g}" for reward in order)
+            if labels is None
+            else checks.labels(labels)
+        )
         if len(names) != len(order):
-            raise ValueError(f"labels must name {len(order)} levels, one for each of the rewards {order}, not {names}")
+            raise ValueError(
+                f"labels must name {len(order)} levels, one for each of the rewards {order}, not "
+                f"{names}"
+            )
         level_of = {reward: level for level, reward in enumerate(order)}
         if len(level_of) != len(order):
             raise ValueError(f"levels must list each reward once, worst first, not {order}")
     missing = sorted(rewards - set(level_of))
     if missing:
         raise ValueError(
-            f"no level for the rewards {missing}: levels must name every reward, that of the time after the end "
+            f"no level for the rewards {missing}: levels must name every reward, that of the time "
+            "after the end "
             "(after=) included"
         )
     return level_of, names
 
 
 def _nodes(table: Table, arrival: dict[float, int], after: int) -> list[Node]:
-    """The environment's states with the lowest level they are entered with, then with each further level; then
-    the end, entered with each level, and last with that of the time ``after`` it."""
+    """The environment's states with the lowest level they are entered with, then with each further
+    level; then the end, entered with each level, and last with that of the time ``after`` it."""
     entered: dict[int, set[int]] = {s: set() for s in range(len(table))}
     ended: set[int] = set()
     for actions in table:
@@ -107,11 +136,20 @@ def _nodes(table: Table, arrival: dict[float, int], after: int) -> list[Node]:
                 (ended if over else entered[t]).add(arrival[reward])
     first: list[Node] = [(s, min(entered[s], default=after)) for s in range(len(table))]
     more = [(s, level) for s in range(len(table)) for level in sorted(entered[s])[1:]]
-    return first + more + [(_END, level) for level in sorted(ended - {after})] + ([(_END, after)] if ended else [])
+    return (
+        first
+        + more
+        + [(_END, level) for level in sorted(ended - {after})]
+        + ([(_END, after)] if ended else [])
+    )
 
 
 def _arrays(
-    table: Table, nodes: list[Node], level_of: dict[float, int], arrival: dict[float, int], after: int
+    table: Table,
+    nodes: list[Node],
+    level_of: dict[float, int],
+    arrival: dict[float, int],
+    after: int,
 ) -> dict[str, Any]:
     """The arrays of the MDP over these nodes; ``after``: the level of the time after the end."""
     number = {node: i for i, node in enumerate(nodes)}
@@ -143,7 +181,11 @@ def _arrays(
 
 def _start(states: int, n: int, initial: ArrayLike | None) -> Floats:
     """The initial distribution (n,): that over the environment's states, which come first."""
-    given = np.full(states, 1 / states) if initial is None else np.asarray(initial, dtype=np.float64)
+    given = (
+        np.full(states, 1 / states) if initial is None else np.asarray(initial, dtype=np.float64)
+    )
     if given.shape != (states,):
-        raise ValueError(f"initial must have shape ({states},), one entry a state, not {given.shape}")
+        raise ValueError(
+            f"initial must have shape ({states},), one entry a state, not {given.shape}"
+        )
     return np.concatenate([given, np.zeros(n - states)])

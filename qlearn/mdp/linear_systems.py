@@ -1,8 +1,10 @@
-"""Discounted totals in a Markov chain: linear systems whose solutions are the same on every processor.
+"""Discounted totals in a Markov chain: linear systems whose solutions are the same on every
+processor.
 
-Libraries solve to within rounding, and round differently on another processor. So a solution is refined until it is
-the exact one, rounded once: its residual is computed without rounding, by cutting numbers into parts of so few bits
-that their products and sums are exact (Ozaki, Ogita, Oishi and Rump 2012), and solved for again.
+Libraries solve to within rounding, and round differently on another processor. So a solution is
+refined until it is the exact one, rounded once: its residual is computed without rounding, by
+cutting numbers into parts of so few bits that their products and sums are exact (Ozaki, Ogita,
+Oishi and Rump 2012), and solved for again.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ from elicit.model.scale import Floats
 _DENSE = 400  # up to this many states LAPACK is faster than an iteration
 _SPARSE = 50_000  # up to this many, factors of a sparse matrix that fills up still fit into memory
 _RESIDUAL = 1e-14  # leaves an error of at most this over 1 - discount
-_BITS = 20  # of a part: products of two have 40, and sums of 2^13 of these still fit into the 53 bits of a float
+# of a part: products of two have 40, and sums of 2^13 of these still fit into the 53 bits of a
+# float
+_BITS = 20
 _SMALL = 2.0**-42  # after a correction of this size what is left is far below the last bit
 _CORRECTIONS = 6
 
@@ -28,7 +32,9 @@ Solver = Callable[[Floats], Floats]
 
 
 def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """Return x (n, m) with x = inflow + discount * chain @ x, for a (sub)stochastic chain (n, n), rounded once."""
+    """Return x (n, m) with x = inflow + discount * chain @ x, for a (sub)stochastic chain (n, n),
+    rounded once.
+    """
     flows = (discount * chain).tocsr()
     solve = _dense(flows) if len(inflow) <= _DENSE else _sparse(flows, discount)
     x = solve(inflow)
@@ -40,8 +46,12 @@ def discounted_totals(chain: sparse.csr_array, inflow: Floats, discount: float) 
     return np.asarray((high + low) / unit)
 
 
-def _refined(flows: sparse.csr_array, high: Floats, inflow: Floats, solve: Solver) -> tuple[Floats, Floats]:
-    """Return the solution as two numbers each, the second below the last bit of the first, from a near one."""
+def _refined(
+    flows: sparse.csr_array, high: Floats, inflow: Floats, solve: Solver
+) -> tuple[Floats, Floats]:
+    """Return the solution as two numbers each, the second below the last bit of the first, from a
+    near one.
+    """
     low = np.zeros_like(high)
     residual = _exact_residual(flows, inflow)
     for _ in range(_CORRECTIONS):
@@ -59,7 +69,9 @@ def _refined(flows: sparse.csr_array, high: Floats, inflow: Floats, solve: Solve
 
 
 def _exact_residual(flows: sparse.csr_array, inflow: Floats) -> Callable[[Floats, Floats], Floats]:
-    """Return a function that gives inflow + flows @ (high + low) - (high + low) to far below the last bit."""
+    """Return a function that gives inflow + flows @ (high + low) - (high + low) to far below the
+    last bit.
+    """
     first = _with_data(flows, _leading(flows.data, _BITS))
     rest = flows.data - first.data
     second = _with_data(flows, _leading(rest, 2 * _BITS))
@@ -74,7 +86,9 @@ def _exact_residual(flows: sparse.csr_array, inflow: Floats) -> Callable[[Floats
         z = ((high - x) - y) + low
         by_first = first @ np.concatenate([x, y, z], axis=1)
         by_second, by_third = (part @ np.concatenate([x, y], axis=1) for part in (second, third))
-        exact = (by_first[:, :m] - x - y + inflow_high) + (by_first[:, m : 2 * m] + by_second[:, :m])
+        exact = (by_first[:, :m] - x - y + inflow_high) + (
+            by_first[:, m : 2 * m] + by_second[:, :m]
+        )
         small = (by_first[:, 2 * m :] + by_second[:, m:] + by_third[:, :m]) - z + inflow_low
         return np.asarray(exact + small + (rest @ z + by_third[:, m:]))
 
@@ -93,13 +107,15 @@ def _with_data(matrix: sparse.csr_array, data: Floats) -> sparse.csr_array:
 
 def _dense(flows: sparse.csr_array) -> Solver:
     """Return a solver by LAPACK's factors."""
-    factors = lu_factor(np.eye(flows.shape[0]) - flows.toarray(), check_finite=False, overwrite_a=True)
+    factors = lu_factor(
+        np.eye(flows.shape[0]) - flows.toarray(), check_finite=False, overwrite_a=True
+    )
     return partial(lu_solve, factors, check_finite=False)
 
 
 def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
-    """Return a solver by Krylov steps, which are quick on chains that mix, where factors fill up; by factors on the
-    rest, and by sweeps where these have no room."""
+    """Return a solver by Krylov steps, which are quick on chains that mix, where factors fill up;
+    by factors on the rest, and by sweeps where these have no room."""
     n = flows.shape[0]
     matrix = sparse.eye_array(n, format="csr") - flows
     by_factors: list[Solver] = []
@@ -107,7 +123,11 @@ def _sparse(flows: sparse.csr_array, discount: float) -> Solver:
     def solve(inflow: Floats) -> Floats:
         x = None if by_factors else _by_krylov_steps(matrix, inflow)
         if x is None and not by_factors:
-            by_factors.append(partial(_swept, flows, discount=discount) if n > _SPARSE else splu(matrix.tocsc()).solve)
+            by_factors.append(
+                partial(_swept, flows, discount=discount)
+                if n > _SPARSE
+                else splu(matrix.tocsc()).solve
+            )
         return by_factors[0](inflow) if x is None else x
 
     return solve
@@ -122,7 +142,9 @@ def _by_krylov_steps(matrix: sparse.csr_array, inflow: Floats) -> Floats | None:
             residual = target - matrix @ column
             if np.abs(residual).max() <= _RESIDUAL * max(1.0, np.abs(column).max()):
                 break
-            with np.errstate(all="ignore"):  # it may diverge to where numbers overflow: then factors are taken
+            with np.errstate(
+                all="ignore"
+            ):  # it may diverge to where numbers overflow: then factors are taken
                 column += bicgstab(matrix, residual, rtol=1e-6, maxiter=100)[0]
         else:
             return None
@@ -130,7 +152,9 @@ def _by_krylov_steps(matrix: sparse.csr_array, inflow: Floats) -> Floats | None:
 
 
 def _swept(flows: sparse.csr_array, inflow: Floats, discount: float) -> Floats:
-    """Solve by sweeps, each of which takes the error to ``discount`` times what it was: slow, but in no memory."""
+    """Solve by sweeps, each of which takes the error to ``discount`` times what it was: slow, but
+    in no memory.
+    """
     x = inflow.copy()
     for _ in range(int(np.ceil(np.log(_RESIDUAL) / np.log(discount))) if discount > 0 else 1):
         before, x = x, inflow + flows @ x

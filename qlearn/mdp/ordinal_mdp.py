@@ -39,23 +39,27 @@ class _AllParts(_Parts, total=False):
 class OrdinalMDP:
     """An MDP whose reward is one of k named levels, worst first; what a level is worth is unknown.
 
-    ``successors`` (S, A, b) state indices and ``probabilities`` (S, A, b): the next state after action a in state s is
-    ``successors[s, a, j]`` with probability ``probabilities[s, a, j]``. A successor may appear twice in a row; its
-    probabilities add. Shorter rows are padded with probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0,
-    1), ``labels`` the k names. ``initial`` (S,) is where episodes start (default: uniform over the states that are not
-    terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A) bool which actions
-    there are (default: all). ``state_names`` (S names) and ``action_names`` (A names) are for people: queries say them
-    in place of numbers; the ``fingerprint`` leaves them out, so that a log goes on when a name is corrected.
-    Array-likes are accepted and copied, but for arrays of the stored type that are read-only and own their memory; the
-    stored arrays are read-only.
+    ``successors`` (S, A, b) state indices and ``probabilities`` (S, A, b): the next state after
+    action a in state s is ``successors[s, a, j]`` with probability ``probabilities[s, a, j]``. A
+    successor may appear twice in a row; its probabilities add. Shorter rows are padded with
+    probability 0. ``levels`` (S, A) int in 0..k-1, ``discount`` in [0, 1), ``labels`` the k names.
+    ``initial`` (S,) is where episodes start (default: uniform over the states that are not
+    terminal), ``terminal`` (S,) bool where they end (default: nowhere), and ``admissible`` (S, A)
+    bool which actions there are (default: all). ``state_names`` (S names) and ``action_names`` (A
+    names) are for people: queries say them in place of numbers; the ``fingerprint`` leaves them
+    out, so that a log goes on when a name is corrected. Array-likes are accepted and copied, but
+    for arrays of the stored type that are read-only and own their memory; the stored arrays are
+    read-only.
 
-    A terminal state's value is its level for ever, so its levels must agree over its admissible actions. What is never
-    read needs no valid entries and is overwritten: the rows of a terminal state by a self-loop, those of an
-    inadmissible action by probability 0 throughout, and the successors of padding by the row's last real one, where a
-    sampler that runs off the end by rounding then lands. Rows (and ``initial``) that sum to 1 within 1e-9 but not
-    within 1e-12 are divided by their sum.
+    A terminal state's value is its level for ever, so its levels must agree over its admissible
+    actions. What is never read needs no valid entries and is overwritten: the rows of a terminal
+    state by a self-loop, those of an inadmissible action by probability 0 throughout, and the
+    successors of padding by the row's last real one, where a sampler that runs off the end by
+    rounding then lands. Rows (and ``initial``) that sum to 1 within 1e-9 but not within 1e-12 are
+    divided by their sum.
 
-    Raises ValueError (or TypeError for what is no array of numbers), naming the index and the value.
+    Raises ValueError (or TypeError for what is no array of numbers), naming the index and the
+    value.
     """
 
     successors: NDArray[np.integer[Any]]  # int32 once stored
@@ -69,7 +73,9 @@ class OrdinalMDP:
     state_names: tuple[str, ...] | None = None
     action_names: tuple[str, ...] | None = None
 
-    if TYPE_CHECKING:  # what may be given, which is more than what is stored; the dataclass writes it
+    if (
+        TYPE_CHECKING
+    ):  # what may be given, which is more than what is stored; the dataclass writes it
 
         def __init__(
             self,
@@ -89,7 +95,8 @@ class OrdinalMDP:
         probabilities = checks.numbers("probabilities", self.probabilities)
         if probabilities.ndim != 3 or 0 in probabilities.shape:
             raise ValueError(
-                f"probabilities must have shape (S, A, b), each at least 1, not {probabilities.shape}; "
+                "probabilities must have shape (S, A, b), each at least 1, not "
+                f"{probabilities.shape}; "
                 "OrdinalMDP.from_dense takes a table (S, A, S), from_sparse a sparse one"
             )
         n, m, b = probabilities.shape
@@ -102,10 +109,14 @@ class OrdinalMDP:
         terminal = checks.flags("terminal", self.terminal, (n,), default=False)
         admissible = checks.flags("admissible", self.admissible, (n, m), default=True)
         if terminal.all():
-            raise ValueError(f"all {n} states are terminal: there is nothing to decide; clear at least one")
+            raise ValueError(
+                f"all {n} states are terminal: there is nothing to decide; clear at least one"
+            )
         if not admissible.any(axis=1).all():
             s = int(np.argmin(admissible.any(axis=1)))
-            raise ValueError(f"state {s} has no admissible action; set at least one of admissible[{s}]")
+            raise ValueError(
+                f"state {s} has no admissible action; set at least one of admissible[{s}]"
+            )
         checks.check_terminal_levels(levels, terminal, admissible)
         successors, probabilities = checks.clean(targets, probabilities, terminal, admissible)
 
@@ -114,12 +125,26 @@ class OrdinalMDP:
         else:
             initial = checks.distributions("initial", checks.numbers("initial", self.initial, (n,)))
             checks.reject(
-                "initial", initial, terminal & (initial != 0), "must be 0: an episode cannot start in a terminal state"
+                "initial",
+                initial,
+                terminal & (initial != 0),
+                "must be 0: an episode cannot start in a terminal state",
             )
 
         states = checks.names("state_names", self.state_names, n)
         actions = checks.names("action_names", self.action_names, m)
-        stored = (successors, probabilities, levels, discount, labels, initial, terminal, admissible, states, actions)
+        stored = (
+            successors,
+            probabilities,
+            levels,
+            discount,
+            labels,
+            initial,
+            terminal,
+            admissible,
+            states,
+            actions,
+        )
         for field, value in zip(fields(self), stored, strict=True):
             object.__setattr__(self, field.name, value)
         self._freeze()
@@ -146,8 +171,8 @@ class OrdinalMDP:
         labels: Sequence[str],
         **rest: Unpack[_AllParts],
     ) -> OrdinalMDP:
-        """Make an MDP from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``: initial, terminal,
-        admissible, state_names, action_names."""
+        """Make an MDP from a dense table ``transitions`` (S, A, S) of p(s, a, s'); ``rest``:
+        initial, terminal, admissible, state_names, action_names."""
         return cls.from_sparse(tables.from_dense(transitions), levels, discount, labels, **rest)
 
     @classmethod
@@ -164,8 +189,9 @@ class OrdinalMDP:
         state_names: Sequence[str] | None = None,
         action_names: Sequence[str] | None = None,
     ) -> OrdinalMDP:
-        """Make an MDP from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a belongs to (s, a), as
-        in ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one an action.
+        """Make an MDP from sparse ``transitions``: one SciPy matrix (S*A, S) whose row s*A + a
+        belongs to (s, a), as in ``OrdinalMDP.transitions``, or a sequence of A matrices (S, S), one
+        an action.
 
         Rows are stored at the length of the longest, so one state with very many successors costs
         memory for all. Raises ValueError.
@@ -176,7 +202,16 @@ class OrdinalMDP:
         offered = checks.flags("admissible", admissible, (n, matrix.shape[0] // n), default=True)
         successors, probabilities = tables.padded(matrix, offered & ~ends[:, None])
         return cls(
-            successors, probabilities, levels, discount, labels, initial, ends, offered, state_names, action_names
+            successors,
+            probabilities,
+            levels,
+            discount,
+            labels,
+            initial,
+            ends,
+            offered,
+            state_names,
+            action_names,
         )
 
     @classmethod
@@ -192,12 +227,15 @@ class OrdinalMDP:
     ) -> OrdinalMDP:
         """Make an MDP from its L state-action pairs, as QuantEcon's DiscreteDP takes them.
 
-        ``levels`` (L,) stands in place of its rewards R, and ``transitions`` (L, S), sparse or dense, in place of Q.
-        ``s_indices`` and ``a_indices`` (L,) are the state and the action of each pair, in any order. ``rest``: initial,
-        terminal, state_names, action_names. A pair that is not listed is inadmissible. Raises ValueError for pairs out
-        of range or listed twice, and for a state without any.
+        ``levels`` (L,) stands in place of its rewards R, and ``transitions`` (L, S), sparse or
+        dense, in place of Q. ``s_indices`` and ``a_indices`` (L,) are the state and the action of
+        each pair, in any order. ``rest``: initial, terminal, state_names, action_names. A pair that
+        is not listed is inadmissible. Raises ValueError for pairs out of range or listed twice, and
+        for a state without any.
         """
-        matrix, each, listed = tables.from_pairs(levels, transitions, s_indices, a_indices, len(labels))
+        matrix, each, listed = tables.from_pairs(
+            levels, transitions, s_indices, a_indices, len(labels)
+        )
         return cls.from_sparse(matrix, each, discount, labels, admissible=listed, **rest)
 
     @classmethod
@@ -211,20 +249,23 @@ class OrdinalMDP:
         initial: ArrayLike | None = None,
         after: float = 0.0,
     ) -> OrdinalMDP:
-        """Make an MDP from an environment that carries its tables, such as Gymnasium's toy texts: ``env.unwrapped.P``
-        with ``P[s][a]`` a list of (probability, next state, reward, terminated).
+        """Make an MDP from an environment that carries its tables, such as Gymnasium's toy texts:
+        ``env.unwrapped.P`` with ``P[s][a]`` a list of (probability, next state, reward,
+        terminated).
 
-        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to the name of its
-        level, several rewards to one name if need be; ``labels`` then are these names, worst first (default: as they
-        first appear in the mapping). By default the distinct rewards in increasing order are the levels. Once an
-        episode has ended, every further step counts as one of reward ``after``, which needs a level too.
+        ``levels`` says what the rewards mean: the rewards, worst first, or a mapping from reward to
+        the name of its level, several rewards to one name if need be; ``labels`` then are these
+        names, worst first (default: as they first appear in the mapping). By default the distinct
+        rewards in increasing order are the levels. Once an episode has ended, every further step
+        counts as one of reward ``after``, which needs a level too.
 
-        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it; what is
-        appended are states after the end. Where a reward depends on the next state, it is counted on
-        arrival, one step later: this changes no preference between two policies, and scales their differences by
-        ``discount``. A state that can be entered with different rewards is appended once for each further one.
-        ``initial`` is by default ``env.unwrapped.initial_state_distrib`` where there is one.
-        Raises TypeError where there are no tables, ValueError for a reward without a level.
+        States 0..n-1 are the environment's, so a policy's first n entries are a policy for it; what
+        is appended are states after the end. Where a reward depends on the next state, it is
+        counted on arrival, one step later: this changes no preference between two policies, and
+        scales their differences by ``discount``. A state that can be entered with different rewards
+        is appended once for each further one. ``initial`` is by default
+        ``env.unwrapped.initial_state_distrib`` where there is one. Raises TypeError where there are
+        no tables, ValueError for a reward without a level.
         """
         return cls(**gymnasium_tables.read(env, discount, levels, labels, initial, after))
 
@@ -247,7 +288,9 @@ class OrdinalMDP:
     def final_level(self) -> Indices:
         """(S,) a terminal state's level; -1 where the state is not terminal."""
         first = np.argmax(self.admissible, axis=1)
-        level: Indices = np.where(self.terminal, self.levels[np.arange(self.n_states), first], -1).astype(np.int32)
+        level: Indices = np.where(
+            self.terminal, self.levels[np.arange(self.n_states), first], -1
+        ).astype(np.int32)
         level.flags.writeable = False
         return level
 
@@ -259,10 +302,16 @@ class OrdinalMDP:
         p, column = self.probabilities.reshape(-1), self.successors.reshape(-1)
         used = p != 0
         counts = np.count_nonzero(used.reshape(n * m, b), axis=1)
-        ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32 if p.size < 2**31 else np.int64)
-        if not used.all():  # else the arrays themselves: at a million states a copy would be a gigabyte
+        ends = np.concatenate([[0], np.cumsum(counts)]).astype(
+            np.int32 if p.size < 2**31 else np.int64
+        )
+        if (
+            not used.all()
+        ):  # else the arrays themselves: at a million states a copy would be a gigabyte
             p, column = p[used], column[used]
-        matrix = sparse.csr_array((p, column.astype(ends.dtype, copy=False), ends), shape=(n * m, n))
+        matrix = sparse.csr_array(
+            (p, column.astype(ends.dtype, copy=False), ends), shape=(n * m, n)
+        )
         if not matrix.has_canonical_format:
             matrix = matrix.copy()
             matrix.sum_duplicates()
@@ -285,7 +334,8 @@ class OrdinalMDP:
         return scale
 
     def rewards(self, values: ArrayLike) -> Floats:
-        """Numeric rewards r(s, a) (S, A) if level i were worth values[i], in the unit of ``values``.
+        """Numeric rewards r(s, a) (S, A) if level i were worth values[i], in the unit of
+        ``values``.
 
         values (k,) must increase; they are used as they are. Any solver for standard MDPs takes the
         result, together with ``transitions`` and ``discount``. Raises ValueError.
@@ -301,7 +351,9 @@ class OrdinalMDP:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hash (32 hex digits) of all that is stored, but for names of states and actions: the same everywhere."""
+        """Hash (32 hex digits) of all that is stored, but for names of states and actions: the same
+        everywhere.
+        """
         digest = hashlib.blake2b(repr((self.discount, self.labels)).encode(), digest_size=16)
         arrays = ("successors", "probabilities", "levels", "initial", "terminal", "admissible")
         for name, kind in zip(arrays, ("<i4", "<f8", "<i4", "<f8", "?", "?"), strict=True):
@@ -311,9 +363,12 @@ class OrdinalMDP:
         return digest.hexdigest()
 
     def __repr__(self) -> str:
-        scale = " < ".join(self.labels if self.k <= 7 else (*self.labels[:3], "...", self.labels[-1]))
+        scale = " < ".join(
+            self.labels if self.k <= 7 else (*self.labels[:3], "...", self.labels[-1])
+        )
         parts = [
-            f"{self.n_states} states, {self.n_actions} actions, {self.k} levels: {scale}, discount {self.discount:g}"
+            f"{self.n_states} states, {self.n_actions} actions, {self.k} levels: {scale}, discount "
+            f"{self.discount:g}"
         ]
         if self.terminal.any():
             parts.append(f"{np.count_nonzero(self.terminal)} terminal")

@@ -24,13 +24,18 @@ _FLOOR = 2.0**-50  # a sweep's change below this is rounding
 
 
 @one_thread
-def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10) -> tuple[Floats, Actions]:
-    """Optimal value v (S,) in shares and an optimal policy (S,), eq. (2), if the scale is ``values`` (k,).
+def value_iteration(
+    mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
+) -> tuple[Floats, Actions]:
+    """Optimal value v (S,) in shares and an optimal policy (S,), eq. (2), if the scale is
+    ``values`` (k,).
 
-    v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s') over admissible a, with ``values``
-    normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal state's v is its normalised value
-    exactly. Policy iteration finds the solution, Bellman sweeps then certify it: |v - v*| <= discount / (1 - discount)
-    * (last change). The policy is greedy for v; actions within 1e-13 of the best tie, and the lowest index is taken.
+    v(s) = max_a (1 - discount) e_level(s,a) + discount * sum p(s, a, s') v(s') over admissible a,
+    with ``values`` normalised to 0..1, and |v - v*| <= ``tolerance`` at every state; a terminal
+    state's v is its normalised value exactly. Policy iteration finds the solution, Bellman sweeps
+    then certify it: |v - v*| <= discount / (1 - discount)
+    * (last change). The policy is greedy for v; actions within 1e-13 of the best tie, and the
+      lowest index is taken.
     Raises ValueError for bad ``values``, or a ``tolerance`` that floats cannot certify.
     """
     gain, ends = rewarded(mdp, mdp.normalise(values))
@@ -46,7 +51,8 @@ def value_iteration(mdp: OrdinalMDP, values: ArrayLike, tolerance: float = 1e-10
             return np.clip(v, 0.0, 1.0), _first_best(q)  # rounding may leave 1 + 1e-15
         if change <= _FLOOR:
             raise ValueError(
-                f"tolerance {tolerance:g} is finer than floats can certify at discount {mdp.discount:g}; "
+                f"tolerance {tolerance:g} is finer than floats can certify at discount "
+                f"{mdp.discount:g}; "
                 f"{2 * _FLOOR / (1 - mdp.discount):.1g} can be"
             )
 
@@ -56,17 +62,21 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
     """Vector value of a policy, eq. (3), as shares (S, k): row s is how the discounted time of a
     run from s divides among the levels, and sums to 1.
 
-    ``policy`` is (S,) action indices or (S, A) probabilities; its entries at terminal states are not
-    read, and a terminal state's row is the unit vector of its level. By proposition 1 the
+    ``policy`` is (S,) action indices or (S, A) probabilities; its entries at terminal states are
+    not read, and a terminal state's row is the unit vector of its level. By proposition 1 the
     scalar value is ``evaluate_policy(mdp, policy) @ e`` for every scale e, in the unit of e.
     Raises ValueError for a policy of wrong shape or one that takes an inadmissible action.
     """
     rule = _rule(mdp, policy)
     pairs = mdp.levels.size
-    levels = sparse.csr_array((np.ones(pairs), mdp.levels.ravel(), np.arange(pairs + 1)), shape=(pairs, mdp.k))
+    levels = sparse.csr_array(
+        (np.ones(pairs), mdp.levels.ravel(), np.arange(pairs + 1)), shape=(pairs, mdp.k)
+    )
     gain = (1 - mdp.discount) * (rule @ levels).toarray()
     ends = np.where(mdp.terminal[:, None], np.eye(mdp.k)[mdp.final_level], 0.0)
-    shares = np.maximum(valued(mdp, rule @ mdp.transitions, gain, ends), 0.0)  # rounding may leave -1e-20
+    shares = np.maximum(
+        valued(mdp, rule @ mdp.transitions, gain, ends), 0.0
+    )  # rounding may leave -1e-20
     live = ~mdp.terminal
     shares[live] /= shares[live].sum(axis=1, keepdims=True)
     return shares
@@ -74,31 +84,43 @@ def evaluate_policy(mdp: OrdinalMDP, policy: ArrayLike) -> Floats:
 
 @one_thread
 def policy_loss(
-    mdp: OrdinalMDP, policy: ArrayLike, values: ArrayLike, tolerance: float = 1e-10, optimum: Floats | None = None
+    mdp: OrdinalMDP,
+    policy: ArrayLike,
+    values: ArrayLike,
+    tolerance: float = 1e-10,
+    optimum: Floats | None = None,
 ) -> Floats:
     """Return the loss (S,) of following ``policy`` from each state, against an optimal policy.
 
-    It is a share of the value range e_k - e_1, from 0 to 1: (1 - discount)(v* - v^policy) on the scale ``values`` (k,).
+    It is a share of the value range e_k - e_1, from 0 to 1: (1 - discount)(v* - v^policy) on the
+    scale ``values`` (k,).
 
-    Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. ``optimum`` is v* (S,), where
-    ``value_iteration`` has found it before. Raises ValueError as ``value_iteration`` and ``evaluate_policy`` do.
+    Accurate to ``tolerance``; differences below 0, which are within it, are set to 0. ``optimum``
+    is v* (S,), where ``value_iteration`` has found it before. Raises ValueError as
+    ``value_iteration`` and ``evaluate_policy`` do.
     """
     e, rule = mdp.normalise(values), _rule(mdp, policy)
     v = value_iteration(mdp, values, tolerance)[0] if optimum is None else optimum
     gain, ends = (1 - mdp.discount) * (rule @ e[mdp.levels].ravel()), rewarded(mdp, e)[1]
     # of one scale: k times cheaper than the policy's vector value
-    loss: Floats = np.maximum(v - valued(mdp, rule @ mdp.transitions, gain[:, None], ends[:, None])[:, 0], 0.0)
+    loss: Floats = np.maximum(
+        v - valued(mdp, rule @ mdp.transitions, gain[:, None], ends[:, None])[:, 0], 0.0
+    )
     return loss
 
 
 def rewarded(mdp: OrdinalMDP, e: Floats) -> tuple[Floats, Floats]:
-    """Return the gain of each action (S, A) and the value of each terminal state (S,), in shares."""
+    """Return the gain of each action (S, A) and the value of each terminal state (S,), in
+    shares.
+    """
     gain: Floats = (1 - mdp.discount) * e[mdp.levels]
     return gain, np.where(mdp.terminal, e[mdp.final_level], 0.0)
 
 
 def backed_up(mdp: OrdinalMDP, gain: Floats, ends: Floats, v: Floats) -> Floats:
-    """Return the value of each action (S, A) if its successors have values v (S,); -inf if it is inadmissible."""
+    """Return the value of each action (S, A) if its successors have values v (S,); -inf if it is
+    inadmissible.
+    """
     q: Floats = gain + mdp.discount * (mdp.transitions @ v).reshape(mdp.levels.shape)
     q[mdp.terminal] = ends[mdp.terminal, None]
     q[~mdp.admissible] = -np.inf
@@ -114,9 +136,10 @@ def _first_best(q: Floats) -> Actions:
 def policy_iteration(
     mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Actions | None = None
 ) -> tuple[Floats, Actions]:
-    """The greatest discounted total v (S,) of what actions gain (S, A), a terminal state's being ``ends`` (S,), and a
-    policy (S,) for it, by Howard's algorithm; where the actions of ``start`` (S,) are as good, they are kept. It need
-    not be exact, only good: whoever needs certainty certifies the result."""
+    """The greatest discounted total v (S,) of what actions gain (S, A), a terminal state's being
+    ``ends`` (S,), and a policy (S,) for it, by Howard's algorithm; where the actions of ``start``
+    (S,) are as good, they are kept. It need not be exact, only good: whoever needs certainty
+    certifies the result."""
     rows = np.arange(mdp.n_states)
     v = ends = np.where(mdp.terminal, ends, 0.0)
     policy = _first_best(backed_up(mdp, gain, ends, v)) if start is None else start
@@ -132,7 +155,8 @@ def policy_iteration(
 
 
 def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
-    """Return an optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1; of equally good actions the first.
+    """Return an optimal policy (S,) if the scale is ``values`` (k,), from 0 to 1; of equally good
+    actions the first.
 
     The search begins at ``start`` (S,), which changes how long it takes, but not what it finds.
     """
@@ -142,11 +166,13 @@ def optimal_policy(mdp: OrdinalMDP, values: Floats, start: Actions) -> Actions:
 
 
 def valued(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats) -> Floats:
-    """Discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S); a terminal state's are its ``ends`` (S, c),
-    which are 0 at the other states."""
+    """Discounted totals (S, c) of ``gain`` (S, c) in the chain (S, S); a terminal state's are its
+    ``ends`` (S, c), which are 0 at the other states."""
     total, live = ends.copy(), ~mdp.terminal
     chain = chain[live]
-    total[live] = discounted_totals(chain[:, live], gain[live] + mdp.discount * (chain @ ends), mdp.discount)
+    total[live] = discounted_totals(
+        chain[:, live], gain[live] + mdp.discount * (chain @ ends), mdp.discount
+    )
     return total
 
 
@@ -156,7 +182,9 @@ def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
     given, live = np.asarray(policy), ~mdp.terminal
     weights = np.zeros((n, m))
     if given.shape == (n,) and given.dtype.kind in "iu":
-        reject("policy", given, live & ((given < 0) | (given >= m)), f"must be an action in 0..{m - 1}")
+        reject(
+            "policy", given, live & ((given < 0) | (given >= m)), f"must be an action in 0..{m - 1}"
+        )
         weights[live, given[live]] = 1.0
     elif given.shape == (n, m) and given.dtype.kind in "iuf":
         weights[live] = given[live]
@@ -165,7 +193,8 @@ def _rule(mdp: OrdinalMDP, policy: ArrayLike) -> sparse.csr_array:
         weights[live] /= weights[live].sum(axis=1, keepdims=True)
     else:
         raise ValueError(
-            f"policy must be ({n},) integers, one action a state, or ({n}, {m}) probabilities of the actions, "
+            f"policy must be ({n},) integers, one action a state, or ({n}, {m}) probabilities of "
+            "the actions, "
             f"not {given.shape} of type {given.dtype}"
         )
     stray: Flags = np.any((weights > 0) & ~mdp.admissible, axis=1)

@@ -1,4 +1,6 @@
-"""Tables of other shapes as the one that ``OrdinalMDP.from_sparse`` stores: CSR (S*A, S), row s*A + a for (s, a)."""
+"""Tables of other shapes as the one that ``OrdinalMDP.from_sparse`` stores: CSR (S*A, S), row s*A +
+a for (s, a).
+"""
 
 from __future__ import annotations
 
@@ -44,13 +46,19 @@ def from_sparse(transitions: Matrix | Sequence[Matrix]) -> sparse.csr_array:
 
 
 def from_pairs(
-    levels: ArrayLike, transitions: Matrix | ArrayLike, s_indices: ArrayLike, a_indices: ArrayLike, k: int
+    levels: ArrayLike,
+    transitions: Matrix | ArrayLike,
+    s_indices: ArrayLike,
+    a_indices: ArrayLike,
+    k: int,
 ) -> tuple[sparse.csr_array, Indices, Flags]:
     """From L state-action pairs; also the levels (S, A), of k, and which pairs there are (S, A)."""
     if not sparse.issparse(transitions):
         transitions = checks.numbers("transitions", transitions)
         if transitions.ndim != 2:
-            raise ValueError(f"transitions must have shape (L, S), one row a pair, not {transitions.shape}")
+            raise ValueError(
+                f"transitions must have shape (L, S), one row a pair, not {transitions.shape}"
+            )
         transitions = sparse.csr_array(transitions)
     matrix = _csr("transitions", transitions)
     count, n = matrix.shape
@@ -64,7 +72,10 @@ def from_pairs(
     first = np.unique(place, return_index=True)[1]
     if len(first) < count:
         row = int(np.setdiff1d(np.arange(count), first)[0])
-        raise ValueError(f"pair {row} is (state {state[row]}, action {action[row]}), which came before: list it once")
+        raise ValueError(
+            f"pair {row} is (state {state[row]}, action {action[row]}), which came before: list it "
+            "once"
+        )
     admissible, table_of_levels = np.zeros(n * m, dtype=np.bool_), np.zeros(n * m, dtype=np.int32)
     admissible[place], table_of_levels[place] = True, level
     rows = np.repeat(place, np.diff(matrix.indptr))
@@ -73,13 +84,18 @@ def from_pairs(
 
 
 def padded(matrix: sparse.csr_array, read: Flags) -> tuple[Indices, Floats]:
-    """Successors and probabilities (S, A, b) of the entries that are not zero in the rows to be ``read`` (S, A)."""
+    """Successors and probabilities (S, A, b) of the entries that are not zero in the rows to be
+    ``read`` (S, A).
+    """
     p = np.where(np.repeat(read.ravel(), np.diff(matrix.indptr)), matrix.data, 0.0)
     matrix = sparse.csr_array((p, matrix.indices, matrix.indptr), shape=matrix.shape, copy=True)
     matrix.eliminate_zeros()
     counts = np.diff(matrix.indptr)
     b = max(1, int(counts.max()))
-    successors, probabilities = np.zeros((*read.shape, b), dtype=np.int32), np.zeros((*read.shape, b))
+    successors, probabilities = (
+        np.zeros((*read.shape, b), dtype=np.int32),
+        np.zeros((*read.shape, b)),
+    )
     filled = (np.arange(b) < counts[:, None]).reshape(successors.shape)
     successors[filled], probabilities[filled] = matrix.indices, matrix.data
     successors.flags.writeable = probabilities.flags.writeable = False  # handed over, not copied

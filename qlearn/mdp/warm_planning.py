@@ -1,11 +1,13 @@
 """Solving large MDPs nearly, from a solution nearby: by sweeps, which stop on the span of a change.
 
-A sweep moves all states' values up or down together far longer than it moves them apart, and what is common to all of
-them is known at once: with changes between ``low`` and ``high`` the values still have between discount / (1 - discount)
-times these to go (MacQueen 1966). So sweeps stop where high - low is small, and half of low + high is added. Where
-states mix slowly, as on grids, thousands of sweeps would be needed: there linear systems are solved instead.
+A sweep moves all states' values up or down together far longer than it moves them apart, and what
+is common to all of them is known at once: with changes between ``low`` and ``high`` the values
+still have between discount / (1 - discount) times these to go (MacQueen 1966). So sweeps stop where
+high - low is small, and half of low + high is added. Where states mix slowly, as on grids,
+thousands of sweeps would be needed: there linear systems are solved instead.
 
-Nothing here is exact, and nothing relies on it: who needs certainty measures what is left (``loss_bound``).
+Nothing here is exact, and nothing relies on it: who needs certainty measures what is left
+(``loss_bound``).
 """
 
 from __future__ import annotations
@@ -28,9 +30,10 @@ _ROUNDING = 1e-14  # a width that sweeps need not get below
 def nearly_optimal(
     mdp: OrdinalMDP, gain: Floats, ends: Floats, start: Floats, within: float
 ) -> tuple[Floats, Actions, float]:
-    """The greatest discounted total (S,) of gain (S, A), a terminal state's being ``ends`` (S,), to about ``within``; a
-    policy (S,) that is greedy for it, nearly; and how much more than that total there can be at any state.
-    By modified policy iteration (Puterman and Shin 1978) from ``start`` (S,)."""
+    """The greatest discounted total (S,) of gain (S, A), a terminal state's being ``ends`` (S,), to
+    about ``within``; a policy (S,) that is greedy for it, nearly; and how much more than that total
+    there can be at any state. By modified policy iteration (Puterman and Shin 1978) from ``start``
+    (S,)."""
     rows, ratio = np.arange(mdp.n_states), mdp.discount / (1 - mdp.discount)
     ends = np.where(mdp.terminal, ends, 0.0)
     v = np.where(mdp.terminal, ends, start)
@@ -44,25 +47,30 @@ def nearly_optimal(
         if ratio * (high - low) <= within or (same.all() and high - low <= _ROUNDING) or not left:
             break  # at a value that low and high are about, also where rounds have run out
         own, final = gain[rows, policy][:, None], ends[:, None]
-        v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], float(high - low) / 10)[:, 0]
+        v = _followed(mdp, _chain(mdp, policy), own, final, v[:, None], float(high - low) / 10)[
+            :, 0
+        ]
     middle = _to_go(mdp, low, high)
     return np.where(mdp.terminal, v, v + middle), policy, float(ratio * high - middle)
 
 
 @one_thread
 def nearly_valued(mdp: OrdinalMDP, policy: Actions, start: Floats | None, within: float) -> Floats:
-    """Vector value of a deterministic policy (S,), as ``evaluate_policy``, but nearly: shares (S, k) whose tail sums,
-    backed up along the policy, would change by amounts that differ from state to state, or from 0 where states are
-    terminal, by little more than ``within``. From the shares ``start`` (S, k), if there are any."""
+    """Vector value of a deterministic policy (S,), as ``evaluate_policy``, but nearly: shares (S,
+    k) whose tail sums, backed up along the policy, would change by amounts that differ from state
+    to state, or from 0 where states are terminal, by little more than ``within``. From the shares
+    ``start`` (S, k), if there are any."""
     levels, chain = np.arange(mdp.k - 1), _chain(mdp, policy)
     ends = ((mdp.final_level[:, None] > levels) & mdp.terminal[:, None]).astype(np.float64)
-    gain: Floats = np.where(mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels, 1.0 - mdp.discount, 0.0)
+    gain: Floats = np.where(
+        mdp.levels[np.arange(mdp.n_states), policy][:, None] > levels, 1.0 - mdp.discount, 0.0
+    )
     tails = np.full(gain.shape, 0.5) if start is None else np.ascontiguousarray(tail_sums(start))
     tails[mdp.terminal] = ends[mdp.terminal]
     shares = _shares_of(_followed(mdp, chain, gain, ends, tails, within))
     if shares.min() < -within:
-        # all columns were moved too far together, as can be where some states have what they will ever have: to cut off
-        # what is negative would tear states apart
+        # all columns were moved too far together, as can be where some states have what they will
+        # ever have: to cut off what is negative would tear states apart
         shares = _shares_of(valued(mdp, chain, gain, ends))
     np.maximum(shares, 0.0, out=shares)
     shares /= shares.sum(axis=1, keepdims=True)
@@ -74,9 +82,12 @@ def _chain(mdp: OrdinalMDP, policy: Actions) -> sparse.csr_array:
     return mdp.transitions[np.arange(mdp.n_states) * mdp.n_actions + policy]
 
 
-def _followed(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats, within: float) -> Floats:
-    """Discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c), terminal states' being ``ends``
-    (S, c), until no column's changes differ by more than ``within`` from state to state. v is overwritten."""
+def _followed(
+    mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floats, v: Floats, within: float
+) -> Floats:
+    """Discounted totals (S, c) of ``gain`` (S, c) in a chain, from v (S, c), terminal states' being
+    ``ends`` (S, c), until no column's changes differ by more than ``within`` from state to state. v
+    is overwritten."""
     widths: list[float] = []
     while True:
         new = chain @ v
@@ -96,7 +107,9 @@ def _followed(mdp: OrdinalMDP, chain: sparse.csr_array, gain: Floats, ends: Floa
 
 
 def _range(change: Floats) -> tuple[Floats, Floats]:
-    """The least and the greatest change of each column, 0 among them where states are terminal, which do not change."""
+    """The least and the greatest change of each column, 0 among them where states are terminal,
+    which do not change.
+    """
     return change.min(axis=0), change.max(axis=0)
 
 

@@ -1,4 +1,6 @@
-"""What the rows of ``figures`` say of the paper's claims, for each comparator and tutor, with intervals over runs."""
+"""What the rows of ``figures`` say of the paper's claims, for each comparator and tutor, with
+intervals over runs.
+"""
 
 from __future__ import annotations
 
@@ -24,34 +26,45 @@ MEASURES = (
     "realised_error_rate",
 )
 HOLDS, FAILS, OPEN = "holds", "does not hold", "not told"
-_ASKED = {"of all comparisons": "asked_percent_all", "of those dominance leaves open": "asked_percent_open"}
+_ASKED = {
+    "of all comparisons": "asked_percent_all",
+    "of those dominance leaves open": "asked_percent_open",
+}
 READINGS = {
     2: _ASKED,
     3: _ASKED,
     4: {"the formula": "paper_loss_percent", "true policy loss": "excess_loss_percent"},
 }
-"""Of each figure, the measures that its claim is answered by. The paper counts "all queries (tutor or model)": whether
-those that dominance settles are among them depends on where its section 2.2 eliminates dominated vectors, which its
-Algorithm 2 does not say."""
+"""Of each figure, the measures that its claim is answered by. The paper counts "all queries (tutor
+or model)": whether those that dominance settles are among them depends on where its section 2.2
+eliminates dominated vectors, which its Algorithm 2 does not say."""
 _ARM = ["comparator", "errs"]
-_STEP = {"levels": 5, "states": 100}  # slopes are told for this much more, the step of the paper's series
+_STEP = {
+    "levels": 5,
+    "states": 100,
+}  # slopes are told for this much more, the step of the paper's series
 _BOUND = 1.0  # percent: "the average percentage of loss is lower than 1%"
 
 
 def series_of(frame: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The rows of the series over ``name``, "levels" or "states": those with the commonest number of the other one."""
+    """The rows of the series over ``name``, "levels" or "states": those with the commonest number
+    of the other one.
+    """
     other = "states" if name == "levels" else "levels"
     points = frame[["states", "levels"]].drop_duplicates()
     fixed = points.groupby(other, sort=True)[name].nunique().idxmax()
     rows = frame[frame[other] == fixed]
     rows = rows.assign(excess_loss_percent=100 * rows.excess_loss, loss_percent=100 * rows.loss)
-    places = {"place": rows.comparator.map(ORDER["comparator"].index), "tutor": rows.errs.map(TUTORS.index)}
+    places = {
+        "place": rows.comparator.map(ORDER["comparator"].index),
+        "tutor": rows.errs.map(TUTORS.index),
+    }
     return rows.assign(**places).sort_values([*places, name, "seed"]).drop(columns=[*places])
 
 
 def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
-    """One row a point of a series and comparator: the mean over runs of each of ``MEASURES`` and, as ``<name>_half``,
-    half the width of its 95% t-interval (nan from one run)."""
+    """One row a point of a series and comparator: the mean over runs of each of ``MEASURES`` and,
+    as ``<name>_half``, half the width of its 95% t-interval (nan from one run)."""
     parts = []
     for name in ("levels", "states"):
         rows = series_of(frame, name)
@@ -63,21 +76,26 @@ def summarise_series(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def claims(frame: pd.DataFrame) -> pd.DataFrame:
-    """The paper's claims, one row each for every comparator and way of measuring, with a 95% t-interval over seeds.
+    """The paper's claims, one row each for every comparator and way of measuring, with a 95%
+    t-interval over seeds.
 
-    Figures 2 and 3, that the percentage asked rises: ``estimate`` is the mean over seeds of its least squares slope, in
-    percentage points for 5 levels, or 100 states, more; ``agreeing`` counts the seeds whose own slope has its sign.
-    ``answer``: "holds" where the interval lies above 0, "does not hold" where below, else "not told". Figure 4, that
-    the loss is below 1%: the mean loss over all sizes of a seed, in percent; ``worst`` is the greatest distance from
-    zero of an end of the interval at one size. ``answer``: "holds" if ``worst`` is below 1; "does not hold" if the
-    interval of some size lies beyond 1% on one side; else "not told". The oracle, with nothing to compare, is left out.
-    What is not defined (one seed, one point) is nan.
+    Figures 2 and 3, that the percentage asked rises: ``estimate`` is the mean over seeds of its
+    least squares slope, in percentage points for 5 levels, or 100 states, more; ``agreeing`` counts
+    the seeds whose own slope has its sign. ``answer``: "holds" where the interval lies above 0,
+    "does not hold" where below, else "not told". Figure 4, that the loss is below 1%: the mean loss
+    over all sizes of a seed, in percent; ``worst`` is the greatest distance from zero of an end of
+    the interval at one size. ``answer``: "holds" if ``worst`` is below 1; "does not hold" if the
+    interval of some size lies beyond 1% on one side; else "not told". The oracle, with nothing to
+    compare, is left out. What is not defined (one seed, one point) is nan.
     """
     found: list[dict[str, Any]] = []
     for figure, name in ((2, "levels"), (3, "states")):
         for arm, rows in series_of(frame, name).groupby(_ARM, sort=False):
             if arm[0] != "always":
-                found += [_trend(figure, name, arm, rows, f"asked_percent_{each}") for each in DENOMINATORS]
+                found += [
+                    _trend(figure, name, arm, rows, f"asked_percent_{each}")
+                    for each in DENOMINATORS
+                ]
     for arm, rows in series_of(frame, "states").groupby(_ARM, sort=False):
         if arm[0] != "always":
             found += [_below(arm, rows, measure) for measure in LOSSES]
@@ -88,7 +106,8 @@ def answers(told: pd.DataFrame, figure: int, measure: str) -> dict[str, dict[str
     """Of ``claims``, those of a figure by one measure: the rows by comparator, then by tutor."""
     rows = told[(told.figure == figure) & (told.measure == measure)]
     return {
-        str(name): {str(row.errs): row for row in some.itertuples()} for name, some in rows.groupby(_ARM[0], sort=False)
+        str(name): {str(row.errs): row for row in some.itertuples()}
+        for name, some in rows.groupby(_ARM[0], sort=False)
     }
 
 
@@ -98,17 +117,22 @@ def tutors_of(told: pd.DataFrame) -> list[str]:
 
 
 def sizes_of(frame: pd.DataFrame, figure: int, names: Mapping[str, str] | None = None) -> str:
-    """The sizes of a figure and its runs a point, and which comparators with which tutors have fewer sizes, in words;
-    ``names`` of comparators, where they are called otherwise."""
+    """The sizes of a figure and its runs a point, and which comparators with which tutors have
+    fewer sizes, in words; ``names`` of comparators, where they are called otherwise."""
     axis = "levels" if figure == 2 else "states"
     rows = series_of(frame, axis)
     ends = ((rows[name].min(), rows[name].max(), name) for name in ("states", "levels"))
-    sizes = [f"{least} to {most} {name}" if least < most else f"{least} {name}" for least, most, name in ends]
+    sizes = [
+        f"{least} to {most} {name}" if least < most else f"{least} {name}"
+        for least, most, name in ends
+    ]
     fewer: dict[str, dict[str, list[str]]] = {}
     for (name, tutor), some in rows.groupby(_ARM, sort=False):
         if some[axis].nunique() < rows[axis].nunique():
             places = ", ".join(map(str, sorted(some[axis].unique())))
-            fewer.setdefault(places, {}).setdefault((names or {}).get(str(name), str(name)), []).append(str(tutor))
+            fewer.setdefault(places, {}).setdefault(
+                (names or {}).get(str(name), str(name)), []
+            ).append(str(tutor))
     thin = [f"at {places} {axis} only: {listed(arms)}" for places, arms in fewer.items()]
     return "; ".join([f"{', '.join(sizes)}, {rows.seed.nunique()} runs a point", *thin])
 
@@ -119,16 +143,26 @@ def listed(arms: Mapping[str, Sequence[str]]) -> str:
 
 
 def error_rates(frame: pd.DataFrame) -> pd.DataFrame:
-    """How often tutors erred, in percent, one row a comparator and tutor who errs: ``reference``, of the comparisons of
-    an optimal policy that dominance leaves open, as expected of him, and ``realised``, of the answers that he gave;
-    means over runs and sizes, each with ``low`` and ``high``, the least and the greatest mean at one size."""
+    """How often tutors erred, in percent, one row a comparator and tutor who errs: ``reference``,
+    of the comparisons of an optimal policy that dominance leaves open, as expected of him, and
+    ``realised``, of the answers that he gave; means over runs and sizes, each with ``low`` and
+    ``high``, the least and the greatest mean at one size."""
     rows = frame[frame.error_rate > 0]
     parts = [("reference", "error_rate"), ("realised", "realised_error_rate")]
-    of_sizes = rows.groupby([*_ARM, "states", "levels"], sort=False)[[column for _, column in parts]].mean() * 100
+    of_sizes = (
+        rows.groupby([*_ARM, "states", "levels"], sort=False)[
+            [column for _, column in parts]
+        ].mean()
+        * 100
+    )
     table = pd.DataFrame(index=of_sizes.groupby(_ARM, sort=False).size().index)
     for name, column in parts:
         found = of_sizes[column].groupby(_ARM, sort=False)
-        table[name], table[f"{name}_low"], table[f"{name}_high"] = found.mean(), found.min(), found.max()
+        table[name], table[f"{name}_low"], table[f"{name}_high"] = (
+            found.mean(),
+            found.min(),
+            found.max(),
+        )
     return table.reset_index()
 
 
@@ -144,7 +178,7 @@ where vectors are discounted counts and values those of 0..99 (c=1), or with a p
 given share of the comparisons of an optimal policy that dominance leaves open (the reference). What is asked is
 what is close, so that far more of the *answers given* are wrong:
 
-"""
+"""  # noqa: E501
 _SAID = """
 ## Each claim at each precision
 
@@ -157,7 +191,7 @@ _SAID = """
   not hold" where that of some size lies wholly beyond, else "not told". The true policy loss, beyond that of
   Q-learning which always asks, is held to the same 1%, of the value range.
 
-"""
+"""  # noqa: E501
 _ALL = """
 ## With intervals, by every denominator and every loss
 
@@ -166,17 +200,24 @@ figure 4: percent, mean over the sizes. In brackets: how many runs' own slopes h
 figure 4 the farthest end of the interval at one size. "Paper loss" is its formula, "paper abs" the same with
 |v(s) - V(s)|, "excess loss" the true policy loss beyond the oracle's.
 
-"""
+"""  # noqa: E501
 _ANSWERED = ("comparator", "tutor", "wrong in the reference", "wrong in the answers given, by size")
 _HEAD = ("figure", "comparator", "tutor", "measured", "estimate", "95% interval", "answer")
 
 
 def claims_page(frame: pd.DataFrame) -> str:
-    """The claims of these runs as a page of Markdown of at most 120 columns, to be read as text too."""
+    """The claims of these runs as a page of Markdown of at most 120 columns, to be read as text
+    too.
+    """
     told = claims(frame)
     tutors = tutors_of(told)
     verdicts = [
-        (str(figure), measured, name, *(str(rows[tutor].answer) if tutor in rows else "" for tutor in tutors))
+        (
+            str(figure),
+            measured,
+            name,
+            *(str(rows[tutor].answer) if tutor in rows else "" for tutor in tutors),
+        )
         for figure, readings in READINGS.items()
         for measured, measure in readings.items()
         for name, rows in answers(told, figure, measure).items()
@@ -193,10 +234,15 @@ def claims_page(frame: pd.DataFrame) -> str:
         for row in error_rates(frame).itertuples()
     ]
     sizes = "\n".join(
-        fill(f"- Figure{n}: {sizes_of(frame, int(n[-1]))}.", 118, subsequent_indent="  ") for n in (" 2", "s 3 and 4")
+        fill(f"- Figure{n}: {sizes_of(frame, int(n[-1]))}.", 118, subsequent_indent="  ")
+        for n in (" 2", "s 3 and 4")
     )
     page = _PAGE.format(runs=frame.seed.nunique(), steps=frame.rounds.max(), sizes=sizes)
-    page += _table(_ANSWERED, answered) + _SAID + _table(("figure", "measured", "comparator", *tutors), verdicts)
+    page += (
+        _table(_ANSWERED, answered)
+        + _SAID
+        + _table(("figure", "measured", "comparator", *tutors), verdicts)
+    )
     return page + _ALL + _table(_HEAD, [_cells(row) for row in told.itertuples()])
 
 
@@ -204,13 +250,22 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     table = [head, *rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     table.insert(1, ["-" * width for width in widths])
-    lines = (" | ".join(f"{cell:<{n}}" for cell, n in zip(cells, widths, strict=True)) for cells in table)
+    lines = (
+        " | ".join(f"{cell:<{n}}" for cell, n in zip(cells, widths, strict=True)) for cells in table
+    )
     return "".join(f"| {line} |\n" for line in lines)
 
 
 def _cells(row: Any) -> tuple[str, ...]:
-    """A claim as a line of the page's last table; what is not defined (of one run, say) is empty."""
-    measure = str(row.measure).replace("asked_percent_", "% asked of ").removesuffix("_percent").replace("_", " ")
+    """A claim as a line of the page's last table; what is not defined (of one run, say) is
+    empty.
+    """
+    measure = (
+        str(row.measure)
+        .replace("asked_percent_", "% asked of ")
+        .removesuffix("_percent")
+        .replace("_", " ")
+    )
     note = f"worst {row.worst:.2f}" if row.figure == 4 else f"{row.agreeing} of {row.runs}"
     interval = "" if _undefined(row.low) else f"{row.low:+.3f} to {row.high:+.3f}"
     mean = "" if _undefined(row.estimate) else f"{row.estimate:+.3f}"
@@ -254,7 +309,13 @@ def _below(arm: Any, rows: pd.DataFrame, measure: str) -> dict[str, Any]:
 
 def _claim(figure: int, arm: Any, measure: str, statistic: str, by_seed: Floats) -> dict[str, Any]:
     """What is claimed of which runs, and the mean over seeds with its interval."""
-    head = {"figure": figure, "comparator": arm[0], "errs": arm[1], "measure": measure, "statistic": statistic}
+    head = {
+        "figure": figure,
+        "comparator": arm[0],
+        "errs": arm[1],
+        "measure": measure,
+        "statistic": statistic,
+    }
     interval = zip(("estimate", "low", "high"), _interval(by_seed), strict=True)
     return head | dict(interval) | {"runs": len(by_seed)}
 

@@ -1,9 +1,11 @@
-"""The paper's figures 2, 3 and 4: its two series of random MDPs, over seeds that all comparators share.
+"""The paper's figures 2, 3 and 4: its two series of random MDPs, over seeds that all comparators
+share.
 
-The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to tutors of several
-precisions, who err as in eq. (6), for the paper does not say how precise its tutor was; the polytope to one who never
-errs, for it takes every answer as a fact. Beside them runs the oracle, which always asks a truthful tutor. All of one
-seed meet the same transitions (uniform exploration), so that they differ by verdicts alone.
+The paper's comparator (the box, with its footnote 3 and without) and the posterior are put to
+tutors of several precisions, who err as in eq. (6), for the paper does not say how precise its
+tutor was; the polytope to one who never errs, for it takes every answer as a fact. Beside them runs
+the oracle, which always asks a truthful tutor. All of one seed meet the same transitions (uniform
+exploration), so that they differ by verdicts alone.
 """
 
 from __future__ import annotations
@@ -23,7 +25,13 @@ from qlearn.experiments.run import Run, in_order, instance, of_precision, run_al
 from qlearn.experiments.settings import TRUTHFUL, FiguresSettings
 
 KEYS = ("states", "levels", "comparator", "errs", "seed")
-_NOT_SHOWN = ["problem", "learner", "audit", "c", "excess_loss_initial"]  # of a run: the same in all, or of no use here
+_NOT_SHOWN = [
+    "problem",
+    "learner",
+    "audit",
+    "c",
+    "excess_loss_initial",
+]  # of a run: the same in all, or of no use here
 
 
 def figures(
@@ -35,22 +43,26 @@ def figures(
     progress: Callable[[int, int], None] | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Run both series and return one row a run, in the order of ``KEYS``, with the seconds it took in the last column.
+    """Run both series and return one row a run, in the order of ``KEYS``, with the seconds it took
+    in the last column.
 
-    ``changes`` are fields of ``FiguresSettings`` by name, in place of those of ``settings`` (default: the defaults).
+    ``changes`` are fields of ``FiguresSettings`` by name, in place of those of ``settings``
+    (default: the defaults).
 
-    A problem in both series is run once. The comparisons by which a tutor's precision is set are those of
-    ``metrics.reference_differences``: ``errs`` names the tutor (see ``settings.tutors``), and ``error_rate`` is the
-    share of them that he is expected to answer wrongly, also where his precision was given. ``realised_error_rate`` is
-    the share of the answers that he gave. The oracle always runs. For the time, precisions between the first and the
-    last are run at every other size only, whose slopes are nearly as sure (8 of 10 parts of the spread of five sizes).
+    A problem in both series is run once. The comparisons by which a tutor's precision is set are
+    those of ``metrics.reference_differences``: ``errs`` names the tutor (see ``settings.tutors``),
+    and ``error_rate`` is the share of them that he is expected to answer wrongly, also where his
+    precision was given. ``realised_error_rate`` is the share of the answers that he gave. The
+    oracle always runs. For the time, precisions between the first and the last are run at every
+    other size only, whose slopes are nearly as sure (8 of 10 parts of the spread of five sizes).
 
-    Beside the columns of a run (see ``run_all``): ``warnings`` (how often a comparator warned that it is not to be
-    relied on: particles that are worth too few draws, a fit that found no maximum) and ``asked_percent_fresh``
-    (questions in percent of the pairs left open that had not been asked before).
+    Beside the columns of a run (see ``run_all``): ``warnings`` (how often a comparator warned that
+    it is not to be relied on: particles that are worth too few draws, a fit that found no maximum)
+    and ``asked_percent_fresh`` (questions in percent of the pairs left open that had not been asked
+    before).
 
-    Rows depend neither on ``jobs`` nor on what came from the ``journal``; these, ``fresh``, ``progress`` and
-    what is raised are as with ``ablation.ablate``.
+    Rows depend neither on ``jobs`` nor on what came from the ``journal``; these, ``fresh``,
+    ``progress`` and what is raised are as with ``ablation.ablate``.
     """
     settings = replace(settings or FiguresSettings(), **changes)
     size = settings.named("actions", "discount")
@@ -59,10 +71,14 @@ def figures(
 
 
 def plan_of(settings: FiguresSettings) -> list[Cell]:
-    """One dict a run, in the order of the table: what ``run`` calls a cell, with the numbers of states and levels."""
+    """One dict a run, in the order of the table: what ``run`` calls a cell, with the numbers of
+    states and levels.
+    """
     same = {"problem": "random", "learner": "q-learning", "audit": 0.0}
     seeds = range(settings.seed, settings.seed + settings.seeds)
-    names, erring = (tuple(dict.fromkeys(named)) for named in (settings.comparators, settings.tutors))
+    names, erring = (
+        tuple(dict.fromkeys(named)) for named in (settings.comparators, settings.tutors)
+    )
     levels, states = (tuple(dict.fromkeys(sizes)) for sizes in (settings.levels, settings.states))
     plan = []
     for name in ("always", *names):
@@ -87,8 +103,8 @@ def _law(tutor: str) -> dict[str, float | None]:
 
 
 def run_one(cell: Cell, **shared: Any) -> Run:
-    """``run_named``, with the number of its warnings in the row, and of a tutor whose precision is given the error rate
-    that it comes to over the reference."""
+    """``run_named``, with the number of its warnings in the row, and of a tutor whose precision is
+    given the error rate that it comes to over the reference."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         done = run_named(cell, **shared)
@@ -96,7 +112,9 @@ def run_one(cell: Cell, **shared: Any) -> Run:
     if cell.get("c"):
         size = shared["size"]
         mdp, values = instance(
-            cell["problem"], cell["seed"], (cell["states"], size["actions"], cell["levels"], size["discount"])
+            cell["problem"],
+            cell["seed"],
+            (cell["states"], size["actions"], cell["levels"], size["discount"]),
         )
         tutor = of_precision(cell["c"], mdp, values, cell["seed"])
         more["error_rate"] = tutor.expected_error_rate(reference_differences(mdp, values))

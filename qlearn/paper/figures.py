@@ -1,4 +1,6 @@
-"""The paper's figures 2, 3 and 4, drawn from the table of ``qlearn.paper.claims.summarise_series``."""
+"""The paper's figures 2, 3 and 4, drawn from the table of
+``qlearn.paper.claims.summarise_series``.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,10 @@ _ASKED = {
     "asked_percent_fresh": "of the open ones not asked before",
 }
 _LOSSES = {
-    "paper_loss_percent": ("figure 4's formula, signed as printed", "estimated v less the oracle's\n(% of max r)"),
+    "paper_loss_percent": (
+        "figure 4's formula, signed as printed",
+        "estimated v less the oracle's\n(% of max r)",
+    ),
     "paper_abs_percent": ("the same, |v(s) - V(s)|", "distance from the oracle's v\n(% of max r)"),
     "excess_loss_percent": ("true policy loss", "loss beyond the oracle's\n(% of the value range)"),
 }
@@ -39,14 +44,22 @@ def plot_asked(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_ASKED),
 ) -> Figure:
-    """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators, on a log scale, with
-    95% t-intervals over the runs; an arrow at the axis' lower end where one reaches further down. The unequal pairs,
-    the fourth denominator, are all but a few of all comparisons. ``tutors``: which, at most two for all to be seen; by
-    default the one who never errs, and the last, who errs most. ``measures``: columns of the summary, a panel each."""
-    rows, figure, panels = _panels(summary, series, [_ASKED[one] for one in measures], tutors, sharey=True)
+    """Figure 2 (``series`` "levels") or 3 ("states"): questions in percent of three denominators,
+    on a log scale, with 95% t-intervals over the runs; an arrow at the axis' lower end where one
+    reaches further down. The unequal pairs, the fourth denominator, are all but a few of all
+    comparisons. ``tutors``: which, at most two for all to be seen; by default the one who never
+    errs, and the last, who errs most. ``measures``: columns of the summary, a panel each."""
+    rows, figure, panels = _panels(
+        summary, series, [_ASKED[one] for one in measures], tutors, sharey=True
+    )
     means = rows[list(measures)].to_numpy(dtype=float)
-    least = float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0  # a log axis has no 0: it ends here
-    cut = [_lines(axes, rows, measure, least, arrows=True) for axes, measure in zip(panels, measures, strict=True)]
+    least = (
+        float(means[means > 0].min()) / 2 if (means > 0).any() else 1.0
+    )  # a log axis has no 0: it ends here
+    cut = [
+        _lines(axes, rows, measure, least, arrows=True)
+        for axes, measure in zip(panels, measures, strict=True)
+    ]
     for axes in panels:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -66,22 +79,28 @@ def plot_loss(
     tutors: Sequence[str] | None = None,
     measures: Sequence[str] = tuple(_LOSSES),
 ) -> Figure:
-    """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the paper's bound.
-    ``tutors`` and ``measures`` as for ``plot_asked``."""
-    rows, figure, panels = _panels(summary, series, [_LOSSES[one][0] for one in measures], tutors, sharey=False)
+    """Figure 4: the paper's percentage of loss, beside what it does not show. Lines at 1%, the
+    paper's bound. ``tutors`` and ``measures`` as for ``plot_asked``."""
+    rows, figure, panels = _panels(
+        summary, series, [_LOSSES[one][0] for one in measures], tutors, sharey=False
+    )
     for axes, measure in zip(panels, measures, strict=True):
         axes.axhline(0, color="0.5", linewidth=0.8, zorder=0)
         for bound in (1,) if measure == "paper_abs_percent" else (-1, 1):
             axes.axhline(bound, color="0.35", linewidth=0.9, linestyle=(0, (1, 2)), zorder=0)
         axes.annotate(
-            "1%", (0.995, 1), xycoords=("axes fraction", "data"), xytext=(0, -2), textcoords="offset points",
+            "1%", (0.995, 1), xycoords=("axes fraction", "data"), xytext=(0, -2),
+            textcoords="offset points",
             fontsize=8, color="0.35", horizontalalignment="right", verticalalignment="top",
         )  # fmt: skip
         _lines(axes, rows, measure, 0.0 if measure == "paper_abs_percent" else -math.inf)
         axes.set_yscale("symlog", linthresh=1, linscale=0.8)
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.set_ylabel(_LOSSES[measure][1])
-    title = f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond ±1%)"
+    title = (
+        f"Figure 4: loss against always asking a truthful tutor, by {_X[series]} (log scale beyond "
+        "±1%)"
+    )
     _title(figure, title, rows)
     return figure
 
@@ -94,13 +113,21 @@ def save(figure: Figure, folder: Path, name: str) -> None:
 
 
 def _panels(
-    summary: pd.DataFrame, series: str, titles: Sequence[str], tutors: Sequence[str] | None, sharey: bool
+    summary: pd.DataFrame,
+    series: str,
+    titles: Sequence[str],
+    tutors: Sequence[str] | None,
+    sharey: bool,
 ) -> tuple[pd.DataFrame, Figure, Sequence[Axes]]:
-    """The rows of a series with these tutors, without the oracle's, and an empty panel for each title."""
+    """The rows of a series with these tutors, without the oracle's, and an empty panel for each
+    title.
+    """
     rows = summary[(summary.series == series) & (summary.comparator != "always")]
     shown = tutors or (TRUTHFUL, max(rows.errs, key=TUTORS.index))
     rows = rows[rows.errs.isin(shown)]
-    figure = Figure(figsize=(4.1 * max(2, len(titles)), 4.3 if len(titles) > 1 else 5.2), layout="constrained")
+    figure = Figure(
+        figsize=(4.1 * max(2, len(titles)), 4.3 if len(titles) > 1 else 5.2), layout="constrained"
+    )
     panels = figure.subplots(1, len(titles), sharex=True, sharey=sharey, squeeze=False)[0]
     for axes, title in zip(panels, titles, strict=True):
         axes.set_title(title, fontsize=10)
@@ -113,15 +140,19 @@ def _panels(
     return rows, figure, panels
 
 
-def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False) -> bool:
-    """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below ``least``; ``arrows``
-    show what was cut off there. Returns whether anything was."""
+def _lines(
+    axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: bool = False
+) -> bool:
+    """A line a comparator and tutor; hollow markers: a truthful tutor. Nothing is drawn below
+    ``least``; ``arrows`` show what was cut off there. Returns whether anything was."""
     cut = False
     arms: list[Any] = list(rows.groupby(["comparator", "errs"], sort=False))
     span = (rows.x.max() - rows.x.min()) or 1
     for i, ((comparator, errs), arm) in enumerate(arms):
         style = STYLES[comparator]
-        aside = 0.012 * span * (i - (len(arms) - 1) / 2)  # intervals beside each other, not on each other
+        aside = (
+            0.012 * span * (i - (len(arms) - 1) / 2)
+        )  # intervals beside each other, not on each other
         half, mean = arm[f"{measure}_half"].fillna(0), arm[measure].clip(lower=least)
         below = arm[measure] - half < least
         cut = cut or bool(below.any())
@@ -144,7 +175,8 @@ def _lines(axes: Axes, rows: pd.DataFrame, measure: str, least: float, arrows: b
             linewidth=1.3,
             elinewidth=1,
             capsize=3,
-            label=f"{NAMES[comparator]}, " + ("truthful tutor" if errs == TRUTHFUL else f"tutor errs ({errs})"),
+            label=f"{NAMES[comparator]}, "
+            + ("truthful tutor" if errs == TRUTHFUL else f"tutor errs ({errs})"),
         )
     return cut
 
@@ -154,10 +186,17 @@ def _title(figure: Figure, title: str, rows: pd.DataFrame) -> None:
     count = f"{runs[0]}" if len(runs) == 1 else f"{runs.min()} to {runs.max()}"
     wide = len(figure.axes) > 2
     about = (
-        f"mean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise he errs as in eq. "
+        f"mean of {count} runs with 95% intervals; hollow markers: the tutor never errs; otherwise "
+        "he errs as in eq. "
         "(6), most where it is close"
     )
-    figure.suptitle("\n".join(textwrap.fill(text, 140 if wide else 88) for text in (title, about)), fontsize=11)
+    figure.suptitle(
+        "\n".join(textwrap.fill(text, 140 if wide else 88) for text in (title, about)), fontsize=11
+    )
     handles, labels = figure.axes[0].get_legend_handles_labels()
-    columns = math.ceil(len(labels) / math.ceil(len(labels) / (3 if wide else 2)))  # in rows of about equal length
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.4)
+    columns = math.ceil(
+        len(labels) / math.ceil(len(labels) / (3 if wide else 2))
+    )  # in rows of about equal length
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=columns, frameon=False, handlelength=3.4
+    )

@@ -1,4 +1,6 @@
-"""Two known tasks, FrozenLake and deep-sea-treasure: their packages' own dynamics, and levels in place of rewards."""
+"""Two known tasks, FrozenLake and deep-sea-treasure: their packages' own dynamics, and levels in
+place of rewards.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,15 @@ _SEA = 0.0  # on the map of deep-sea-treasure: open water; rocks are below it, t
 
 
 def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
-    """Gymnasium's FrozenLake-v1, 8 x 8 and slippery: 64 states, 4 actions, each going aside two times in three.
+    """Gymnasium's FrozenLake-v1, 8 x 8 and slippery: 64 states, 4 actions, each going aside two
+    times in three.
 
-    State 8 * row + column; transitions and the initial distribution are those of ``env.unwrapped.P``. The holes and the
-    goal are terminal. Levels, worst first, are those of the cell: hole < ice < goal. The package rewards the
-    goal with 1 and nothing else, so that a hole costs as much as going round in circles; here a hole is worse than
-    ice, for ever after, and how much worse, next to what the goal is worth, is for the tutor to say. Raises
-    ImportError without the package, ValueError for a bad ``discount``.
+    State 8 * row + column; transitions and the initial distribution are those of
+    ``env.unwrapped.P``. The holes and the goal are terminal. Levels, worst first, are those of the
+    cell: hole < ice < goal. The package rewards the goal with 1 and nothing else, so that a hole
+    costs as much as going round in circles; here a hole is worse than ice, for ever after, and how
+    much worse, next to what the goal is worth, is for the tutor to say. Raises ImportError without
+    the package, ValueError for a bad ``discount``.
     """
     env = _make("gymnasium", "FrozenLake-v1", map_name="8x8", is_slippery=True)
     table, cells = env.P, env.desc.ravel()
@@ -43,18 +47,21 @@ def frozen_lake(discount: float = 0.99) -> OrdinalMDP:
 
 
 def deep_sea_treasure(discount: float = 0.95) -> OrdinalMDP:
-    """MO-Gymnasium's deep-sea-treasure-v0 (the convex map): a submarine, 4 actions; farther treasures are better.
+    """MO-Gymnasium's deep-sea-treasure-v0 (the convex map): a submarine, 4 actions; farther
+    treasures are better.
 
-    States are the cells that can be reached, in the order of the map's rows; the start is the first. Where each action
-    leads is found by stepping the environment from every cell. The ten treasures are terminal. Levels, worst first:
-    at sea < the treasures by their value. The package gives two rewards, -1 a step and the treasure's value:
-    both are in the order of the levels, since a step more is one more share at sea and one less at the
-    treasure, which counts for ever once it is reached. How many steps a better treasure is worth is what two numeric
-    rewards leave to weights, and levels leave to the tutor. Raises ImportError without the package, RuntimeError if it
-    moves otherwise than described, ValueError for a bad ``discount``.
+    States are the cells that can be reached, in the order of the map's rows; the start is the
+    first. Where each action leads is found by stepping the environment from every cell. The ten
+    treasures are terminal. Levels, worst first: at sea < the treasures by their value. The package
+    gives two rewards, -1 a step and the treasure's value: both are in the order of the levels,
+    since a step more is one more share at sea and one less at the treasure, which counts for ever
+    once it is reached. How many steps a better treasure is worth is what two numeric rewards leave
+    to weights, and levels leave to the tutor. Raises ImportError without the package, RuntimeError
+    if it moves otherwise than described, ValueError for a bad ``discount``.
 
-    Source: Vamplew, Dazeley, Berry, Issabekov and Dekker, "Empirical evaluation methods for multiobjective
-    reinforcement learning algorithms", Machine Learning 84 (2011); the map of Yang, Sun and Narasimhan (2019).
+    Source: Vamplew, Dazeley, Berry, Issabekov and Dekker, "Empirical evaluation methods for
+    multiobjective reinforcement learning algorithms", Machine Learning 84 (2011); the map of Yang,
+    Sun and Narasimhan (2019).
     """
     env = _make("mo_gymnasium", "deep-sea-treasure-v0")
     moves = _moves(env)
@@ -94,7 +101,8 @@ def _moves(env: Any) -> dict[tuple[int, int], list[tuple[int, int]]]:
             to = moves[cell][a] = _cell(observed)
             if ended != (env.sea_map[to] != _SEA) or cut or reward[1] != -1:
                 raise RuntimeError(
-                    f"action {a} in cell {cell} of deep-sea-treasure gives {reward} and ended = {ended}, which is not "
+                    f"action {a} in cell {cell} of deep-sea-treasure gives {reward} and ended = "
+                    f"{ended}, which is not "
                     "what mo-gymnasium 1.3 does: install that version"
                 )
             waiting.append(to)
@@ -107,13 +115,19 @@ def _cell(observed: Any) -> tuple[int, int]:
 
 def _make(package: str, name: str, **settings: Any) -> Any:
     """The environment without its wrappers."""
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")  # or its import prints an advertisement
+    os.environ.setdefault(
+        "PYGAME_HIDE_SUPPORT_PROMPT", "1"
+    )  # or its import prints an advertisement
     try:
         module: Any = __import__(package)
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] not in (package, "gymnasium", "pygame"):
             raise
-        raise ImportError(f"{error.name} is not installed: pip install 'elicit-qlearn[gym]'") from None
+        raise ImportError(
+            f"{error.name} is not installed: pip install 'elicit-qlearn[gym]'"
+        ) from None
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about the precision of observation spaces, which nothing here reads
+        warnings.simplefilter(
+            "ignore"
+        )  # about the precision of observation spaces, which nothing here reads
         return module.make(name, **settings).unwrapped

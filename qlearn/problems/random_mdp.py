@@ -22,8 +22,9 @@ def draw_values(k: int, seed: Seed | None) -> Floats:
     """Hidden values (k,) of a scale: distinct integers drawn uniformly from 0..99, increasing.
 
     Section 5 draws integers from 0..99; drawn without replacement, the k levels are worth k
-    different values, at least 1/99 of the range apart. ``seed``: an int, a SeedSequence, a Generator, or None, which
-    gives others each time (``rng`` is the same). Raises ValueError unless 2 <= k <= 100.
+    different values, at least 1/99 of the range apart. ``seed``: an int, a SeedSequence, a
+    Generator, or None, which gives others each time (``rng`` is the same). Raises ValueError unless
+    2 <= k <= 100.
     """
     _check("the number of levels", k, 2, _VALUES)
     return _values(k, np.random.default_rng(key_of(seed_of(seed))))
@@ -39,13 +40,15 @@ def random_mdp(
     seed: Seed | None,
     weights: Literal["dirichlet", "gaussian"] = "dirichlet",
 ) -> tuple[OrdinalMDP, Floats]:
-    """A random instance of section 5, and hidden values (k,) for its scale, by a seed as of ``draw_values``.
+    """A random instance of section 5, and hidden values (k,) for its scale, by a seed as of
+    ``draw_values``.
 
     Each (s, a) has ceil(log2 |S|) distinct successors (at least 1), a uniform sample of the
     states. The paper leaves the rest open; here the probabilities are Dirichlet(1) and the level of
-    each (s, a) is uniform over the scale. ``weights="gaussian"`` takes absolute values of standard normals,
-    scaled to 1, as later papers on interactive value iteration do. Only the levels and values depend on
-    ``n_levels``, so a series over it with one seed keeps its transitions. Raises ValueError.
+    each (s, a) is uniform over the scale. ``weights="gaussian"`` takes absolute values of standard
+    normals, scaled to 1, as later papers on interactive value iteration do. Only the levels and
+    values depend on ``n_levels``, so a series over it with one seed keeps its transitions. Raises
+    ValueError.
     """
     _check("n_states", n_states, 1, 2**31 - 1)
     _check("n_actions", n_actions, 1, 2**31 - 1)
@@ -56,7 +59,9 @@ def random_mdp(
     successors = _samples(n_states, b, (n_states, n_actions), generator)
     draw = generator.standard_exponential if weights == "dirichlet" else generator.standard_normal
     probabilities = draw(successors.shape)
-    for part in np.array_split(probabilities, max(1, probabilities.size // BLOCK)):  # in place: it may be a gigabyte
+    for part in np.array_split(
+        probabilities, max(1, probabilities.size // BLOCK)
+    ):  # in place: it may be a gigabyte
         np.abs(part, out=part)
         part /= part.sum(axis=2, keepdims=True)
     levels = generator.integers(n_levels, size=(n_states, n_actions))
@@ -75,7 +80,9 @@ def _values(k: int, generator: np.random.Generator) -> Floats:
     return np.sort(generator.choice(_VALUES, size=k, replace=False)).astype(np.float64)
 
 
-def _samples(n: int, b: int, shape: tuple[int, ...], generator: np.random.Generator) -> NDArray[np.int32]:
+def _samples(
+    n: int, b: int, shape: tuple[int, ...], generator: np.random.Generator
+) -> NDArray[np.int32]:
     """(*shape, b): in each row b distinct states of n, every set equally likely, ascending.
 
     Floyd's algorithm (Bentley and Floyd, CACM 1987), for all rows at once.

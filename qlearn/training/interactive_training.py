@@ -52,14 +52,20 @@ from qlearn.training.training_bound import (
 from qlearn.training.training_result import TrainedPolicy, TrainingResult
 
 _CORNERS = 2  # questions about vertices that no policy has reached, after each training
-_MATTERS = 0.5  # share of the tolerance that a difference must exceed to count for a strategy, and a training's gain
+# share of the tolerance that a difference must exceed to count for a strategy, and a training's
+# gain
+_MATTERS = 0.5
 _LEAST = 0.1  # share of the tolerance that a training must promise if no question is left
 _ABOUT = 12  # number of differences whose signs a simple question should tell
-_LOOKED_AT = 512  # number of differences, those with the greatest bounds, among which a strategy chooses
+_LOOKED_AT = (
+    512  # number of differences, those with the greatest bounds, among which a strategy chooses
+)
 
 
 class _Question(NamedTuple):
-    """A pair to ask about next, and whether one of its vectors is a vertex that no policy has reached."""
+    """A pair to ask about next, and whether one of its vectors is a vertex that no policy has
+    reached.
+    """
 
     pair: Pair
     at_corner: bool = False
@@ -150,20 +156,51 @@ class InteractiveTraining:
     ) -> None:
         check_offers(comparator, "InteractiveTraining", "simultaneous_bounds", "draws")
         k = comparator.k
-        require(is_number(discount, 0) and discount < 1, "discount", "a number of at least 0 and below 1", discount)
+        require(
+            is_number(discount, 0) and discount < 1,
+            "discount",
+            "a number of at least 0 and below 1",
+            discount,
+        )
         check_tolerance(tolerance)
         known_gap = optimality_gap is None or is_number(optimality_gap, 0)
-        require(known_gap, "optimality_gap", "None or a share of the value range, at least 0", optimality_gap)
-        require(is_whole(max_trainings, 1), "max_trainings", "a whole number of at least 1", max_trainings)
-        require(bags is None or isinstance(bags, Bags), "bags", "None or an elicit.Bags, such as Bags(days=10)", bags)
+        require(
+            known_gap,
+            "optimality_gap",
+            "None or a share of the value range, at least 0",
+            optimality_gap,
+        )
+        require(
+            is_whole(max_trainings, 1),
+            "max_trainings",
+            "a whole number of at least 1",
+            max_trainings,
+        )
+        require(
+            bags is None or isinstance(bags, Bags),
+            "bags",
+            "None or an elicit.Bags, such as Bags(days=10)",
+            bags,
+        )
         require(labels is None or is_list(labels, k), "labels", f"{k} names, one a level", labels)
         self.seed = seed_of(seed)
         self.discount, self.tolerance = float(discount), float(tolerance)
         self.optimality_gap = None if optimality_gap is None else float(optimality_gap)
-        self._everything = ReachableSet.shares(k) if objectives is None else ReachableSet.box(*objectives)
+        self._everything = (
+            ReachableSet.shares(k) if objectives is None else ReachableSet.box(*objectives)
+        )
         fits = self._everything.corners.shape[1] == k - 1
-        require(fits, "objectives", f"the least and the greatest of each of {k - 1}, for k = {k}", objectives)
-        self._labels = [f"level {i + 1}" for i in range(k)] if labels is None else [str(label) for label in labels]
+        require(
+            fits,
+            "objectives",
+            f"the least and the greatest of each of {k - 1}, for k = {k}",
+            objectives,
+        )
+        self._labels = (
+            [f"level {i + 1}" for i in range(k)]
+            if labels is None
+            else [str(label) for label in labels]
+        )
         self._strategy, self._bags = strategy_of(strategy), None if objectives is not None else bags
         self._most = int(max_trainings)
         self._elicitation = Elicitation(
@@ -178,15 +215,21 @@ class InteractiveTraining:
             labels=labels,
         )
         self._policies: list[TrainedPolicy] = []
-        self._cuts: list[tuple[float, ReachableSet]] = []  # of the trainings, in order: the limit, and the set after it
+        self._cuts: list[
+            tuple[float, ReachableSet]
+        ] = []  # of the trainings, in order: the limit, and the set after it
         self._corners_left = 0  # vertices to be asked about before the next training
-        self._next: Floats | _Question | Status | None = None  # a scale to train on, a question, or the final status
+        self._next: Floats | _Question | Status | None = (
+            None  # a scale to train on, a question, or the final status
+        )
         self._given: Floats | None = None  # the scale that to_train gave, until a policy is added
 
     def __repr__(self) -> str:
         now = self._elicitation
         counts = f"policies={len(self._policies)}, asked={now.asked}, pending={len(now.pending)}"
-        return f"InteractiveTraining({type(now.comparator).__name__}, k={now.comparator.k}, {counts})"
+        return (
+            f"InteractiveTraining({type(now.comparator).__name__}, k={now.comparator.k}, {counts})"
+        )
 
     @one_thread
     def to_train(self) -> Floats | None:
@@ -252,7 +295,12 @@ class InteractiveTraining:
         k = self._elicitation.comparator.k
         x, undecided = as_shares(shares, k)
         excess = self._everything.excess(tail_sums(x))
-        require(excess <= 1e-6, "shares", "of no negative share, or objectives within their range", shares)
+        require(
+            excess <= 1e-6,
+            "shares",
+            "of no negative share, or objectives within their range",
+            shares,
+        )
         error = undecided + (0.0 if errors is None else STANDARD_ERRORS * greatest_error(errors, k))
         self._policies.append(TrainedPolicy(policy, x, error, self._given if trained else None))
         if trained and self._given is not None:
@@ -277,7 +325,9 @@ class InteractiveTraining:
         return self._elicitation.ask()
 
     @one_thread
-    def tell(self, answers: Sequence[Answer], on_conflict: OnConflict = "raise") -> tuple[Answer, ...]:
+    def tell(
+        self, answers: Sequence[Answer], on_conflict: OnConflict = "raise"
+    ) -> tuple[Answer, ...]:
         """Take answers to pending queries.
 
         Parameters
@@ -324,7 +374,9 @@ class InteractiveTraining:
 
     @one_thread
     def result(self) -> TrainingResult:
-        """Return the best policy so far and its bound, at any time. It changes no later question."""
+        """Return the best policy so far and its bound, at any time. It changes no later
+        question.
+        """
         self._advance()
         asked, comparator = self._elicitation, self._elicitation.comparator
         asks = bool(asked.pending) or isinstance(self._next, _Question)
@@ -364,7 +416,10 @@ class InteractiveTraining:
             return self._audit(shares, at) or self._converged(confidence)
         spent = self._elicitation.spent
         others = np.delete(shares, at, axis=0) - shares[at]
-        if not spent and (pair := self._best_pair(others, partial(self._pair_of_policies, at))) is not None:
+        if (
+            not spent
+            and (pair := self._best_pair(others, partial(self._pair_of_policies, at))) is not None
+        ):
             return _Question(pair)
         gaps = np.column_stack([centre, draws_of(comparator).gaps])
         gain = reach.greatest(gaps) - product(tail_sums(shares), gaps).max(axis=0)
@@ -376,7 +431,9 @@ class InteractiveTraining:
         promising = gain.max() > _MATTERS * self.tolerance
         if not spent and (self._corners_left > 0 or not promising):
             rows = np.flatnonzero(high > self.tolerance)
-            pair = self._best_pair(unseen[rows], partial(self._pair_with_unseen, at, reach.vectors[rows]))
+            pair = self._best_pair(
+                unseen[rows], partial(self._pair_with_unseen, at, reach.vectors[rows])
+            )
             if pair is not None:
                 return _Question(pair, at_corner=True)
         if gain[0] > _MATTERS * self.tolerance:
@@ -395,11 +452,21 @@ class InteractiveTraining:
         return np.array([policy.shares for policy in self._policies])
 
     def _best(self) -> int:
-        """Return the number of the policy that is best at the central scale; the first of equals."""
-        return int(np.argmax(product(tail_sums(self._shares()), np.diff(best_guess(self._elicitation.comparator)))))
+        """Return the number of the policy that is best at the central scale; the first of
+        equals.
+        """
+        return int(
+            np.argmax(
+                product(
+                    tail_sums(self._shares()), np.diff(best_guess(self._elicitation.comparator))
+                )
+            )
+        )
 
     def _reach(self) -> ReachableSet:
-        """Return what policies can reach, if each training came to its optimum or to the best added since."""
+        """Return what policies can reach, if each training came to its optimum or to the best added
+        since.
+        """
         reach, done = self._everything, 0
         for policy in self._policies:
             if policy.trained_on is None:
@@ -412,7 +479,9 @@ class InteractiveTraining:
         return reach
 
     def _best_pair(self, d: Floats, pair: Callable[[int], Pair]) -> Pair | None:
-        """Return the best of the differences d (n, k) that may matter and may be asked about, if there is one."""
+        """Return the best of the differences d (n, k) that may matter and may be asked about, if
+        there is one.
+        """
         elicitation = self._elicitation
         high = simultaneous_bounds(elicitation.comparator, d)[0]
         rows = np.argsort(-high, kind="stable")[:_LOOKED_AT]
@@ -423,7 +492,9 @@ class InteractiveTraining:
         return pair(int(rows[best(self._strategy, self._candidates(d[rows]))[0]]))
 
     def _simple_pair(self, d: Floats) -> Pair | None:
-        """Return a question of simple bags on the signs of some of these differences (n, k), if there is one."""
+        """Return a question of simple bags on the signs of some of these differences (n, k), if
+        there is one.
+        """
         if self._bags is None or not len(d):
             return None
         candidates = self._candidates(d[:_LOOKED_AT])
@@ -432,7 +503,9 @@ class InteractiveTraining:
 
     def _candidates(self, d: Floats) -> Candidates:
         nowhere = np.zeros(len(d), dtype=np.int64)
-        return Candidates(d, nowhere, nowhere, _MATTERS * self.tolerance, self._elicitation.comparator)
+        return Candidates(
+            d, nowhere, nowhere, _MATTERS * self.tolerance, self._elicitation.comparator
+        )
 
     def _pair_of_policies(self, at: int, row: int, tier: int = int(Tier.TUTOR)) -> Pair:
         """Return the best policy against another, the row-th of the others."""
@@ -442,7 +515,9 @@ class InteractiveTraining:
         return Pair(self._policies[other].shares, self._policies[at].shares, about, place, tier)
 
     def _pair_with_unseen(self, at: int, unseen: Floats, row: int) -> Pair:
-        """Return the best policy against a row of vectors (n, k) that no policy is known to have."""
+        """Return the best policy against a row of vectors (n, k) that no policy is known to
+        have.
+        """
         about = f"what no policy has shown yet (left) or policy {at + 1}, the best so far (right)?"
         place = (("unseen", at, np.round(unseen[row], 2).tobytes()),)
         return Pair(unseen[row], self._policies[at].shares, about, place)
@@ -464,7 +539,9 @@ class InteractiveTraining:
         if np.isnan(confidence):
             return Status.BOUNDED
         comparator, policies = self._elicitation.comparator, tuple(self._policies)
-        found = guarantee_of(self._everything, policies, self._best(), comparator, self.optimality_gap)
+        found = guarantee_of(
+            self._everything, policies, self._best(), comparator, self.optimality_gap
+        )
         return Status.CONVERGED if found.loss_bound <= self.tolerance + ROUNDING else Status.SETTLED
 
     def _stopped(self, spent: bool, missed: bool) -> Status:

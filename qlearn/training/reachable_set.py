@@ -1,4 +1,5 @@
-"""The vectors that policies can reach at most, as far as trainings tell: a polytope with its vertices.
+"""The vectors that policies can reach at most, as far as trainings tell: a polytope with its
+vertices.
 
 A training names no reachable vectors, but bounds them: a training that came within a gap of its
 optimum says that no policy is better at its own scale by more than that (outer approximation:
@@ -19,7 +20,9 @@ from elicit.model.comparator import check_levels
 from elicit.model.scale import Floats, as_vectors
 
 MOST_CORNERS = 4_000
-"""A cut that would leave more is left out: the set is then larger than it might be, and bounds over it still hold."""
+"""A cut that would leave more is left out: the set is then larger than it might be, and bounds over
+it still hold.
+"""
 
 _ON = 1e-9  # a point this near a facet is on it, for sizes of about 1
 _SAME = 10  # decimals by which vertices are told apart
@@ -41,18 +44,23 @@ class ReachableSet:
     @staticmethod
     def of(corners: Floats, facets: Floats, limits: Floats) -> ReachableSet:
         """Return the set with these vertices and facets."""
-        return ReachableSet(corners, facets, limits, np.abs(corners @ facets.T - limits) <= 10 * _ON)
+        return ReachableSet(
+            corners, facets, limits, np.abs(corners @ facets.T - limits) <= 10 * _ON
+        )
 
     @staticmethod
     def shares(k: int) -> ReachableSet:
         """Return the set of all share vectors of k levels: 1 >= t_1 >= ... >= t_p >= 0."""
         p = check_levels(k) - 1
-        facets = np.concatenate([np.eye(p), np.zeros((1, p))]) - np.concatenate([np.zeros((1, p)), np.eye(p)])
+        facets = np.concatenate([np.eye(p), np.zeros((1, p))]) - np.concatenate(
+            [np.zeros((1, p)), np.eye(p)]
+        )
         return ReachableSet.of(np.tri(k, p, -1), facets, np.eye(k)[0])
 
     @staticmethod
     def box(low: ArrayLike, high: ArrayLike) -> ReachableSet:
-        """Return the set of all vectors of m objectives from ``low`` to ``high``, for ``elicit.objectives``.
+        """Return the set of all vectors of m objectives from ``low`` to ``high``, for
+        ``elicit.objectives``.
 
         Parameters
         ----------
@@ -67,12 +75,20 @@ class ReachableSet:
         ValueError
             If these are no bounds.
         """
-        least, most = np.atleast_1d(np.asarray(low, np.float64)), np.atleast_1d(np.asarray(high, np.float64))
+        least, most = (
+            np.atleast_1d(np.asarray(low, np.float64)),
+            np.atleast_1d(np.asarray(high, np.float64)),
+        )
         alike = least.ndim == 1 and least.shape == most.shape
         fits = alike and bool((np.isfinite(most - least) & (least < most)).all())
         require(fits, "low and high", "numbers (m,), each low below its high", (low, high))
         m = len(least)
-        require(m <= 14, "the number of objectives", "at most 14, for a box of m objectives has 2^m corners", m)
+        require(
+            m <= 14,
+            "the number of objectives",
+            "at most 14, for a box of m objectives has 2^m corners",
+            m,
+        )
         ends = np.stack(np.meshgrid(*[[0, 1]] * m, indexing="ij"), axis=-1).reshape(-1, m)
         facets = np.concatenate([np.eye(m), -np.eye(m)])
         return ReachableSet.of(np.where(ends, most, least), facets, np.concatenate([most, -least]))
@@ -100,7 +116,8 @@ class ReachableSet:
         outside, inside = np.flatnonzero(beyond > _ON), np.flatnonzero(beyond < -_ON)
         if not len(outside) or len(outside) == len(beyond):
             return self
-        # the ends of an edge are on p - 1 common facets; other such pairs only add points of the set
+        # the ends of an edge are on p - 1 common facets; other such pairs only add points of the
+        # set
         common = self.tight[inside].astype(np.float32) @ self.tight[outside].T.astype(np.float32)
         i, o = np.nonzero(common >= self.facets.shape[1] - 1)
         i, o = inside[i], outside[o]
@@ -110,7 +127,9 @@ class ReachableSet:
         corners = corners[np.unique(np.round(corners, _SAME), axis=0, return_index=True)[1]]
         if len(corners) > MOST_CORNERS:
             return self
-        return ReachableSet.of(corners, np.concatenate([self.facets, gaps[None, :]]), np.append(self.limits, limit))
+        return ReachableSet.of(
+            corners, np.concatenate([self.facets, gaps[None, :]]), np.append(self.limits, limit)
+        )
 
 
 def as_shares(shares: ArrayLike, k: int) -> tuple[Floats, float]:
@@ -136,5 +155,7 @@ def as_shares(shares: ArrayLike, k: int) -> tuple[Floats, float]:
     given = as_vectors(shares, k, name="shares")
     require(len(given) == 1, "shares", f"one vector of {k} shares", shares)
     total = float(given.sum())
-    require(0 < total <= 1 + 1e-6, "shares", "of a total of 1, or less where runs were cut off", shares)
+    require(
+        0 < total <= 1 + 1e-6, "shares", "of a total of 1, or less where runs were cut off", shares
+    )
     return given[0] / total, 1.0 - total if total < 1.0 - _ON else 0.0

@@ -46,7 +46,12 @@ def greatest_error(errors: ArrayLike, k: int) -> float:
     """
     given = np.asarray(errors, dtype=np.float64)
     fits = given.shape in ((k,), (k - 1,)) and bool((np.isfinite(given) & (given >= 0)).all())
-    require(fits, "errors", f"{k} standard errors, one a share (of objectives {k - 1}), finite and at least 0", errors)
+    require(
+        fits,
+        "errors",
+        f"{k} standard errors, one a share (of objectives {k - 1}), finite and at least 0",
+        errors,
+    )
     if len(given) == k - 1:
         return float(given.max())
     above = tail_sums(given)
@@ -114,7 +119,9 @@ def guarantee_of(
     for policy in policies:
         if policy.trained_on is not None:
             gaps = np.diff(policy.trained_on)
-            reach = reach.cut(gaps, float(product(tail_sums(policy.shares), gaps)) + gap + policy.error)
+            reach = reach.cut(
+                gaps, float(product(tail_sums(policy.shares), gaps)) + gap + policy.error
+            )
     loss, _, confidence = greatest_loss(reach.vectors - policies[at].shares, comparator)
     # each measured policy may be further off at its own scale, and the best one at the true scale
     measured = sum(policy.error > 0 for policy in policies)
@@ -127,7 +134,10 @@ def _excesses(policies: Sequence[TrainedPolicy]) -> tuple[Floats, Floats]:
 
     The comparison is at the scale of the latter.
     """
-    shares, errors = np.array([policy.shares for policy in policies]), np.array([policy.error for policy in policies])
+    shares, errors = (
+        np.array([policy.shares for policy in policies]),
+        np.array([policy.error for policy in policies]),
+    )
     trained = [i for i, policy in enumerate(policies) if policy.trained_on is not None]
     scales = np.array([policies[i].trained_on for i in trained])
     worth = product(tail_sums(shares), np.diff(scales, axis=1).T)
@@ -142,7 +152,8 @@ def observed_gap(policies: Sequence[TrainedPolicy]) -> float:
 
 
 def is_broken(policies: Sequence[TrainedPolicy], gap: float) -> bool:
-    """Return whether a policy beats a trained one, at the latter's scale, by more than gap and errors.
+    """Return whether a policy beats a trained one, at the latter's scale, by more than gap and
+    errors.
 
     The errors are those of both policies.
     """

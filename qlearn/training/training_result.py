@@ -64,7 +64,8 @@ class TrainingResult:
 
     def __repr__(self) -> str:
         return (
-            f"TrainingResult(status={self.status.name}, asked={self.asked}, trained={self.trained}, "
+            f"TrainingResult(status={self.status.name}, asked={self.asked}, "
+            f"trained={self.trained}, "
             f"observed_gap={self.observed_gap:.3g})"
         )
 

@@ -1,4 +1,6 @@
-"""The tables of the calibration benchmark: what is pooled, judged and called broken. No test looks at a time."""
+"""The tables of the calibration benchmark: what is pooled, judged and called broken. No test looks
+at a time.
+"""
 
 from pathlib import Path
 
@@ -10,11 +12,18 @@ from benchmarks.fitting.calibration_tables import Row, report, summary
 
 
 def rows(rule: str, sets: int, decided: int, wrong: int, setting: str = "some scales") -> list[Row]:
-    return [Row("fresh", setting, rule, 5, 10, i, 300, decided, wrong, 0.1, 10) for i in range(sets)]
+    return [
+        Row("fresh", setting, rule, 5, 10, i, 300, decided, wrong, 0.1, 10) for i in range(sets)
+    ]
 
 
 def test_cells_pool_their_data_sets_and_few_are_not_judged() -> None:
-    told = [*rows("b", 40, 100, 4), *rows("a", 40, 100, 6), *rows("few", 29, 100, 6), *rows("shy", 40, 4, 1)]
+    told = [
+        *rows("b", 40, 100, 4),
+        *rows("a", 40, 100, 6),
+        *rows("few", 29, 100, 6),
+        *rows("shy", 40, 4, 1),
+    ]
     cells = summary(told)
     assert [c.rule for c in cells] == ["b", "a", "few", "shy"]  # as they came
     assert [c.judged for c in cells] == [True, True, False, False]
@@ -33,7 +42,9 @@ def test_intervals_are_over_data_sets() -> None:
     (cell,) = summary(mixed)
     spread = 0.05 / np.sqrt(40)
     assert cell.share_wrong.at == pytest.approx(0.05)
-    assert cell.share_wrong.high - cell.share_wrong.low == pytest.approx(2 * 1.96 * spread, rel=0.15)
+    assert cell.share_wrong.high - cell.share_wrong.low == pytest.approx(
+        2 * 1.96 * spread, rel=0.15
+    )
 
 
 @pytest.mark.parametrize("setting", calibration.SETTINGS, ids=lambda s: s.name)

@@ -12,7 +12,9 @@ ROOT = Path(__file__).parents[2]
 
 def test_it_counts_computing_seconds(tmp_path: Path) -> None:
     busy = "import time\nwhile time.process_time() < {}: pass"
-    short, long = (cold_start.seconds(["-c", busy.format(each)], tmp_path, ROOT) for each in (0.1, 0.6))
+    short, long = (
+        cold_start.seconds(["-c", busy.format(each)], tmp_path, ROOT) for each in (0.1, 0.6)
+    )
     assert long >= 0.6
     assert short < long
     with pytest.raises(subprocess.CalledProcessError):

@@ -1,4 +1,6 @@
-"""The benchmarks run, time what they say they time, and agree on every verdict. No test looks at a time."""
+"""The benchmarks run, time what they say they time, and agree on every verdict. No test looks at a
+time.
+"""
 
 import re
 
@@ -25,13 +27,18 @@ def stream() -> Stream:
 @pytest.mark.slow
 def test_the_quick_run_times_every_method_on_both_streams_without_disagreement(tmp_path):
     text = quick_report("benchmarks.comparing.comparison_cost", tmp_path)
-    assert re.findall(r"^## (.*, k = \d+)$", text, re.MULTILINE) == ["Q-learning, k = 5", "IVI, k = 5"]
+    assert re.findall(r"^## (.*, k = \d+)$", text, re.MULTILINE) == [
+        "Q-learning, k = 5",
+        "IVI, k = 5",
+    ]
     timed = [row for row in table_rows(text) if len(row) == 7 and row[0] != "method"]
     names = [*(entry.name for entry in lp.ENTRIES), "PolytopeComparator, the same segments again"]
     assert [row[0] for row in timed] == 2 * names
     assert [row[-1] for row in timed] == ["0"] * len(timed)
     assert all(int(row[1].replace(",", "")) > 0 for row in timed)
-    assert [row[0] for row in table_rows(text) if len(row) == 4][1:] == ["PolytopeComparator, one fresh batch"]
+    assert [row[0] for row in table_rows(text) if len(row) == 4][1:] == [
+        "PolytopeComparator, one fresh batch"
+    ]
 
 
 def test_a_method_that_errs_or_fails_is_shown_to(stream):
@@ -56,9 +63,13 @@ def test_a_method_without_an_optimum_has_failed():
     assert NoOptimum(3, MARGIN).compare(np.array([[0.5, -1.0, 0.5]])).tolist() == [methods.FAILED]
 
 
-@pytest.mark.parametrize("make", [entry.make for entry in lp.ENTRIES], ids=[entry.name for entry in lp.ENTRIES])
+@pytest.mark.parametrize(
+    "make", [entry.make for entry in lp.ENTRIES], ids=[entry.name for entry in lp.ENTRIES]
+)
 def test_every_method_knows_better_worse_equal_unknown_and_ties(make):
-    d = np.array([[-1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, -2.0, 1.0], [2.0, -3.0, 1.0]])
+    d = np.array(
+        [[-1.0, 0.0, 1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 0.0], [1.0, -2.0, 1.0], [2.0, -3.0, 1.0]]
+    )
     method = make(3, MARGIN)
     assert method.compare(d).tolist() == [1, -1, 0, 2, 2]
     method.learn(Answers(d[3:4], [1]))  # the middle level is worth at most a half
@@ -74,7 +85,8 @@ def test_recording_changes_nothing_and_keeps_what_was_put_to_the_comparator_in_o
     mdp, values = random_mdp(100, 5, 4, rng=1)
     assert np.array_equal(values, stream.values)
     plain = drive(
-        InteractiveQLearning(mdp, PolytopeComparator(4), steps=1500, epsilon=0.1, rng=1), TruthfulTutor(values)
+        InteractiveQLearning(mdp, PolytopeComparator(4), steps=1500, epsilon=0.1, rng=1),
+        TruthfulTutor(values),
     )
     assert np.array_equal(plain.answers.d, stream.answers.d)
     assert np.array_equal(plain.answers.y, stream.answers.y)
@@ -85,7 +97,9 @@ def test_recording_changes_nothing_and_keeps_what_was_put_to_the_comparator_in_o
         if i == len(stream.answers):
             break
         asked = (tail_sums(d) == tail_sums(stream.answers.d[i])).all(axis=1)
-        assert asked.any()  # what was asked next had been put to this comparator, which could not tell
+        assert (
+            asked.any()
+        )  # what was asked next had been put to this comparator, which could not tell
         assert comparator.compare(d)[asked].tolist() == [Verdict.UNKNOWN] * asked.sum()
     assert np.array_equal(comparator.answers.d, stream.answers.d)
 
@@ -98,7 +112,10 @@ def test_a_recorder_is_a_comparator():
     after = recorder.update(Answers([[0.5, -1.0, 0.5]], [1]))
     after.compare(np.eye(3))
     recorder.compare([[0.0, 1.0, -1.0]])  # the old one still answers, as what it was
-    assert [(known, [len(d) for d in calls]) for known, calls in record_of_calls] == [(0, [1, 1]), (1, [3])]
+    assert [(known, [len(d) for d in calls]) for known, calls in record_of_calls] == [
+        (0, [1, 1]),
+        (1, [3]),
+    ]
 
 
 def test_a_sample_is_spread_over_the_run_and_keeps_all_answers(stream):
@@ -111,7 +128,9 @@ def test_a_sample_is_spread_over_the_run_and_keeps_all_answers(stream):
     part = stream.take(lp.sample(len(stream), 50))
     assert sum(len(new) for new, _ in part.steps()) == len(stream.answers)
     every = np.concatenate([d for _, d in stream.segments])
-    assert np.array_equal(np.concatenate([d for _, d in part.segments]), every[lp.sample(len(stream), 50)])
+    assert np.array_equal(
+        np.concatenate([d for _, d in part.segments]), every[lp.sample(len(stream), 50)]
+    )
 
 
 def test_needed_rows_do_not_count_what_follows_from_the_others():

@@ -1,7 +1,8 @@
-"""Pages of results say what made them; those of older code are told; rows made again have the digits of their page.
+"""Pages of results say what made them; those of older code are told; rows made again have the
+digits of their page.
 
-A row that differs means that the code now does something else than what its page shows: ``make evidence`` makes the
-page again, where the change was meant.
+A row that differs means that the code now does something else than what its page shows: ``make
+evidence`` makes the page again, where the change was meant.
 """
 
 import csv
@@ -44,23 +45,37 @@ from tests.report_cases import table_rows
 
 PAGE = {page.name: page for page in PAGES}
 Cells: TypeAlias = list[str | None]  # of a row of a page, None for seconds and the like
-Again: TypeAlias = Callable[[str], Iterator[str | Cells]]  # from a page's text to its rows, or sentences, made again
+Again: TypeAlias = Callable[
+    [str], Iterator[str | Cells]
+]  # from a page's text to its rows, or sentences, made again
 
 
 def test_every_page_of_results_is_in_the_table_once_and_stamped():
-    found = {*ROOT.glob("benchmarks/RESULTS*.md"), *ROOT.glob("notebooks/*.ipynb"), *ROOT.glob("notebooks/data/*.csv")}
+    found = {
+        *ROOT.glob("benchmarks/RESULTS*.md"),
+        *ROOT.glob("notebooks/*.ipynb"),
+        *ROOT.glob("notebooks/data/*.csv"),
+    }
     written = re.compile(r"[Ww]ritten by `|^Made ", re.MULTILINE)
-    found |= {page for page in ROOT.glob("docs/*.md") if written.search(page.read_text(encoding="utf-8"))}
-    assert sorted(path.relative_to(ROOT).as_posix() for path in found) == sorted(page.path for page in PAGES)
+    found |= {
+        page for page in ROOT.glob("docs/*.md") if written.search(page.read_text(encoding="utf-8"))
+    }
+    assert sorted(path.relative_to(ROOT).as_posix() for path in found) == sorted(
+        page.path for page in PAGES
+    )
     assert len(PAGE) == len(PAGES)
     assert not [page.path for page in PAGES if stamps.of(ROOT / page.path) is None]
-    places = [PAGES.index(PAGE[name]) for name in ("figures", "ablation", "dqn_terrain", "01_two_tutors")]
+    places = [
+        PAGES.index(PAGE[name]) for name in ("figures", "ablation", "dqn_terrain", "01_two_tutors")
+    ]
     assert places == sorted(places)  # notebooks read tables
 
 
 def test_the_page_on_evidence_leads_to_every_page():
     text = (ROOT / "docs" / "evidence.md").read_text(encoding="utf-8")
-    leads = [page.path.removeprefix("docs/").replace("benchmarks/", "../benchmarks/") for page in PAGES]
+    leads = [
+        page.path.removeprefix("docs/").replace("benchmarks/", "../benchmarks/") for page in PAGES
+    ]
     assert not [path for path in leads if path.endswith(".md") and f"]({path})" not in text]
 
 
@@ -89,8 +104,13 @@ def number(text: str, *start: str, place: int) -> int:
 
 def certified(name: str, who: str, errs: str) -> Again:
     def again(text: str) -> Iterator[str | Cells]:
-        runs = [certificates.plan(name, who, errs, seed) for seed in range(number(text, name, who, errs, place=4))]
-        row: list[str | None] = [*certificates.line(runs[0], [certificates.certify(cell) for cell in runs])]
+        runs = [
+            certificates.plan(name, who, errs, seed)
+            for seed in range(number(text, name, who, errs, place=4))
+        ]
+        row: list[str | None] = [
+            *certificates.line(runs[0], [certificates.certify(cell) for cell in runs])
+        ]
         yield [*row[:-1], None]
 
     return again
@@ -121,7 +141,9 @@ def unasked(text: str) -> Iterator[str | Cells]:
 def sessions(text: str) -> Iterator[str | Cells]:
     setting = person_sessions.SETTINGS[0]
     count = number(text, setting.comparator, f"{setting.tolerance:g}", place=4)
-    yield person_sessions.row_of(setting, [person_sessions.session(setting, i) for i in range(count)])
+    yield person_sessions.row_of(
+        setting, [person_sessions.session(setting, i) for i in range(count)]
+    )
 
 
 def scale(text: str) -> Iterator[str | Cells]:
@@ -167,7 +189,9 @@ def lapse(text: str) -> Iterator[str | Cells]:
 def fits(text: str) -> Iterator[str | Cells]:
     sets = int(re.search(r"mean over (\d+) data set", text)[1])
     cell = [fit_cost.draw(5, 30, 200, seed) for seed in range(sets)]
-    wrong, how_near = fit_cost.about(cell, [fit_cost.references(data) for data in cell]).split(" The references")
+    wrong, how_near = fit_cost.about(cell, [fit_cost.references(data) for data in cell]).split(
+        " The references"
+    )
     assert how_near  # which is rounding
     yield wrong
 
@@ -187,7 +211,9 @@ def swept(text: str) -> Iterator[str | Cells]:
 
 
 def streams(text: str) -> Iterator[str | Cells]:
-    yield comparison_cost.about(comparison_cost.record("IVI", 5, 0, steps=100_000, tolerance=0.0005))[-1]
+    yield comparison_cost.about(
+        comparison_cost.record("IVI", 5, 0, steps=100_000, tolerance=0.0005)
+    )[-1]
 
 
 def trained(kind: str) -> Again:
@@ -227,7 +253,9 @@ def read_literally(text: str) -> Iterator[str | Cells]:
 def ruled(text: str) -> Iterator[str | Cells]:
     asked = int(re.search(r"--seeds (\d+)", text)[1])
     method = question_rules.RULES[question_rules.OURS]
-    todo = [cell for cell in question_rules.cells(["k = 5"], asked) if cell["comparator"] == "polytope"]
+    todo = [
+        cell for cell in question_rules.cells(["k = 5"], asked) if cell["comparator"] == "polytope"
+    ]
     todo = [cell for cell in todo if cell["method"] == method]
     counts = [question_counts.run(cell)["asked"] for cell in todo]
     yield [question_rules.OURS, with_interval(counts, 1), *[None] * 7]
@@ -237,8 +265,13 @@ def believed(text: str) -> Iterator[str | Cells]:
     seeds = int(re.search(r"--seeds (\d+)", text)[1])
     name = "PosteriorComparator"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(preference_posteriors, "methods", lambda: {name: preference_posteriors.particles})
-        rows = [preference_posteriors.run({"tutor": "logistic", "k": 5, "n": 20, "seed": n}) for n in range(seeds)]
+        patch.setattr(
+            preference_posteriors, "methods", lambda: {name: preference_posteriors.particles}
+        )
+        rows = [
+            preference_posteriors.run({"tutor": "logistic", "k": 5, "n": 20, "seed": n})
+            for n in range(seeds)
+        ]
     yield cells(preference_posteriors._line(name, rows), -1, -2)
 
 
@@ -257,7 +290,14 @@ def drawn(comparator: str) -> Again:
     """Runs of the figures, on the smallest problem."""
 
     def again(text: str) -> Iterator[str | Cells]:
-        size = {"levels": (5,), "at_levels": 5, "states": (100,), "at_states": 100, "seeds": 1, "jobs": 1}
+        size = {
+            "levels": (5,),
+            "at_levels": 5,
+            "states": (100,),
+            "at_states": 100,
+            "seeds": 1,
+            "jobs": 1,
+        }
         yield from rows_of(figures(comparators=(comparator,), **size), text)
 
     return again
@@ -265,7 +305,12 @@ def drawn(comparator: str) -> Again:
 
 def ablated(comparator: str) -> Again:
     def again(text: str) -> Iterator[str | Cells]:
-        few = {"comparators": ("always", comparator), "error_rates": (0.0,), "max_queries": 2000, "seeds": 1}
+        few = {
+            "comparators": ("always", comparator),
+            "error_rates": (0.0,),
+            "max_queries": 2000,
+            "seeds": 1,
+        }
         yield from rows_of(ablation_table.table(levels=(5,), tasks=(), jobs=1, **few), text)
 
     return again
@@ -312,7 +357,11 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
 NOT_AGAIN = {
     "RESULTS-ivi-huge": "its least row of ours takes a minute and a half, and 2 GiB",
     "RESULTS-cold": "it has nothing but seconds",
-    **{page.name: "tests/whole/test_notebooks.py runs them" for page in PAGES if page.path.endswith(".ipynb")},
+    **{
+        page.name: "tests/whole/test_notebooks.py runs them"
+        for page in PAGES
+        if page.path.endswith(".ipynb")
+    },
 }
 
 
@@ -323,7 +372,8 @@ def test_some_rows_of_every_page_are_made_again_or_it_is_said_why_not():
 
 
 @pytest.mark.parametrize(
-    ("name", "again"), [pytest.param(name, again, marks=marks, id=name) for name, again, *marks in AGAIN]
+    ("name", "again"),
+    [pytest.param(name, again, marks=marks, id=name) for name, again, *marks in AGAIN],
 )
 def test_rows_made_again_have_the_digits_of_their_page(name, again):
     page = PAGE[name]
@@ -331,7 +381,11 @@ def test_rows_made_again_have_the_digits_of_their_page(name, again):
     rows = list(csv.reader(io.StringIO(text))) if page.path.endswith(".csv") else table_rows(text)
     made = list(again(text))
     assert made
-    other = [found for found in made if not (found in text if isinstance(found, str) else any_like(found, rows))]
+    other = [
+        found
+        for found in made
+        if not (found in text if isinstance(found, str) else any_like(found, rows))
+    ]
     if other and page.state != "current":
         pytest.xfail(f"rows of {page.path} differ, which is {page.state}: make evidence")
     assert not other
@@ -347,7 +401,9 @@ def alike(made: str | None, there: str) -> bool:
     if made is None or made == there:
         return True
     try:
-        return len(made) > 12 and math.isclose(float(made), float(there), rel_tol=1e-9, abs_tol=1e-12)
+        return len(made) > 12 and math.isclose(
+            float(made), float(there), rel_tol=1e-9, abs_tol=1e-12
+        )
     except ValueError:
         return False
 

@@ -1,4 +1,6 @@
-"""The benchmark of noisy-tutor models runs, and its tools solve the problems that it says. No test looks at a time."""
+"""The benchmark of noisy-tutor models runs, and its tools solve the problems that it says. No test
+looks at a time.
+"""
 
 import re
 
@@ -20,11 +22,18 @@ from elicit import Answers, TruthfulTutor, Verdict
 from elicit.model.scale import dominance, tail_sums, values_of
 from tests.report_cases import quick_report, table_rows
 
-LOOSE = {"default tol": 0.05, "GLM": 5e-3, "cvxpy": 1e-4}  # the tools as they come; all others are meant to be exact
+LOOSE = {
+    "default tol": 0.05,
+    "GLM": 5e-3,
+    "cvxpy": 1e-4,
+}  # the tools as they come; all others are meant to be exact
 
 
 def allowed(name: str) -> float:
-    return next((bound for part, bound in LOOSE.items() if part in name), 1e-11 if "elicit" in name else 1e-5)
+    return next(
+        (bound for part, bound in LOOSE.items() if part in name),
+        1e-11 if "elicit" in name else 1e-5,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +69,13 @@ def test_the_quick_run_has_every_method_and_small_errors(tmp_path):
         assert float(error or 0) < allowed(name)
         assert 10 < float(decided.rstrip("%")) < 90
         assert ("fits run" in remark) == ("GLM" in name or "Logit" in name or "cvxpy" in name)
-        assert solves in {"ridge", "ridge, gaps >= 0", "no ridge", "own prior, gaps >= 0", "posterior"}
+        assert solves in {
+            "ridge",
+            "ridge, gaps >= 0",
+            "no ridge",
+            "own prior, gaps >= 0",
+            "posterior",
+        }
 
 
 @pytest.mark.parametrize("k", [4, 10])
@@ -73,7 +88,9 @@ def test_every_tool_solves_the_problem_that_the_table_says(k):
             both = off[np.isfinite(off)]
             assert (both < allowed(entry.name)).all(), entry.name
             assert len(both) == 5 or entry.solves == FREE, entry.name
-    apart = [np.abs(tight[a] - tight[b]).max() / data.top for a, b in [(RIDGED, ORDERED), (RIDGED, FREE)]]
+    apart = [
+        np.abs(tight[a] - tight[b]).max() / data.top for a, b in [(RIDGED, ORDERED), (RIDGED, FREE)]
+    ]
     assert np.nanmin(apart) > 1e-2  # else any of them would do
 
 
@@ -87,8 +104,14 @@ def test_the_references_are_the_optima(data, tight, problem):
         assert (gamma == 0).any()
     rng = np.random.default_rng(0)
     for size in (1e-9, 1e-3, 1.0, 10.0):  # what is off is doubted by at least as much
-        moved = np.maximum(gamma[:1] + size * rng.normal(size=gamma[:1].shape), 0.0 if problem.ordered else -np.inf)
-        assert accuracy.doubt(problem, data, moved) >= accuracy.distances(moved, gamma, data.top)[0] > 0
+        moved = np.maximum(
+            gamma[:1] + size * rng.normal(size=gamma[:1].shape), 0.0 if problem.ordered else -np.inf
+        )
+        assert (
+            accuracy.doubt(problem, data, moved)
+            >= accuracy.distances(moved, gamma, data.top)[0]
+            > 0
+        )
 
 
 def test_without_a_ridge_a_truthful_tutor_leaves_no_fit_and_no_verdict(separable):
@@ -116,7 +139,11 @@ def test_what_a_tool_gets_wrong_shows(data, tight):
     assert lost > 0
     line = bench.cost(entry, [data, data], [{FREE: np.full_like(tight[FREE], np.nan)}] * 2)
     assert line.error is None
-    assert line.remark == f"40 of 80 fits run; {2 * lost} of 40 failed; {40 - 2 * lost} of 40 where no maximum exists"
+    assert (
+        line.remark
+        == f"40 of 80 fits run; {2 * lost} of 40 failed; {40 - 2 * lost} of 40 where no maximum "
+        "exists"
+    )
     assert bench.cost(entry, [data], [tight]).error > 1e3
 
 
@@ -154,9 +181,19 @@ def test_the_rule_counts_resamples_on_either_side(data, tight):
 def test_a_missing_fit_counts_at_either_end():
     d = np.array([[0.6, -0.8, 0.2], [-0.6, 0.8, -0.2]])
     usual, deviant_fit = np.array([1.0, 1.0]), np.array([0.1, 4.0])
-    assert np.array_equal(np.sign(tail_sums(d) @ np.transpose([usual, deviant_fit])), [[-1, 1], [1, -1]])
+    assert np.array_equal(
+        np.sign(tail_sums(d) @ np.transpose([usual, deviant_fit])), [[-1, 1], [1, -1]]
+    )
     fits = np.tile(usual, (81, 1))
-    for lost, deviant, verdict in [(0, 2, -1), (0, 3, 0), (1, 1, -1), (1, 2, 0), (2, 0, -1), (2, 1, 0), (3, 0, 0)]:
+    for lost, deviant, verdict in [
+        (0, 2, -1),
+        (0, 3, 0),
+        (1, 1, -1),
+        (1, 2, 0),
+        (2, 0, -1),
+        (2, 1, 0),
+        (3, 0, 0),
+    ]:
         some = fits.copy()
         some[1 : 1 + lost] = np.nan
         some[81 - deviant :] = deviant_fit
@@ -199,7 +236,9 @@ def test_answers_one_by_one_end_where_all_at_once_do_and_refits_are_counted(data
             fits[0] = 0
             run = entry.run(data, 40)
             refits = re.findall(r"(\d+) refits", run.remark)
-            assert [int(n) for n in refits] == [fits[0] / 2] * (entry.name == "BradleyTerryComparator")
+            assert [int(n) for n in refits] == [fits[0] / 2] * (
+                entry.name == "BradleyTerryComparator"
+            )
             comparator = entry.run.args[0](data).update(data.answers)
             assert np.array_equal(run.verdicts, comparator.compare(data.fresh))
             assert comparator.level == methods.LEVEL
@@ -210,7 +249,9 @@ def test_a_single_answer_is_enough_to_run():
     lines = bench.costs([data], [accuracy.references(data)])
     remarks = {line.name: line.remark for line in lines}
     assert all(remarks[name] == "3 of 3 failed" for name in remarks if "scikit-learn" in name)
-    assert not any("failed" in remarks[name] for name in remarks if "SciPy" in name or "elicit" in name)
+    assert not any(
+        "failed" in remarks[name] for name in remarks if "SciPy" in name or "elicit" in name
+    )
 
 
 @pytest.mark.parametrize("wrong", [["--levels", "2"], ["--answers", "0"], ["--resamples", "-1"]])

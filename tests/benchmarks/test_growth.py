@@ -1,4 +1,6 @@
-"""How things grow: slopes are those of what was measured, what is too dear is left out, page and picture show it."""
+"""How things grow: slopes are those of what was measured, what is too dear is left out, page and
+picture show it.
+"""
 
 import re
 
@@ -11,7 +13,9 @@ pytest.importorskip("matplotlib")
 
 
 def test_an_exponent_is_the_slope_over_the_largest_sizes():
-    found = {n: {"seconds": [2e-3 * n**1.5] * 2, "bytes": [float(n**2)]} for n in (10, 100, 1000, 10_000)}
+    found = {
+        n: {"seconds": [2e-3 * n**1.5] * 2, "bytes": [float(n**2)]} for n in (10, 100, 1000, 10_000)
+    }
     found[10]["seconds"] = [7.0]
     assert growth.exponent(found, "seconds") == "1.50 ± 0.00"
     assert growth.exponent(found, "bytes") == ""  # only the last is more than a process's own noise
@@ -41,7 +45,11 @@ COSTLY = ("Q-learning, box", "Q-learning, posterior")
 
 
 @pytest.mark.parametrize(
-    "who", [pytest.param(who, marks=[pytest.mark.slow] if who in COSTLY else []) for who in growth.LEARNERS]
+    "who",
+    [
+        pytest.param(who, marks=[pytest.mark.slow] if who in COSTLY else [])
+        for who in growth.LEARNERS
+    ],
 )
 def test_every_learner_is_measured(who, monkeypatch):
     monkeypatch.setattr(growth, "PROBLEMS", scaled(1, growth.PROBLEMS))
@@ -73,7 +81,10 @@ def test_the_page_has_its_tables_and_the_picture_its_lines(tmp_path, monkeypatch
     monkeypatch.setattr(growth, "measure", quickly)
     page = tmp_path / "page.md"
     growth.main(["--quick", "--out", str(page)])
-    text, drawn = page.read_text(encoding="utf-8"), (tmp_path / "page.svg").read_text(encoding="utf-8")
+    text, drawn = (
+        page.read_text(encoding="utf-8"),
+        (tmp_path / "page.svg").read_text(encoding="utf-8"),
+    )
     assert "](page.svg)" in text
     assert "| certify first | 20, 40 | 1.00 | 1.00 | 1.00 |" in text
     assert "| certify first | 40 | 1 | 40 | 40 | 80 |" in re.sub(r"(\d)\.0+ \|", r"\1 |", text)

@@ -1,4 +1,6 @@
-"""The items' section of the benchmark of fits: all libraries solve the same problem; who is fastest comes first."""
+"""The items' section of the benchmark of fits: all libraries solve the same problem; who is fastest
+comes first.
+"""
 
 import numpy as np
 import pytest
@@ -31,7 +33,9 @@ def test_every_library_finds_the_same_strengths(name, data):
 def test_ours_are_where_the_likelihood_is_flat(data):
     strengths = items.ours(data)
     for wins, theta in zip(data.wins, strengths, strict=True):
-        expected = (wins + wins.T) / (1 + np.exp(theta[None] - theta[:, None]))  # of row over column
+        expected = (wins + wins.T) / (
+            1 + np.exp(theta[None] - theta[:, None])
+        )  # of row over column
         np.testing.assert_allclose(expected.sum(axis=1), wins.sum(axis=1), atol=1e-6)
 
 
@@ -59,7 +63,9 @@ def test_the_section_leaves_out_what_is_not_installed(monkeypatch):
     monkeypatch.setattr(items, "missing", lambda: ["choix", "evalica"])
     lines, none = items.item_lines(3, 60, 1, 4, seed=0)
     assert [line.name for line in lines] == [items.OURS, "SciPy L-BFGS-B, gradient"]
-    text = "\n".join(line for part in items.item_tables({(3, 60): (lines, none)}, 1, 4) for line in part)
+    text = "\n".join(
+        line for part in items.item_tables({(3, 60): (lines, none)}, 1, 4) for line in part
+    )
     assert "choix is not installed, and its rows are left out." in text
     assert "### 3 items, 60 answers" in text
 
@@ -67,7 +73,10 @@ def test_the_section_leaves_out_what_is_not_installed(monkeypatch):
 def test_where_another_wins_the_page_says_so_first():
     own = Line(f"{tables.OURS}, monotone=False", str(RIDGED), 4.0, 0.0, 0.5, 0.0, "")
     slow = own._replace(name="slow", milliseconds=8.0)
-    mine, quick = items.ItemLine(items.OURS, 6.0, 0.0, 0, 0), items.ItemLine("quick", 3.0, 0.0, 0, 0)
+    mine, quick = (
+        items.ItemLine(items.OURS, 6.0, 0.0, 0, 0),
+        items.ItemLine("quick", 3.0, 0.0, 0, 0),
+    )
     broken = quick._replace(name="broken", milliseconds=1.0, missing=2)
     said = tables.fastest({(5, 30): [slow, own]}, {(5, 60): ([mine, quick, broken], 0)})
     assert said[0].startswith("On items quick fits")

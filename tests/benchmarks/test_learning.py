@@ -1,4 +1,6 @@
-"""The learning benchmark: its rivals learn what the learner learns, its limit is what it says, its tables render."""
+"""The learning benchmark: its rivals learn what the learner learns, its limit is what it says, its
+tables render.
+"""
 
 import re
 import warnings
@@ -46,7 +48,9 @@ def made(mdp, epsilon=0.1):
 def test_a_plain_loop_asks_the_learners_questions_and_ends_with_its_policy(make, epsilon, problem):
     mdp, values = problem
     ours = drive(made(mdp, epsilon), TruthfulTutor(values))
-    theirs = plain.q_learning(mdp, make(4), TruthfulTutor(values), steps=STEPS, epsilon=epsilon, key=key_of(3))
+    theirs = plain.q_learning(
+        mdp, make(4), TruthfulTutor(values), steps=STEPS, epsilon=epsilon, key=key_of(3)
+    )
     assert len(ours.answers) > 3
     assert np.array_equal(theirs.asked, ours.answers.d)
     assert theirs.said == ours.answers.y.tolist()
@@ -89,7 +93,9 @@ def test_a_rival_stops_when_it_has_enough(problem):
 
 
 def test_a_rivals_run_is_extrapolated_by_its_steps_and_its_open_comparisons():
-    run = plain.Run(np.zeros(1, int), np.zeros((1, 1, 2)), steps=10, opened=4, judging=2.0, seconds=3.0)
+    run = plain.Run(
+        np.zeros(1, int), np.zeros((1, 1, 2)), steps=10, opened=4, judging=2.0, seconds=3.0
+    )
     assert run.whole(10, 4) == 3.0
     assert run.whole(100, 6) == 10.0 + 3.0
 
@@ -98,7 +104,9 @@ def test_the_simulator_draws_what_the_learner_draws_however_often(problem):
     mdp, _ = problem
     world = plain.World(mdp, key_of(3), 10, 0.1)
     far = [world.successor(2, 1, visit) for visit in range(300)]
-    assert [plain.World(mdp, key_of(3), 10, 0.1).successor(2, 1, visit) for visit in range(299, -1, -1)] == far[::-1]
+    assert [
+        plain.World(mdp, key_of(3), 10, 0.1).successor(2, 1, visit) for visit in range(299, -1, -1)
+    ] == far[::-1]
     shares = np.bincount(far, minlength=8)[mdp.successors[2, 1]] / 300
     assert shares == pytest.approx(mdp.probabilities[2, 1], abs=0.1)
 
@@ -110,7 +118,9 @@ def test_the_bootstrap_learns_what_it_is_told(region, few_resamples):
     t = np.array([-0.5, 0.5])
     assert judge.settle(t) == Verdict.UNKNOWN
     judge.learn(Answers(np.tile(d, (plain.FEW, 1)), [1] * plain.FEW))
-    assert judge.settle(t) == Verdict.UNKNOWN  # all resamples agree, and would do so after one answer
+    assert (
+        judge.settle(t) == Verdict.UNKNOWN
+    )  # all resamples agree, and would do so after one answer
     judge.learn(Answers(np.tile(d, (20, 1)), [1] * 20))
     assert judge.gamma.shape == (plain.RESAMPLES, 2)
     assert judge.settle(t) == Verdict.BETTER
@@ -137,7 +147,9 @@ def test_the_box_decides_less_than_the_ensemble(few_resamples):
     for region in ("box", "ensemble"):
         judge = plain.Bootstrap(5, region)
         judge.learn(answers)
-        decided[region] = {i for i, t in enumerate(tail_sums(-d[::-1])) if judge.settle(t) != Verdict.UNKNOWN}
+        decided[region] = {
+            i for i, t in enumerate(tail_sums(-d[::-1])) if judge.settle(t) != Verdict.UNKNOWN
+        }
     assert decided["box"] < decided["ensemble"]
 
 
@@ -157,7 +169,9 @@ def test_the_measurements_beside_a_rival(rival, few_resamples):
     at = Setting(k=4, states=8, actions=3, steps=STEPS, repeats=1, fits=2, rival=rival, prefix=4)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # few particles
-        found = learning_runs.beside_plain(replace(at, **noisy) if rival in ("box", "ensemble") else at)
+        found = learning_runs.beside_plain(
+            replace(at, **noisy) if rival in ("box", "ensemble") else at
+        )
     reached = {"programs": "their opened", "careful": "their steps"}.get(rival, "their asked")
     assert 4 <= found[reached] < 8
     assert found["whole"] >= found["prefix seconds"] > 0
@@ -229,5 +243,16 @@ def test_every_section_is_run_and_a_failure_is_told(monkeypatch, capsys, tmp_pat
 
 
 def test_numbers_have_three_digits_and_durations_their_unit():
-    assert [number(x) for x in (0.01234, 1.0, 99.95, 123.4, 12345.6)] == ["0.0123", "1", "100", "123", "12,346"]
-    assert [took(x) for x in (2.5, 0.0123456, 42e-6, 1234.5)] == ["2.5 s", "12.3 ms", "42 us", "1,234 s"]
+    assert [number(x) for x in (0.01234, 1.0, 99.95, 123.4, 12345.6)] == [
+        "0.0123",
+        "1",
+        "100",
+        "123",
+        "12,346",
+    ]
+    assert [took(x) for x in (2.5, 0.0123456, 42e-6, 1234.5)] == [
+        "2.5 s",
+        "12.3 ms",
+        "42 us",
+        "1,234 s",
+    ]

@@ -1,5 +1,5 @@
-"""The benchmarks of exploration, of what the paper leaves open, and of the paper read literally run, and their tables
-say what was measured."""
+"""The benchmarks of exploration, of what the paper leaves open, and of the paper read literally
+run, and their tables say what was measured."""
 
 from dataclasses import asdict, replace
 
@@ -95,7 +95,9 @@ def test_one_level_more_is_the_start_at_zero_with_the_values_as_they_are(seed):
     mdp, values = random_mdp(6, 3, 4, rng=seed)
     longer, worth = paired_runs.with_nothing(mdp, values)
     settings = {"steps": 400, "rng": seed}
-    always = InteractiveQLearning(longer, AlwaysAsk(5), epsilon=Exploration(0.3, "worst"), **settings)
+    always = InteractiveQLearning(
+        longer, AlwaysAsk(5), epsilon=Exploration(0.3, "worst"), **settings
+    )
     found = drive(always, TruthfulTutor(worth))
     # Q-learning on the values themselves, from zeros
     rates = rescaled_linear_rate(mdp.discount)(np.arange(400))
@@ -103,7 +105,9 @@ def test_one_level_more_is_the_start_at_zero_with_the_values_as_they_are(seed):
     assert found.policy.tolist() == plain.best
     assert found.q @ ((worth - worth[0]) / (worth[-1] - worth[0])) == pytest.approx(plain.q)
     # the other levels are line 4's zeros, updated; their totals differ
-    first = InteractiveQLearning(longer, AlwaysAsk(5), epsilon=Exploration(0.3, "worst"), steps=0, rng=seed)
+    first = InteractiveQLearning(
+        longer, AlwaysAsk(5), epsilon=Exploration(0.3, "worst"), steps=0, rng=seed
+    )
     assert not first.result().q[:, :, 1:].any()
     assert np.ptp(found.q[:, :, 1:].sum(axis=2)) > 0.01
 
@@ -143,7 +147,11 @@ def test_the_literal_reading_is_held_to_the_default_and_the_others_to_it(capsys,
 def test_the_literal_reading_has_nothing_that_the_text_has_not():
     base = literal.LITERAL.settings
     assert (base["dominance"], base["monotone"], base["prior_strength"]) == (False, False, 0)
-    assert (base["refit_growth"], base["min_answers"], literal.LITERAL.first_level) == (0, 1, "free")
+    assert (base["refit_growth"], base["min_answers"], literal.LITERAL.first_level) == (
+        0,
+        1,
+        "free",
+    )
     changed = [choice for choice in literal.put_back().values() if choice != literal.LITERAL]
     assert len(changed) == len(literal.put_back())
 
@@ -156,8 +164,24 @@ def test_with_a_tutor_who_never_errs_the_literal_reading_decides_nothing():
 
 
 def test_the_rows_behind_the_ablation_notebook_are_paired():
-    tiny = {"seeds": 1, "steps": 60, "max_sweeps": 8, "states": 8, "actions": 2, "max_queries": 20, "n_boot": 5}
-    rows = table(levels=(3, 4), tasks=(), particles=50, tolerance=0.05, error_rates=(0.0, 0.3), jobs=1, **tiny)
+    tiny = {
+        "seeds": 1,
+        "steps": 60,
+        "max_sweeps": 8,
+        "states": 8,
+        "actions": 2,
+        "max_queries": 20,
+        "n_boot": 5,
+    }
+    rows = table(
+        levels=(3, 4),
+        tasks=(),
+        particles=50,
+        tolerance=0.05,
+        error_rates=(0.0, 0.3),
+        jobs=1,
+        **tiny,
+    )
     assert sorted(rows.k.unique()) == [3, 4]
     audited = rows[rows.name == "polytope, audited"]
     assert (audited.audit > 0).all()
@@ -166,7 +190,9 @@ def test_the_rows_behind_the_ablation_notebook_are_paired():
     oracle = rows[(rows.comparator == "always") & (rows.error_rate == 0)]
     assert (oracle.excess == 0).all()
     for row in rows.itertuples():
-        of = oracle[(oracle.k == row.k) & (oracle.learner == row.learner) & (oracle.seed == row.seed)]
+        of = oracle[
+            (oracle.k == row.k) & (oracle.learner == row.learner) & (oracle.seed == row.seed)
+        ]
         beside = of.loss.iloc[0] if row.learner != "policy-iteration" else 0.0  # it has no oracle
         assert row.excess == pytest.approx(100 * (row.loss - beside))
 

@@ -1,4 +1,6 @@
-"""The benchmark of posteriors: the samplers sample what they say, and the scores are what the page says they are."""
+"""The benchmark of posteriors: the samplers sample what they say, and the scores are what the page
+says they are.
+"""
 
 import numpy as np
 import pytest
@@ -23,13 +25,16 @@ def test_the_slope_of_the_density_is_its_slope(problem):
     for j in range(x.shape[1]):
         step = np.zeros(x.shape[1])
         step[j] = 1e-5
-        np.testing.assert_allclose((density(x + step)[0] - density(x - step)[0]) / 2e-5, slope[:, j], atol=1e-7)
+        np.testing.assert_allclose(
+            (density(x + step)[0] - density(x - step)[0]) / 2e-5, slope[:, j], atol=1e-7
+        )
 
 
 @pytest.mark.slow
 def test_without_answers_the_chains_find_the_prior():
     density = chains.log_posterior(Answers.none(4))
-    kept, accepted = chains.hamiltonian(density, chains.start(4, 48, np.random.default_rng(1)), 400, 600,
+    kept, accepted = chains.hamiltonian(density, chains.start(4, 48, np.random.default_rng(1)), 400,
+                                        600,
                                         np.random.default_rng(2))  # fmt: skip
     assert 0.6 < accepted < 0.95
     found = chains.scales(kept.reshape(-1, 5))
@@ -43,14 +48,19 @@ def test_without_answers_the_chains_find_the_prior():
 @pytest.mark.slow
 def test_hamiltonian_ensemble_and_particles_agree(problem):
     long = bench.by_hamiltonian(problem, 0, 300, 600)[0]
-    others = {"particles": bench.particles(problem, 1)[0], "short": bench.by_hamiltonian(problem, 1)[0]}
+    others = {
+        "particles": bench.particles(problem, 1)[0],
+        "short": bench.by_hamiltonian(problem, 1)[0],
+    }
     if "emcee, same posterior" in bench.methods():
         others["emcee"] = bench.by_ensemble(problem, 1)[0]
     for name, found in others.items():
         apart = found.chance @ found.weights - long.chance @ long.weights
         assert np.sqrt((apart**2).mean()) < 0.03, name
     flat = bench.by_hamiltonian(problem._replace(y=-problem.y), 0)[0]
-    assert np.abs(flat.chance @ flat.weights - long.chance @ long.weights).max() > 0.1  # else anything agreed
+    assert (
+        np.abs(flat.chance @ flat.weights - long.chance @ long.weights).max() > 0.1
+    )  # else anything agreed
 
 
 def test_intervals_are_weighted_quantiles():
@@ -65,7 +75,12 @@ def test_who_knows_all_scores_best_and_who_is_surely_wrong_is_counted(problem):
     truth = (problem.fresh @ problem.values)[:, None]
     one = np.ones(1)
     knows = bench.score(problem, bench.Believed(one, problem.chances[:, None], truth))
-    assert (knows["covered"], knows["chance_covered"], knows["wrong"], knows["decided"]) == (1, 1, 0, 1)
+    assert (knows["covered"], knows["chance_covered"], knows["wrong"], knows["decided"]) == (
+        1,
+        1,
+        0,
+        1,
+    )
     fooled = bench.score(problem, bench.Believed(one, 1 - problem.chances[:, None], -truth))
     assert fooled["wrong"] == fooled["sure"] == bench.FRESH
     assert fooled["covered"] == 0
@@ -80,7 +95,9 @@ def test_problems_are_open_pairs_and_their_chances_are_the_tutors(tutor):
     assert len(problem.y) == 10
     assert len(problem.fresh_y) == len(problem.chances) == bench.FRESH
     agree = (problem.fresh_y > 0) == (problem.chances > 0.5)
-    assert agree.mean() == pytest.approx(np.maximum(problem.chances, 1 - problem.chances).mean(), abs=0.08)
+    assert agree.mean() == pytest.approx(
+        np.maximum(problem.chances, 1 - problem.chances).mean(), abs=0.08
+    )
     assert ((problem.chances > 0.5) == (problem.fresh @ problem.values > 0)).all()
     assert (dominance(tail_sums(problem.fresh)) == Verdict.UNKNOWN).all()
 
@@ -96,7 +113,8 @@ def test_the_page_says_who_is_better_first_and_what_is_left_out(tmp_path, monkey
     assert text.index("foretelling held-out answers") < text.index("## a tutor")
     rows = table_rows(text)
     assert [row[0] for row in rows] == [
-        "method", "Hamiltonian, same posterior", "method", "PosteriorComparator", "Hamiltonian, same posterior",
+        "method", "Hamiltonian, same posterior", "method", "PosteriorComparator", "Hamiltonian, "
+                                                                                  "same posterior",
     ]  # fmt: skip
 
 

@@ -1,4 +1,6 @@
-"""Others' rules for the next question: each prefers what its source says, and the page says first who asks fewer."""
+"""Others' rules for the next question: each prefers what its source says, and the page says first
+who asks fewer.
+"""
 
 import json
 
@@ -11,11 +13,15 @@ from benchmarks.asking import rival_rules as rules
 from elicit.lp.hit_and_run import Draws
 from qlearn.learners.query_strategies import Candidates
 
-D = np.array([[0.0, 1.0, -1.0], [1.0, -1.0, 0.0], [0.5, -1.0, 0.5]])  # tail sums (0, -1), (-1, 0), (-.5, .5)
+D = np.array(
+    [[0.0, 1.0, -1.0], [1.0, -1.0, 0.0], [0.5, -1.0, 0.5]]
+)  # tail sums (0, -1), (-1, 0), (-.5, .5)
 
 
 class Drawn:
-    """A comparator of three levels that is only its draws; their tutor never errs, or by a logistic law."""
+    """A comparator of three levels that is only its draws; their tutor never errs, or by a logistic
+    law.
+    """
 
     k = 3
     values = np.array([0.0, 0.5, 1.0])
@@ -39,7 +45,9 @@ def test_volume_removal_takes_the_evenest_answer_also_of_a_tutor_who_errs():
 
 
 def test_the_greatest_regret_needs_scales_that_disagree_and_leaves_out_those_without_weight():
-    np.testing.assert_allclose(rules.greatest_regret(candidates([0.2, 0.9], [0.5, 0.5])), [0, 0, 0.3 + 0.4])
+    np.testing.assert_allclose(
+        rules.greatest_regret(candidates([0.2, 0.9], [0.5, 0.5])), [0, 0, 0.3 + 0.4]
+    )
     some = candidates([0.2, 0.4, 0.9], [0.5, 0.499, 0.001])
     np.testing.assert_allclose(rules.greatest_regret(some), [0, 0, 0])
 
@@ -54,8 +62,17 @@ def test_the_polyhedral_question_cuts_the_longest_axis_through_its_middle():
 
 @pytest.mark.parametrize("method", list(bench.RULES.values()))
 def test_every_rule_asks_until_the_certificate_stands(method, monkeypatch):
-    monkeypatch.setattr(questions, "problem", lambda _, seed: questions.random_mdp(10, 3, 4, discount=0.8, rng=seed))
-    cell = {"environment": "", "method": method, "error": 0.0, "comparator": "polytope", "bounds": False, "seed": 1}
+    monkeypatch.setattr(
+        questions, "problem", lambda _, seed: questions.random_mdp(10, 3, 4, discount=0.8, rng=seed)
+    )
+    cell = {
+        "environment": "",
+        "method": method,
+        "error": 0.0,
+        "comparator": "polytope",
+        "bounds": False,
+        "seed": 1,
+    }
     row = questions.run(cell)
     assert row["status"] in ("BOUNDED", "CONVERGED")
     assert row["end"] <= questions.TOLERANCE
@@ -68,15 +85,28 @@ def test_the_page_says_who_asks_fewer_first():
     n = len(questions.GRID)
 
     def row(cell, fewer):
-        less = 5 if fewer and cell["method"] == "certify, polyhedral" and cell["comparator"] == "polytope" else 0
-        return {"asked": 20 - less + cell["seed"] + (cell["method"] == "certify, mutual information"),
+        less = (
+            5
+            if fewer
+            and cell["method"] == "certify, polyhedral"
+            and cell["comparator"] == "polytope"
+            else 0
+        )
+        return {"asked": 20 - less + cell["seed"] + (cell["method"] == "certify, mutual information"),  # noqa: E501
                 "loss": [0.01] * n}  # fmt: skip
 
     def page(fewer):
-        return "\n".join(line for part in bench.report([(cell, row(cell, fewer)) for cell in todo]) for line in part)
+        return "\n".join(
+            line
+            for part in bench.report([(cell, row(cell, fewer)) for cell in todo])
+            for line in part
+        )
 
     won = page(True)
-    assert "Fewer questions than our default, beyond the interval: polyhedral (Toubia 2004) at k = 5, truthful, " in won
+    assert (
+        "Fewer questions than our default, beyond the interval: polyhedral (Toubia 2004) at k = 5, "
+        "truthful, " in won
+    )
     assert won.index("polyhedral (Toubia 2004) at") < won.index("## k = 5")
     assert "| 1 / 2 / 0 |" in won
     assert "| +1.0 ± 0.0 | 0 / 0 / 3 |" in won  # mutual information

@@ -31,22 +31,28 @@ def folder(tmp_path):
 
 def test_quotes_are_copied_and_all_else_stays(folder):
     text = (
-        "It asks <!-- results.md: default: slope -->1<!-- --> and\n| <!-- results.md: 2, box: slope -->old <!-- --> |"
+        "It asks <!-- results.md: default: slope -->1<!-- --> and\n| <!-- results.md: 2, box: "
+        "slope -->old <!-- --> |"
     )
     assert quotes.renewed(text, folder) == (
         "It asks <!-- results.md: default: slope -->13.7 ± 6.2<!-- --> and\n"
         "| <!-- results.md: 2, box: slope -->+1.87<!-- --> |"
     )
-    again = "<!-- results.md: 3, box: answer --><!-- --> <!-- results.md: 1 / n: slow: slope --><!-- -->"
+    again = (
+        "<!-- results.md: 3, box: answer --><!-- --> <!-- results.md: 1 / n: slow: slope --><!-- "
+        "-->"
+    )
     assert quotes.renewed(again, folder) == (
-        "<!-- results.md: 3, box: answer -->not told<!-- --> <!-- results.md: 1 / n: slow: slope -->-1.7<!-- -->"
+        "<!-- results.md: 3, box: answer -->not told<!-- --> <!-- results.md: 1 / n: slow: slope "
+        "-->-1.7<!-- -->"
     )
 
 
 def test_a_table_is_copied_with_the_columns_that_are_wanted(folder):
     text = "Before\n\n<!-- results.md: all lines: who, slope -->\n\nold\n\n<!-- -->\nAfter"
     assert quotes.renewed(text, folder) == (
-        "Before\n\n<!-- results.md: all lines: who, slope -->\n\n| who | slope |\n|---|---|\n| box | +1.87 |\n"
+        "Before\n\n<!-- results.md: all lines: who, slope -->\n\n| who | slope |\n|---|---|\n| box "
+        "| +1.87 |\n"
         "| box | -0.00 |\n\n<!-- -->\nAfter"
     )
     with pytest.raises(ValueError, match=r"results\.md has 2 tables with the columns slope"):
@@ -54,20 +60,33 @@ def test_a_table_is_copied_with_the_columns_that_are_wanted(folder):
 
 
 def test_a_table_can_be_named_by_the_heading_above_it(folder):
-    (folder / "sizes.md").write_text(f"# Sizes\n\n## 10 states\n\n{TABLE}\n## 100 states\n\n{TABLE.replace('1', '2')}")
-    text = "<!-- sizes.md#100 states: box: slope --><!-- --> and <!-- sizes.md#10 states: box: slope --><!-- -->"
+    (folder / "sizes.md").write_text(
+        f"# Sizes\n\n## 10 states\n\n{TABLE}\n## 100 states\n\n{TABLE.replace('1', '2')}"
+    )
+    text = (
+        "<!-- sizes.md#100 states: box: slope --><!-- --> and <!-- sizes.md#10 states: box: slope "
+        "--><!-- -->"
+    )
     assert quotes.renewed(text, folder).count("-->2.5<!--") == 1
-    assert quotes.renewed(text, folder).endswith("<!-- sizes.md#10 states: box: slope -->1.5<!-- -->")
+    assert quotes.renewed(text, folder).endswith(
+        "<!-- sizes.md#10 states: box: slope -->1.5<!-- -->"
+    )
     for heading, many in (("1", "2"), ("1,000", "no")):
-        with pytest.raises(ValueError, match=f"sizes.md has {many} headings that begin with '{heading}'"):
+        with pytest.raises(
+            ValueError, match=f"sizes.md has {many} headings that begin with '{heading}'"
+        ):
             quotes.renewed(f"<!-- sizes.md#{heading}: box: slope --><!-- -->", folder)
     with pytest.raises(ValueError, match="has no cells"):
         quotes.renewed("<!-- sizes.md#Sizes: box: slope --><!-- -->", folder)
 
 
-@pytest.mark.parametrize(("line", "column"), [("default", "answer"), ("nobody", "slope"), ("box", "slope")])
+@pytest.mark.parametrize(
+    ("line", "column"), [("default", "answer"), ("nobody", "slope"), ("box", "slope")]
+)
 def test_what_is_not_there_cannot_be_quoted(folder, line, column):
-    with pytest.raises(ValueError, match=f"results.md has no cells in the line '{line}' and the column '{column}'"):
+    with pytest.raises(
+        ValueError, match=f"results.md has no cells in the line '{line}' and the column '{column}'"
+    ):
         quotes.renewed(f"<!-- results.md: {line}: {column} -->1<!-- -->", folder)
 
 

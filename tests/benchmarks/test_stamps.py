@@ -47,7 +47,8 @@ def project(tmp_path, monkeypatch):
     """A program of benchmarks that imports what imports something else, within a function."""
     monkeypatch.setattr(stamps, "ROOT", tmp_path)
     files = {
-        "benchmarks/program.py": '"""What it is."""\n\ndef main():\n    from elicit.near import one\n    return one\n',
+        "benchmarks/program.py": '"""What it is."""\n\ndef main():\n    from elicit.near import '
+        "one\n    return one\n",
         "elicit/near.py": "import numpy\nimport elicit.far\n\none = elicit.far.two  # that\n",
         "elicit/far.py": "two = 2\n",
         "elicit/other.py": "three = 3\n",
@@ -74,25 +75,34 @@ def test_code_counts_wherever_it_is_imported_from_and_words_do_not(project):
     assert changed(project / "benchmarks/program.py", "What it is", "Said better") == first
     further = changed(project / "elicit/far.py", "2", "3")
     assert further != first
-    assert changed(project / "benchmarks/program.py", "return one", "return one + 1") not in (first, further)
+    assert changed(project / "benchmarks/program.py", "return one", "return one + 1") not in (
+        first,
+        further,
+    )
     assert changed(project / "elicit/far.py", "3", "2") != first
 
 
 def test_a_docstring_is_no_code_but_a_string_is():
-    said, unsaid = (stamps._told(ast.parse(f"def f(x=1):\n    {text}return 'a'\n")) for text in ("'Says.'\n    ", ""))
+    said, unsaid = (
+        stamps._told(ast.parse(f"def f(x=1):\n    {text}return 'a'\n"))
+        for text in ("'Says.'\n    ", "")
+    )
     assert said == unsaid
     assert "'a'" in said
     assert stamps._told(ast.parse("f(x=0)")) != stamps._told(ast.parse("f(x=1)"))
 
 
 def test_a_lazy_name_leads_to_its_module_and_only_to_that():
-    tree = ast.parse("import elicit\nimport qlearn\nelicit.PolytopeComparator(3), qlearn.strategies.max_regret")
+    tree = ast.parse(
+        "import elicit\nimport qlearn\nelicit.PolytopeComparator(3), qlearn.strategies.max_regret"
+    )
     assert set(stamps._imported(tree)) == {
         "elicit.comparators.polytope.comparator",
         "qlearn.learners.query_strategies",
     }
     tree = ast.parse(
-        "from elicit import Answer, plot\nfrom qlearn import drive\nfrom benchmarks.training import terrain"
+        "from elicit import Answer, plot\nfrom qlearn import drive\nfrom benchmarks.training "
+        "import terrain"
     )
     assert set(stamps._imported(tree)) == {
         "elicit.model.query",
@@ -105,9 +115,15 @@ def test_a_lazy_name_leads_to_its_module_and_only_to_that():
 def test_what_only_compiles_is_of_no_number(monkeypatch):
     met = []
     read = stamps._module
-    monkeypatch.setattr(stamps, "_module", lambda name, changed: met.append(name) or read(name, changed))
+    monkeypatch.setattr(
+        stamps, "_module", lambda name, changed: met.append(name) or read(name, changed)
+    )
     stamps.sources("qlearn")  # figures, whose catalogue knows all learners
-    assert {"qlearn.experiments.catalogue", "qlearn.learners.q_learning", "qlearn.learners.policy_iteration"} <= {*met}
+    assert {
+        "qlearn.experiments.catalogue",
+        "qlearn.learners.q_learning",
+        "qlearn.learners.policy_iteration",
+    } <= {*met}
     assert "qlearn.experiments.compile_ahead" not in met
     met.clear()
     stamps.sources("benchmarks.asking.certificates")
@@ -117,8 +133,12 @@ def test_what_only_compiles_is_of_no_number(monkeypatch):
 def test_what_reads_the_runs_is_of_no_number_in_them(monkeypatch):
     met = []
     read = stamps._module
-    monkeypatch.setattr(stamps, "_module", lambda name, changed: met.append(name) or read(name, changed))
-    (table,) = (page for page in evidence.PAGES if page.copy_of)  # which is what is kept of `qlearn figures`
+    monkeypatch.setattr(
+        stamps, "_module", lambda name, changed: met.append(name) or read(name, changed)
+    )
+    (table,) = (
+        page for page in evidence.PAGES if page.copy_of
+    )  # which is what is kept of `qlearn figures`
     assert table.sources
     assert "qlearn.paper.figure_runs" in met
     assert not {*stamps.AFTERWARDS["qlearn"]} & {*met}
@@ -135,7 +155,10 @@ def test_a_notebook_is_of_its_cells_and_of_the_tables_that_it_reads(tmp_path, mo
     data.mkdir(parents=True)
 
     def of(code: str, words: str = "", read: str = "1", unread: str = "1") -> str:
-        cells = [{"cell_type": "markdown", "source": [words]}, {"cell_type": "code", "source": [code]}]
+        cells = [
+            {"cell_type": "markdown", "source": [words]},
+            {"cell_type": "code", "source": [code]},
+        ]
         page.write_text(json.dumps({"cells": cells, "metadata": {}}))
         (data / "read.csv").write_text(read)
         (data / "unread.csv").write_text(unread)
@@ -151,7 +174,11 @@ def pages(tmp_path, monkeypatch):
     """Two pages, the second of a program that fails, which a stand-in for their programs writes."""
     monkeypatch.setattr(evidence, "ROOT", tmp_path)
     monkeypatch.setattr(Page, "sources", property(lambda page: "0123456789"))
-    found = (Page("a.md", "program a", 1), Page("b.md", "program b", 1), Page("c.md", "program c", 1, ("peers",)))
+    found = (
+        Page("a.md", "program a", 1),
+        Page("b.md", "program b", 1),
+        Page("c.md", "program c", 1, ("peers",)),
+    )
     monkeypatch.setattr(evidence, "PAGES", found)
     ran = []
 

@@ -12,7 +12,13 @@ def run(loss, bound, short=0.0):
 
 
 def test_a_row_counts_bounds_that_were_given_and_kept():
-    row = dict(zip(report.HEAD, report.line("it", [run(0.005, 0.01), run(0.02, 0.01), run(0.1, np.nan)]), strict=True))
+    row = dict(
+        zip(
+            report.HEAD,
+            report.line("it", [run(0.005, 0.01), run(0.02, 0.01), run(0.1, np.nan)]),
+            strict=True,
+        )
+    )
     assert row["bound kept"] == "50.0% of 2"
     assert row["worst"] == "10.00"
     assert row["equal gaps lose"] == "20.0, 20.0"
@@ -20,7 +26,9 @@ def test_a_row_counts_bounds_that_were_given_and_kept():
 
 
 def test_a_broken_bound_is_told_from_one_whose_gap_did_not_hold():
-    *_, finite, kept, lost = report.broken(0.3, [run(0.1, 0.2), run(0.3, 0.2), run(0.3, 0.2, 0.4), run(0.1, np.nan)])
+    *_, finite, kept, lost = report.broken(
+        0.3, [run(0.1, 0.2), run(0.3, 0.2), run(0.3, 0.2, 0.4), run(0.1, np.nan)]
+    )
     assert (finite, kept, lost) == ("3", "1 (0)", "1 (1)")
 
 

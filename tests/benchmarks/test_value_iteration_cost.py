@@ -1,4 +1,6 @@
-"""The benchmark of sweeps measures what it says: all solve the problem, and who is fastest is said first."""
+"""The benchmark of sweeps measures what it says: all solve the problem, and who is fastest is said
+first.
+"""
 
 from importlib.util import find_spec
 from typing import Any
@@ -47,8 +49,13 @@ def test_the_check_of_another_package_is_back_after_it_was_left_out() -> None:
     assert toolbox._util.check is check
 
 
-def test_the_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    seconds = {"qlearn, modified policy iteration": [0.5, 0.5, 0.5], "interactive value iteration": [5.0, 4.0, 9.0]}
+def test_the_report(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seconds = {
+        "qlearn, modified policy iteration": [0.5, 0.5, 0.5],
+        "interactive value iteration": [5.0, 4.0, 9.0],
+    }
     seconds |= {"pymdptoolbox, value iteration": [0.3, 0.2, 0.1]}
     tried = []
 

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from elicit import PolytopeComparator, PosteriorComparator, TruthfulTutor, Verdict, choose, objectives
+from elicit import (
+    PolytopeComparator,
+    PosteriorComparator,
+    TruthfulTutor,
+    Verdict,
+    choose,
+    objectives,
+)
 from elicit.model.scale import tail_sums
 
 

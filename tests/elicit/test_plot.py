@@ -1,4 +1,6 @@
-"""The pictures show what the comparators say: areas, intervals and arrows against other ways to the same numbers."""
+"""The pictures show what the comparators say: areas, intervals and arrows against other ways to the
+same numbers.
+"""
 
 import itertools
 import subprocess
@@ -71,9 +73,14 @@ def nothing_is_clipped(ax):
     texts = list(ax.texts)
     for axis in (ax.xaxis, ax.yaxis) if ax.axison else ():
         low, high = sorted(axis.get_view_interval())
-        texts += [axis.label, *(tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high)]
+        texts += [
+            axis.label,
+            *(tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high),
+        ]
     assert len(texts) > 3
-    for artist in [t for t in texts if t.get_visible() and t.get_text()] + ([legend] if legend else []):
+    for artist in [t for t in texts if t.get_visible() and t.get_text()] + (
+        [legend] if legend else []
+    ):
         extent = artist.get_window_extent(renderer)
         assert all(box.padded(1).fully_contains(*corner) for corner in extent.corners()), artist
 
@@ -84,10 +91,14 @@ def test_the_area_is_the_share_of_scales_that_fit(n, margin):
     """Against random points of the simplex, of which those count that agree with every answer."""
     known = taught(n, seed=n, margin=margin)
     g = np.random.default_rng(1).dirichlet(np.ones(3), 40_000)
-    fits = (g >= margin).all(axis=1) & (tail_sums(known.answers.d) @ g.T * known.answers.y[:, None] >= 0).all(axis=0)
+    fits = (g >= margin).all(axis=1) & (
+        tail_sums(known.answers.d) @ g.T * known.answers.y[:, None] >= 0
+    ).all(axis=0)
     share = fits.mean()
     (drawn,) = areas(plot.polytope(known))
-    assert 2 * area(drawn.get_xy()) == pytest.approx(share, abs=5 * np.sqrt(share * (1 - share) / 40_000) + 1e-9)
+    assert 2 * area(drawn.get_xy()) == pytest.approx(
+        share, abs=5 * np.sqrt(share * (1 - share) / 40_000) + 1e-9
+    )
     assert n == 0 or share < 0.9 * (1 - 3 * margin) ** 2
 
 
@@ -103,7 +114,11 @@ def test_a_prior_cuts_too():
 small = st.lists(st.integers(-8, 8), min_size=4, max_size=4).map(lambda d: np.array(d) / 8)
 
 
-@given(st.lists(st.tuples(small, st.booleans()), max_size=6), small, st.sampled_from([0.0, 1e-6, 0.125]))
+@given(
+    st.lists(st.tuples(small, st.booleans()), max_size=6),
+    small,
+    st.sampled_from([0.0, 1e-6, 0.125]),
+)
 @examples(60)
 def test_the_corners_span_what_the_bounds_say(told, d, margin):
     """The least and greatest d.e are reached at corners: against the linear programs."""
@@ -111,7 +126,9 @@ def test_the_corners_span_what_the_bounds_say(told, d, margin):
     tutor = TruthfulTutor([0, 2, 5, 8])  # ties happen
     for row, as_equal in told:
         sign = int(tutor.signs(row)[0])
-        ways = [sign] if sign or as_equal else [1, -1]  # a tie is said as "equal", or by opposite answers
+        ways = (
+            [sign] if sign or as_equal else [1, -1]
+        )  # a tie is said as "equal", or by opposite answers
         known = known.update(Answers([row] * len(ways), ways))
     corners = plot.corners(known)
     assert corners.sum(axis=1) == pytest.approx(1)
@@ -123,13 +140,19 @@ def test_the_corners_span_what_the_bounds_say(told, d, margin):
 
 def test_shrunk_to_a_segment_and_to_a_point():
     ways = [[0, 1, -0.5, 0], [0, 0, 1, -0.5]]  # e_3 = 2 e_2, e_4 = 2 e_3
-    line = PolytopeComparator(4, margin=0).update(Answers([ways[0], ways[0]], [1, -1]))  # opposite answers
+    line = PolytopeComparator(4, margin=0).update(
+        Answers([ways[0], ways[0]], [1, -1])
+    )  # opposite answers
     assert len(plot.corners(line)) == 2
     assert plot.corners(line).cumsum(axis=1)[:, 1] == pytest.approx(2 * plot.corners(line)[:, 0])
     point = line.update(Answers([ways[1], ways[1]], [-1, 1]))
     assert plot.corners(point).tolist() == [[0.25, 0.25, 0.5]]
-    band = PolytopeComparator(4, tie=0.0).update(Answers(ways, [0, 0]))  # "equal" is a band, if a narrow one
-    assert plot.corners(band) == pytest.approx(np.tile([0.25, 0.25, 0.5], (len(plot.corners(band)), 1)), abs=1e-8)
+    band = PolytopeComparator(4, tie=0.0).update(
+        Answers(ways, [0, 0])
+    )  # "equal" is a band, if a narrow one
+    assert plot.corners(band) == pytest.approx(
+        np.tile([0.25, 0.25, 0.5], (len(plot.corners(band)), 1)), abs=1e-8
+    )
     for known, rings in ((line, 0), (point, 1), (band, 1)):
         ax = plot.polytope(known)
         (drawn,) = areas(ax)
@@ -166,14 +189,18 @@ def test_the_corners_of_the_triangle_say_what_they_mean():
     said = {tuple(text.xy): text.get_text() for text in ax.texts}
     for e_2, e_3 in ((0, 0), (0, 1), (1, 1)):
         j = [e_2, e_3 - e_2, 1 - e_3].index(1)  # the one gap that is open there
-        assert said[e_2, e_3] == f"all of the difference lies\nbetween {LEVELS[j]} and {LEVELS[j + 1]}"
+        assert (
+            said[e_2, e_3] == f"all of the difference lies\nbetween {LEVELS[j]} and {LEVELS[j + 1]}"
+        )
     assert ax.get_xlabel() == "value of stable\n(share of the range $e_4 - e_1$)"
     assert ax.get_ylabel().startswith("value of well\n(share of the range")
     nothing_is_clipped(ax)
 
 
 def test_each_line_is_where_its_answer_changes_side():
-    known = taught(8).update(Answers([[0, 1, 0, 0]], [1]))  # the last follows from the order: no line
+    known = taught(8).update(
+        Answers([[0, 1, 0, 0]], [1])
+    )  # the last follows from the order: no line
     (lines,) = [c for c in plot.polytope(known).collections if isinstance(c, LineCollection)]
     assert lines.get_label() == "limits of the answers"
     t = tail_sums(known.answers.d)
@@ -184,7 +211,9 @@ def test_each_line_is_where_its_answer_changes_side():
         assert g @ row == pytest.approx(0, abs=1e-12)
         assert g.min(axis=1) == pytest.approx(0, abs=1e-12), "from edge to edge"
     assert not plot.polytope(known, cuts=False).collections
-    prior = PolytopeComparator(4, prior=([[0, -2, 1, 0], [0, 0, 0, 1]], [0, 0.5]))  # the second says nothing
+    prior = PolytopeComparator(
+        4, prior=([[0, -2, 1, 0], [0, 0, 0, 1]], [0, 0.5])
+    )  # the second says nothing
     (line,) = plot.polytope(prior).collections
     assert line.get_label() == "limits of the prior"
     assert sorted(map(tuple, line.get_segments()[0])) == [(0, 0), (0.5, 1)]
@@ -194,21 +223,39 @@ def test_each_line_is_where_its_answer_changes_side():
     ("call", "complaint"),
     [
         (lambda: plot.polytope(PolytopeComparator(5)), "k = 5: scale_intervals"),
-        (lambda: plot.polytope([PolytopeComparator(4), PolytopeComparator(3)]), "k = 3: scale_intervals"),
+        (
+            lambda: plot.polytope([PolytopeComparator(4), PolytopeComparator(3)]),
+            "k = 3: scale_intervals",
+        ),
         (lambda: plot.polytope(Dominance(4)), "not Dominance: use scale_intervals"),
         (lambda: plot.polytope([]), "at least one"),
         (lambda: plot.corners(PolytopeComparator(3)), "k = 3: scale_intervals"),
-        (lambda: plot.polytope(PolytopeComparator(4), labels=["a", "b"]), "4 levels, worst first, but there are 2"),
+        (
+            lambda: plot.polytope(PolytopeComparator(4), labels=["a", "b"]),
+            "4 levels, worst first, but there are 2",
+        ),
         (lambda: plot.polytope(PolytopeComparator(4), values=[0, 1, 2]), "each of 4 levels"),
         (lambda: plot.polytope(PolytopeComparator(4), values=[0, 3, 2, 4]), "increase"),
-        (lambda: plot.plausible(PolytopeComparator(5)), "PolytopeComparator of 5 levels: use scale_intervals"),
+        (
+            lambda: plot.plausible(PolytopeComparator(5)),
+            "PolytopeComparator of 5 levels: use scale_intervals",
+        ),
         (lambda: plot.plausible(Dominance(4)), "Dominance of 4 levels: use scale_intervals"),
         (lambda: plot.scale_intervals([]), "at least one"),
         (lambda: plot.scale_intervals({}), "at least one"),
-        (lambda: plot.scale_intervals({"a": Dominance(3), "b": Dominance(4)}), "b is about 4 levels, but a is about 3"),
+        (
+            lambda: plot.scale_intervals({"a": Dominance(3), "b": Dominance(4)}),
+            "b is about 4 levels, but a is about 3",
+        ),
         (lambda: plot.scale_intervals(Dominance(3), labels="abcd"), "3 levels"),
-        (lambda: plot.scale_intervals(Dominance(4), labels="abcd"), "4 levels, .* but they are the text 'abcd'"),
-        (lambda: plot.preference_graph(preference_graph([]), names="abcd"), "not the one text 'abcd'"),
+        (
+            lambda: plot.scale_intervals(Dominance(4), labels="abcd"),
+            "4 levels, .* but they are the text 'abcd'",
+        ),
+        (
+            lambda: plot.preference_graph(preference_graph([]), names="abcd"),
+            "not the one text 'abcd'",
+        ),
         (lambda: plot.scale_intervals(Dominance(3), values=[0, 1]), "each of 3 levels"),
     ],
 )
@@ -234,7 +281,9 @@ def test_what_each_comparator_holds_possible_is_drawn_in_its_own_colour():
 
     for rescale, kind in ((False, "box"), (True, "box-rescaled")):
         known = BradleyTerryComparator(4, region="box", rescale=rescale, n_boot=20).update(told)
-        (drawn,) = [patch for patch in plot.plausible(known).patches if isinstance(patch, Rectangle)]
+        (drawn,) = [
+            patch for patch in plot.plausible(known).patches if isinstance(patch, Rectangle)
+        ]
         low, high = known.bounds(two)
         assert drawn.get_bbox().get_points() == pytest.approx(np.stack([low, high]))
         assert drawn.get_edgecolor()[:3] == pytest.approx(to_rgb(plot.STYLES[kind]["color"]))
@@ -272,7 +321,9 @@ def test_every_comparator_has_a_kind_and_others_their_own_style():
 
 
 def drawn_intervals(ax):
-    """For each comparator: low, high, height (k,) of its lines; the best guesses (k,), and the line of these."""
+    """For each comparator: low, high, height (k,) of its lines; the best guesses (k,), and the line
+    of these.
+    """
     lines = [c for c in ax.collections if c.get_zorder() == 1]
     points = [line for line in ax.lines if line.get_zorder() == 2]
     for collection, line in zip(lines, points, strict=True):
@@ -317,7 +368,11 @@ def test_comparators_are_told_apart_in_colour_and_in_grey():
     ax = plot.scale_intervals(several)
     marks = [line for *_, line in drawn_intervals(ax)]
     lines = [c for c in ax.collections if c.get_zorder() == 1]
-    for kinds in ([m.get_marker() for m in marks], [m.get_color() for m in marks], [c.get_linestyle() for c in lines]):
+    for kinds in (
+        [m.get_marker() for m in marks],
+        [m.get_color() for m in marks],
+        [c.get_linestyle() for c in lines],
+    ):
         assert len(set(map(str, kinds))) == 7
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names[:3] == ["Polytope, 0 answers", "Polytope, 1 answer", "Polytope, 2 answers"]
@@ -343,7 +398,11 @@ def arrows(ax):
 
 def test_better_vectors_stand_above():
     graph = preference_graph(
-        [said("1", 0, Verdict.BETTER, 1), said("2", 2, Verdict.WORSE, 1), said("3", 2, Verdict.EQUAL, 3)],
+        [
+            said("1", 0, Verdict.BETTER, 1),
+            said("2", 2, Verdict.WORSE, 1),
+            said("3", 2, Verdict.EQUAL, 3),
+        ],
         dominance=False,
     )
     ax = plot.preference_graph(graph)
@@ -394,9 +453,16 @@ def test_axes_are_used_or_made(draw):
 
 
 def test_only_drawing_needs_matplotlib_and_the_error_names_what_to_install():
-    code = "sys.modules['matplotlib'] = None; import elicit.plot as p; p.scale_intervals(p.PolytopeComparator(3))"
-    found = subprocess.run([sys.executable, "-c", f"import sys; {code}"], capture_output=True, text=True)
-    assert "ImportError: plots need matplotlib: pip install 'elicit-qlearn[ablation]'" in found.stderr
+    code = (
+        "sys.modules['matplotlib'] = None; import elicit.plot as p; "
+        "p.scale_intervals(p.PolytopeComparator(3))"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", f"import sys; {code}"], capture_output=True, text=True
+    )
+    assert (
+        "ImportError: plots need matplotlib: pip install 'elicit-qlearn[ablation]'" in found.stderr
+    )
 
 
 def sticks_out(ax):
@@ -407,10 +473,15 @@ def sticks_out(ax):
 
 def test_no_legend_is_cut_off():
     told = [taught(n) for n in (0, 1, 2, 3, 5, 8, 12)]
-    named = {f"the long name that somebody gave to the comparator of number {i}": one for i, one in enumerate(told[:3])}
+    named = {
+        f"the long name that somebody gave to the comparator of number {i}": one
+        for i, one in enumerate(told[:3])
+    }
     assert not sticks_out(plot.scale_intervals(named, values=VALUES))
     assert not sticks_out(plot.scale_intervals(told, plt.subplots()[1], values=VALUES))
-    assert not sticks_out(plot.scale_intervals(told, plt.subplots(1, 2, layout="constrained")[1][1], values=VALUES))
+    assert not sticks_out(
+        plot.scale_intervals(told, plt.subplots(1, 2, layout="constrained")[1][1], values=VALUES)
+    )
     assert not sticks_out(plot.polytope(told, values=VALUES))
     graph = preference_graph([Answer(Query("q", WARD[0], WARD[1]), Verdict.BETTER)])
     assert not sticks_out(plot.preference_graph(graph))
@@ -422,7 +493,10 @@ def test_a_large_graph_is_drawn_without_what_follows():
     asked = [rng.choice(len(seen), 2, replace=False) for _ in range(60)]
     flipped = [-1 if rng.random() < 0.1 else 1 for _ in asked]
     graph = preference_graph(
-        Answer(Query(f"q{i}", seen[a], seen[b]), Verdict(int(flip * np.sign((seen[a] - seen[b]) @ values))))
+        Answer(
+            Query(f"q{i}", seen[a], seen[b]),
+            Verdict(int(flip * np.sign((seen[a] - seen[b]) @ values))),
+        )
         for i, ((a, b), flip) in enumerate(zip(asked, flipped, strict=True))
     )
     assert len(graph) > 30
@@ -433,9 +507,13 @@ def test_a_large_graph_is_drawn_without_what_follows():
     assert {text.get_text() for text in ax.texts} == {"", *map(str, graph)}, "numbers only"
     at = {text.get_text(): text.get_position() for text in ax.texts if text.get_text()}
     assert len(set(at.values())) == len(graph)
-    names = {text.get_position(): name for name, text in ((t.get_text(), t) for t in ax.texts) if name}
+    names = {
+        text.get_position(): name for name, text in ((t.get_text(), t) for t in ax.texts) if name
+    }
     arrows = {(int(names[tuple(text.xyann)]), int(names[tuple(text.xy)])) for text in drawn}
-    assert {step[:2] for circle in circles for step in circle.steps} <= arrows | {(b, a) for a, b in arrows}
+    assert {step[:2] for circle in circles for step in circle.steps} <= arrows | {
+        (b, a) for a, b in arrows
+    }
     down = nx.DiGraph((a, b) for a, b in arrows if at[str(a)][1] > at[str(b)][1])
     for a, b in graph.edges:  # what was left out follows from what was drawn
         if graph.edges[a, b]["kind"] != "equal" and (a, b) not in arrows:
@@ -445,6 +523,8 @@ def test_a_large_graph_is_drawn_without_what_follows():
 
 
 def test_shares_of_a_node_total_a_hundred():
-    graph = preference_graph([Answer(Query("q", [1 / 3, 1 / 3, 1 / 3], [0.5, 0.25, 0.25]), Verdict.BETTER)])
+    graph = preference_graph(
+        [Answer(Query("q", [1 / 3, 1 / 3, 1 / 3], [0.5, 0.25, 0.25]), Verdict.BETTER)]
+    )
     texts = {text.get_text() for text in plot.preference_graph(graph).texts}
     assert {"33.4/33.3/33.3", "50/25/25"} <= texts

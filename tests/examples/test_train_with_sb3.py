@@ -21,7 +21,9 @@ def test_the_example_is_short():
 
 
 class Resting:
-    """In the place of Stable-Baselines3's DQN: a model that never moves, or after the first one, races about."""
+    """In the place of Stable-Baselines3's DQN: a model that never moves, or after the first one,
+    races about.
+    """
 
     made = 0
 
@@ -59,7 +61,9 @@ def test_dqn_trains_by_questions():
     spec = importlib.util.spec_from_file_location("train_with_sb3", EXAMPLE)
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
-    result = example.main(TruthfulTutor([0, 2, 3, 10]), steps=400, episodes=2, tolerance=0.2, max_trainings=2)
+    result = example.main(
+        TruthfulTutor([0, 2, 3, 10]), steps=400, episodes=2, tolerance=0.2, max_trainings=2
+    )
     assert isinstance(result.status, Status)
     assert 1 <= result.trained <= 2
     assert result.shares.sum() == pytest.approx(1)

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 import qlearn.reference
-from elicit import AlwaysAsk, Answer, BradleyTerryComparator, Dominance, PolytopeComparator, Query, Verdict
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    BradleyTerryComparator,
+    Dominance,
+    PolytopeComparator,
+    Query,
+    Verdict,
+)
 from elicit._support.hashing import key_of
 from elicit.tutors.simulated import TruthfulTutor
 from qlearn import OrdinalMDP, policy_loss, random_mdp
@@ -27,9 +35,13 @@ from tests.thoroughness import quick_first
 
 
 def two_state_mdp() -> OrdinalMDP:
-    """Everything certain: action 0 stays, action 1 goes to the other state; levels [[1, 0], [2, 0]]; discount 1/2."""
+    """Everything certain: action 0 stays, action 1 goes to the other state; levels [[1, 0], [2,
+    0]]; discount 1/2.
+    """
     successors = np.array([[[0], [1]], [[1], [0]]])
-    return OrdinalMDP(successors, np.ones((2, 2, 1)), np.array([[1, 0], [2, 0]]), 0.5, ("bad", "fair", "good"))
+    return OrdinalMDP(
+        successors, np.ones((2, 2, 1)), np.array([[1, 0], [2, 0]]), 0.5, ("bad", "fair", "good")
+    )
 
 
 def refuse(query: Query) -> Answer:
@@ -48,7 +60,8 @@ def test_every_line_of_the_paper_is_named(algorithm: int, lines: int) -> None:
 
 
 def test_one_step_by_hand() -> None:
-    # Alg. 1, l. 9 and 10 from the worst level, rate 1/4: Q = 3/4 (1, 0, 0) + 1/4 (1/2 (0, 1, 0) + 1/2 (1, 0, 0))
+    # Alg. 1, l. 9 and 10 from the worst level, rate 1/4: Q = 3/4 (1, 0, 0) + 1/4 (1/2 (0, 1, 0) +
+    # 1/2 (1, 0, 0))
     mdp = two_state_mdp()
     for key in map(key_of, range(10)):
         learned, _, told = interactive_q_learning(
@@ -77,8 +90,16 @@ def test_zero_start_is_line_4_of_the_paper() -> None:
 def test_long_runs_reach_the_known_optimum(start: str) -> None:
     # staying in state 1 for ever is worth (0, 0, 1); state 0 does best to go there: (1/2, 0, 1/2)
     mdp = two_state_mdp()
-    how: dict[str, Any] = {"steps": 400, "epsilon": 0.5, "rates": np.full(400, 0.5), "key": 1, "start": start}
-    learned, _, _ = interactive_q_learning(mdp, PolytopeComparator(3), TruthfulTutor([0, 4, 10]), **how)
+    how: dict[str, Any] = {
+        "steps": 400,
+        "epsilon": 0.5,
+        "rates": np.full(400, 0.5),
+        "key": 1,
+        "start": start,
+    }
+    learned, _, _ = interactive_q_learning(
+        mdp, PolytopeComparator(3), TruthfulTutor([0, 4, 10]), **how
+    )
     assert learned.best == [1, 0]
     best = learned.q[[0, 1], learned.best]
     np.testing.assert_allclose(best[:, 1:], [[0.0, 0.5], [0.0, 1.0]], atol=1e-6)
@@ -97,7 +118,9 @@ def test_get_best_asks_only_when_unsure_and_remembers() -> None:
     assert (winner, len(asked), len(told.answers)) == (7, 1, 1)
     winner, model, told = get_best(worse, 4, better, 7, model, told, tutor)  # now M is confident
     assert (winner, len(asked)) == (7, 1)
-    winner, model, told = get_best(better, 7, better, 4, model, told, tutor)  # a tie: the best so far stays
+    winner, model, told = get_best(
+        better, 7, better, 4, model, told, tutor
+    )  # a tie: the best so far stays
     assert (winner, len(asked)) == (4, 1)
     assert asked[0].left.tolist() == better.tolist()
     assert asked[0].right.tolist() == worse.tolist()
@@ -108,7 +131,9 @@ def test_get_best_after_a_tie_or_no_answer(verdict: Verdict | None) -> None:
     left, right = np.array([0.5, 0.0, 0.5]), np.array([0.0, 1.0, 0.0])
     model: Any = BradleyTerryComparator(3, n_boot=10)
     told = Told()
-    winner, model, told = get_best(left, 1, right, 0, model, told, lambda query: Answer(query, verdict))
+    winner, model, told = get_best(
+        left, 1, right, 0, model, told, lambda query: Answer(query, verdict)
+    )
     assert winner == 0
     for a, b in ((left, right), (right, left)):
         assert forecast(a - b, model, told, 0.0) is Verdict.EQUAL
@@ -133,14 +158,26 @@ def test_draws_have_the_stated_distribution() -> None:
 
 
 @pytest.mark.parametrize("seed", quick_first(range(5), 2))
-@pytest.mark.parametrize(("episode_length", "start"), [(None, "worst"), (6, "worst"), (None, "best")])
-def test_vectors_and_scalars_tell_the_same_story(seed: int, episode_length: int | None, start: str) -> None:
-    # proposition 1 all along a run: always asking a truthful tutor is ordinary Q-learning on the true values
+@pytest.mark.parametrize(
+    ("episode_length", "start"), [(None, "worst"), (6, "worst"), (None, "best")]
+)
+def test_vectors_and_scalars_tell_the_same_story(
+    seed: int, episode_length: int | None, start: str
+) -> None:
+    # proposition 1 all along a run: always asking a truthful tutor is ordinary Q-learning on the
+    # true values
     for mdp, values in (random_mdp(8, 3, 4, rng=seed), messy_mdp(seed)):
-        settings: dict[str, Any] = {"steps": 300, "epsilon": 0.3, "rates": np.full(300, 0.3), "key": key_of(seed)}
+        settings: dict[str, Any] = {
+            "steps": 300,
+            "epsilon": 0.3,
+            "rates": np.full(300, 0.3),
+            "key": key_of(seed),
+        }
         settings |= {"episode_length": episode_length, "start": start}
         scalar = scalar_q_learning(mdp, values, **settings)
-        vector, _, told = interactive_q_learning(mdp, AlwaysAsk(mdp.k), TruthfulTutor(values), **settings)
+        vector, _, told = interactive_q_learning(
+            mdp, AlwaysAsk(mdp.k), TruthfulTutor(values), **settings
+        )
         assert vector.comparisons == scalar.comparisons
         assert vector.best == scalar.best
         assert 0 < len(told.answers) <= len(scalar.comparisons)

@@ -1,4 +1,6 @@
-"""``qlearn.solve`` is the run that one would write by hand, and refuses what cannot work with a sentence."""
+"""``qlearn.solve`` is the run that one would write by hand, and refuses what cannot work with a
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +12,33 @@ import pytest
 
 import elicit
 import qlearn
-from elicit import Answer, AnswerLog, FlippingTutor, PolytopeComparator, PosteriorComparator, Query, TruthfulTutor
-from qlearn import InteractivePolicyIteration, InteractiveQLearning, InteractiveValueIteration, drive, solve
+from elicit import (
+    Answer,
+    AnswerLog,
+    FlippingTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    Query,
+    TruthfulTutor,
+)
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveQLearning,
+    InteractiveValueIteration,
+    drive,
+    solve,
+)
 
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
 
 
 def asked_of(result: qlearn.Result) -> list[Any]:
-    return [result.policy.tolist(), result.asked, result.answers.d.tolist(), result.answers.y.tolist()]
+    return [
+        result.policy.tolist(),
+        result.asked,
+        result.answers.d.tolist(),
+        result.answers.y.tolist(),
+    ]
 
 
 def test_by_default_it_is_policy_iteration_with_the_posterior() -> None:
@@ -37,14 +58,22 @@ def test_every_comparator_by_name(name: Any) -> None:
     result = solve(MDP, tutor, name, tolerance=0.05, seed=1, max_queries=6)
     assert result.comparator.k == 4
     assert result.asked <= 6
-    assert asked_of(solve(MDP, tutor, name, tolerance=0.05, seed=1, max_queries=6)) == asked_of(result)
+    assert asked_of(solve(MDP, tutor, name, tolerance=0.05, seed=1, max_queries=6)) == asked_of(
+        result
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "made"),
     [
-        ("policy-iteration", lambda known: InteractivePolicyIteration(MDP, known, tolerance=0.02, seed=5)),
-        ("value-iteration", lambda known: InteractiveValueIteration(MDP, known, tolerance=0.02, seed=5)),
+        (
+            "policy-iteration",
+            lambda known: InteractivePolicyIteration(MDP, known, tolerance=0.02, seed=5),
+        ),
+        (
+            "value-iteration",
+            lambda known: InteractiveValueIteration(MDP, known, tolerance=0.02, seed=5),
+        ),
         ("q-learning", lambda known: InteractiveQLearning(MDP, known, seed=5)),
     ],
 )
@@ -64,8 +93,12 @@ def test_a_tutor_may_return_a_verdict_and_sees_only_queries() -> None:
     result = solve(MDP, verdict, "polytope")
     assert asked_of(result) == asked_of(solve(MDP, TruthfulTutor(VALUES), "polytope"))
     assert len(seen) == result.asked
-    assert asked_of(solve(MDP, lambda query: elicit.Verdict(verdict(query)), "polytope")) == asked_of(result)
-    assert asked_of(solve(MDP, lambda query: np.int8(verdict(query)), "polytope")) == asked_of(result)
+    assert asked_of(
+        solve(MDP, lambda query: elicit.Verdict(verdict(query)), "polytope")
+    ) == asked_of(result)
+    assert asked_of(solve(MDP, lambda query: np.int8(verdict(query)), "polytope")) == asked_of(
+        result
+    )
 
 
 @pytest.mark.parametrize("seed", [None, np.random.SeedSequence(4), np.random.default_rng(4)])
@@ -75,7 +108,13 @@ def test_any_seed(seed: Any) -> None:
 
 def test_what_a_log_holds_is_not_asked_again() -> None:
     log, rounds = AnswerLog(), list[int]()
-    first = solve(MDP, TruthfulTutor(VALUES), "polytope", log=log, progress=lambda so_far: rounds.append(so_far.asked))
+    first = solve(
+        MDP,
+        TruthfulTutor(VALUES),
+        "polytope",
+        log=log,
+        progress=lambda so_far: rounds.append(so_far.asked),
+    )
     assert first.asked == len(log) == len(rounds) > 0
 
     def nobody(query: Query) -> Answer:
@@ -95,32 +134,64 @@ TRUTH = TruthfulTutor(VALUES)
 @pytest.mark.parametrize(
     ("arguments", "settings", "error", "message"),
     [
-        (((MDP, VALUES), TRUTH), {}, TypeError, "mdp must be a qlearn.OrdinalMDP, not a tuple: it holds one"),
+        (
+            ((MDP, VALUES), TRUTH),
+            {},
+            TypeError,
+            "mdp must be a qlearn.OrdinalMDP, not a tuple: it holds one",
+        ),
         ((VALUES, TRUTH), {}, TypeError, "mdp must be a qlearn.OrdinalMDP, not a ndarray$"),
         ((MDP, "ann"), {}, TypeError, "'ann' cannot be called"),
         ((MDP, TruthfulTutor), {}, TypeError, "not the class TruthfulTutor: make one"),
-        ((MDP, TruthfulTutor([0, 1, 2])), {}, ValueError, "about 4 levels, but the tutor was made for 3"),
+        (
+            (MDP, TruthfulTutor([0, 1, 2])),
+            {},
+            ValueError,
+            "about 4 levels, but the tutor was made for 3",
+        ),
         (
             (MDP, TRUTH, "postrior"),
             {},
             ValueError,
             "one of .*'posterior', .*, or a Comparator, not 'postrior'",
         ),
-        ((MDP, TRUTH, PolytopeComparator(5)), {}, ValueError, "has 4 levels, .* made for k = 5: make it with k = 4"),
+        (
+            (MDP, TRUTH, PolytopeComparator(5)),
+            {},
+            ValueError,
+            "has 4 levels, .* made for k = 5: make it with k = 4",
+        ),
         ((MDP, TRUTH, PolytopeComparator), {}, TypeError, "a comparator is wanted"),
         ((MDP, TRUTH, None), {}, TypeError, "a comparator is wanted"),
         ((MDP, TRUTH), {"learner": "ivi"}, ValueError, "one of .*'policy-iteration', not 'ivi'"),
         ((MDP, TRUTH), {"learner": InteractiveQLearning}, ValueError, "learner must be one of"),
         ((MDP, TRUTH), {"tolerance": 1.5}, ValueError, "tolerance must be a share .*, not 1.5"),
-        ((MDP, TRUTH), {"max_queries": -1}, ValueError, "max_queries must be None or a whole number .*, not -1"),
-        ((MDP, TRUTH), {"log": "answers.jsonl"}, TypeError, r"an elicit.AnswerLog, such as .*, not 'answers.jsonl'"),
+        (
+            (MDP, TRUTH),
+            {"max_queries": -1},
+            ValueError,
+            "max_queries must be None or a whole number .*, not -1",
+        ),
+        (
+            (MDP, TRUTH),
+            {"log": "answers.jsonl"},
+            TypeError,
+            r"an elicit.AnswerLog, such as .*, not 'answers.jsonl'",
+        ),
         ((MDP, TRUTH), {"seed": "one"}, TypeError, "a seed must be"),
         ((MDP, lambda query: None), {}, TypeError, r"must return elicit.Answer\(query, verdict\)"),
         ((MDP, lambda query: 0.5), {}, TypeError, r"must return elicit.Answer\(query, verdict\)"),
-        ((MDP, lambda query: True), {}, TypeError, "for a comparison of two numbers write Verdict.BETTER if"),
+        (
+            (MDP, lambda query: True),
+            {},
+            TypeError,
+            "for a comparison of two numbers write Verdict.BETTER if",
+        ),
         ((MDP, lambda query: 2), {}, ValueError, "an answer cannot be UNKNOWN"),
     ],
 )
-def test_what_is_refused_and_what_to_do(arguments: Any, settings: Any, error: Any, message: str) -> None:
+def test_what_is_refused_and_what_to_do(
+    arguments: Any, settings: Any, error: Any, message: str
+) -> None:
     with pytest.raises(error, match=message):
         solve(*arguments, **settings)

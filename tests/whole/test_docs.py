@@ -13,7 +13,9 @@ from tests.thoroughness import thorough
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 BLOCK = re.compile(r"```(python|text)\n(.*?)```", re.DOTALL)
-PAGES = [page for page in sorted(DOCS.glob("*.md")) if "```python" in page.read_text(encoding="utf-8")]
+PAGES = [
+    page for page in sorted(DOCS.glob("*.md")) if "```python" in page.read_text(encoding="utf-8")
+]
 assert PAGES
 COSTLY = {"before-you-ask"}  # whole runs of a learner, for its tables
 EACH = """
@@ -32,12 +34,16 @@ print(json.dumps(printed))
 
 def blocks_of(page: Path, kind: str) -> str:
     """All code of a page, or all that it prints."""
-    return "".join(text for found, text in BLOCK.findall(page.read_text(encoding="utf-8")) if found == kind)
+    return "".join(
+        text for found, text in BLOCK.findall(page.read_text(encoding="utf-8")) if found == kind
+    )
 
 
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What the code of each page prints; one interpreter for all, since most of the time goes into starting it."""
+    """What the code of each page prints; one interpreter for all, since most of the time goes into
+    starting it.
+    """
     pages = [page for page in PAGES if thorough() or page.stem not in COSTLY]
     codes = json.dumps([blocks_of(page, "python") for page in pages])
     (shown,) = run(EACH.replace("CODES", repr(codes)), tmp_path_factory.mktemp("pages"))
@@ -46,9 +52,14 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in COSTLY else []) for page in PAGES],
+    [
+        pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in COSTLY else [])
+        for page in PAGES
+    ],
 )
-def test_the_code_of_a_page_prints_what_stands_below_it(page: Path, printed: dict[str, str]) -> None:
+def test_the_code_of_a_page_prints_what_stands_below_it(
+    page: Path, printed: dict[str, str]
+) -> None:
     shown = blocks_of(page, "text")
     assert shown
     assert printed[page.stem] == shown

@@ -56,7 +56,10 @@ def test_a_session_is_left_and_resumed_and_asks_nothing_twice(tmp_path):
     with example(tmp_path, "resume_a_session.py") as run:
         assert "1 answered" in run.prompted()
         assert answer_all(run, values) == 3
-        assert "Best first: tablets, watch, diet, surgery then tablets, injections, surgery." in run.shown
+        assert (
+            "Best first: tablets, watch, diet, surgery then tablets, injections, surgery."
+            in run.shown
+        )
     with AnswerLog.read(tmp_path / "answers.jsonl") as log:
         standing = [entry.answer.query.id for entry in log if not entry.retracted]
     assert len(set(standing)) == len(standing) == 4
@@ -67,7 +70,9 @@ def test_one_log_serves_three_comparators(tmp_path):
     values = {"died": 0.0, "severe": 3.0, "moderate": 5.0, "mild": 8.0, "well": 10.0}
     with example(tmp_path, "one_log_three_comparators.py", "other.jsonl") as run:
         n = answer_all(run, values)
-        orders = [line.split(";")[0] for line in run.shown.splitlines() if line.startswith("Best first")]
+        orders = [
+            line.split(";")[0] for line in run.shown.splitlines() if line.startswith("Best first")
+        ]
         assert n == 7
         assert len(orders) == 3
         assert len(set(orders)) == 1
@@ -78,7 +83,9 @@ def test_one_log_serves_three_comparators(tmp_path):
 
 
 class Browser:
-    """What a browser does with the page: opens the address, keeps the cookie, and sends messages."""
+    """What a browser does with the page: opens the address, keeps the cookie, and sends
+    messages.
+    """
 
     def __init__(self, address: str) -> None:
         self.place = urlsplit(address)
@@ -95,7 +102,11 @@ class Browser:
 
     def _request(self, method: str, path: str, body: str | None = None) -> tuple[int, Any, bytes]:
         connection = http.client.HTTPConnection(self.place.netloc, timeout=240)
-        origin = {"Origin": f"http://{self.place.netloc}", "Content-Type": "application/json"} if body else {}
+        origin = (
+            {"Origin": f"http://{self.place.netloc}", "Content-Type": "application/json"}
+            if body
+            else {}
+        )
         try:
             connection.request(method, path, body, {"Cookie": self.cookie, **origin})
             response = connection.getresponse()

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import Answer, AnswerLog, BradleyTerryTutor, PolytopeComparator, Query, Session, StaleAnswer, choose
+from elicit import (
+    Answer,
+    AnswerLog,
+    BradleyTerryTutor,
+    PolytopeComparator,
+    Query,
+    Session,
+    StaleAnswer,
+    choose,
+)
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
@@ -27,7 +36,9 @@ from tests.thoroughness import quick_first
 K = 4
 MDP: OrdinalMDP
 MDP, VALUES = random_mdp(4, 3, K, rng=2, discount=0.8)
-HARDER, _ = random_mdp(12, 3, K, rng=5, discount=0.9)  # policy iteration asks too little of the other
+HARDER, _ = random_mdp(
+    12, 3, K, rng=5, discount=0.9
+)  # policy iteration asks too little of the other
 VECTORS = np.random.default_rng(0).dirichlet(np.ones(K), 5)
 
 
@@ -38,7 +49,11 @@ def says(query: Query) -> Answer:
 
 def training(known: Any = ()) -> InteractiveTraining:
     return InteractiveTraining(
-        PolytopeComparator(K, tie=0), discount=MDP.discount, tolerance=0.02, optimality_gap=0.0, known=known
+        PolytopeComparator(K, tie=0),
+        discount=MDP.discount,
+        tolerance=0.02,
+        optimality_gap=0.0,
+        known=known,
     )
 
 
@@ -47,12 +62,18 @@ def comparator() -> PolytopeComparator:
 
 
 ASKERS: dict[str, Callable[..., Any]] = {
-    "Q-learning": lambda known=(): InteractiveQLearning(MDP, comparator(), steps=100, audit=0.2, known=known),
-    "Q-learning asking late": lambda known=(): LateQLearning(MDP, comparator(), steps=300, known=known),
+    "Q-learning": lambda known=(): InteractiveQLearning(
+        MDP, comparator(), steps=100, audit=0.2, known=known
+    ),
+    "Q-learning asking late": lambda known=(): LateQLearning(
+        MDP, comparator(), steps=300, known=known
+    ),
     "value iteration": lambda known=(): InteractiveValueIteration(
         MDP, comparator(), tolerance=0.05, audit=0.2, batch=2, known=known
     ),
-    "value iteration asking late": lambda known=(): LateValueIteration(MDP, comparator(), tolerance=0.05, known=known),
+    "value iteration asking late": lambda known=(): LateValueIteration(
+        MDP, comparator(), tolerance=0.05, known=known
+    ),
     "policy iteration": lambda known=(): InteractivePolicyIteration(
         HARDER, comparator(), tolerance=0.001, audit=0.2, known=known
     ),
@@ -89,9 +110,18 @@ def outcome(asker: Any) -> str:
     """What comes out, and all that was counted, to the last bit."""
     found = asker.result()
     best = found.best if hasattr(found, "best") else found.policy
-    parts = (best, found.status, found.asked, found.cannot_tell, found.answers.ids, found.comparator.values.tobytes())
+    parts = (
+        best,
+        found.status,
+        found.asked,
+        found.cannot_tell,
+        found.answers.ids,
+        found.comparator.values.tobytes(),
+    )
     more = [getattr(found, name, None) for name in ("order", "decided", "audits")]
-    return repr(parts) + repr([more[0], more[1], [(a.query.id, a.expected, a.answer) for a in more[2] or ()]])
+    return repr(parts) + repr(
+        [more[0], more[1], [(a.query.id, a.expected, a.answer) for a in more[2] or ()]]
+    )
 
 
 def at_question(make: Callable[[], Any], number: int) -> Any:
@@ -114,7 +144,9 @@ def test_an_interrupted_tell_has_changed_nothing_or_all(name: str) -> None:
     rest = copy.deepcopy(asker)
     ids, wanted = run(rest), outcome(rest)
     ends = set()
-    for broken_off in interrupted_at_each_line(lambda: copy.deepcopy(asker), lambda one: told(one, queries)):
+    for broken_off in interrupted_at_each_line(
+        lambda: copy.deepcopy(asker), lambda one: told(one, queries)
+    ):
         pending = ahead(broken_off)
         unchanged = [query.id for query in pending] == [query.id for query in queries]
         if not unchanged:
@@ -127,7 +159,9 @@ def test_an_interrupted_tell_has_changed_nothing_or_all(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", quick_first(["value iteration", "policy iteration", "choose"], 1))
-def test_an_interrupted_answer_to_a_session_is_logged_and_told_or_neither(name: str, tmp_path: Any) -> None:
+def test_an_interrupted_answer_to_a_session_is_logged_and_told_or_neither(
+    name: str, tmp_path: Any
+) -> None:
     number = count()
 
     def begun() -> Session:
@@ -153,7 +187,12 @@ def test_an_interrupted_answer_to_a_session_is_logged_and_told_or_neither(name: 
     assert asked is not None
     ids, wanted = finished(undisturbed), outcome(undisturbed)
     undisturbed.close()
-    folders = ("elicit/person", "elicit/tutors", "elicit/asking", "qlearn/learners")  # the others only compute
+    folders = (
+        "elicit/person",
+        "elicit/tutors",
+        "elicit/asking",
+        "qlearn/learners",
+    )  # the others only compute
     for session in interrupted_at_each_line(begun, answered, folders):
         unchanged = len(session.log) == 1
         query = session.question()

@@ -1,4 +1,6 @@
-"""The notebooks run, say nothing on the error stream, and are committed as their code leaves them at full size."""
+"""The notebooks run, say nothing on the error stream, and are committed as their code leaves them
+at full size.
+"""
 
 import ast
 import json
@@ -38,7 +40,11 @@ def outputs(notebook):
 def complaints(notebook):
     """Errors, and whatever was printed to the error stream: warnings."""
     found = outputs(notebook)
-    return [o for o in found if o.output_type == "error" or (o.output_type == "stream" and o.name == "stderr")]
+    return [
+        o
+        for o in found
+        if o.output_type == "error" or (o.output_type == "stream" and o.name == "stderr")
+    ]
 
 
 def said(notebook):
@@ -51,9 +57,17 @@ def said(notebook):
 
 def machine_paths(text):
     """What looks like a place on the machine that ran the notebook."""
-    places = {str(Path.home()), str(execute.HERE.parent), sys.prefix, tempfile.gettempdir(), os.sep + "tmp"}
+    places = {
+        str(Path.home()),
+        str(execute.HERE.parent),
+        sys.prefix,
+        tempfile.gettempdir(),
+        os.sep + "tmp",
+    }
     found = [place for place in places if len(place) > 1 and place in text]
-    return found + re.findall(r"(?<![\w.:/])/(?:home|Users|root|var|opt|mnt|usr)/\S*|\b[A-Z]:\\\\\S*", text)
+    return found + re.findall(
+        r"(?<![\w.:/])/(?:home|Users|root|var|opt|mnt|usr)/\S*|\b[A-Z]:\\\\\S*", text
+    )
 
 
 def notebook_of(*sources):
@@ -69,7 +83,10 @@ def put(folder, name, *sources):
 
 @pytest.mark.parametrize(
     "path",
-    [pytest.param(path, id=path.stem, marks=[] if path.stem == QUICK else pytest.mark.slow) for path in NOTEBOOKS],
+    [
+        pytest.param(path, id=path.stem, marks=[] if path.stem == QUICK else pytest.mark.slow)
+        for path in NOTEBOOKS
+    ],
 )
 def test_it_runs_at_the_small_setting_without_a_warning(path, tmp_path):
     committed = path.read_bytes()
@@ -77,14 +94,18 @@ def test_it_runs_at_the_small_setting_without_a_warning(path, tmp_path):
     ran = execute.execute(execute.read(copy), "small", tmp_path)
     assert complaints(ran) == []
     assert ran.metadata.executed.setting == "small"
-    assert [cell.execution_count for cell in code_cells(ran)] == list(range(1, len(code_cells(ran)) + 1))
+    assert [cell.execution_count for cell in code_cells(ran)] == list(
+        range(1, len(code_cells(ran)) + 1)
+    )
     assert "setting: small" in json.dumps(said(ran))
     assert os.listdir(tmp_path) == [path.name]  # it leaves nothing behind
     assert path.read_bytes() == committed
 
 
 @each_notebook
-def test_the_committed_one_was_run_in_full_in_order_with_this_code_and_names_no_place_of_a_machine(path):
+def test_the_committed_one_was_run_in_full_in_order_with_this_code_and_names_no_place_of_a_machine(
+    path,
+):
     notebook = execute.read(path)
     nbformat.validate(notebook)
     cells = code_cells(notebook)
@@ -94,7 +115,9 @@ def test_the_committed_one_was_run_in_full_in_order_with_this_code_and_names_no_
     assert notebook.metadata.executed.pop("stamp").startswith("Made ")
     assert notebook.metadata.executed == {"setting": "full", "code": execute.code_hash(notebook)}
     assert "setting: full" in json.dumps(said(notebook))
-    assert notebook == execute.clean(execute.read(path), "full")  # beside the stamp no times, no names of kernels
+    assert notebook == execute.clean(
+        execute.read(path), "full"
+    )  # beside the stamp no times, no names of kernels
     ids = [cell.id for cell in notebook.cells]
     assert len(set(ids)) == len(ids)
     assert machine_paths("\n".join(cell.source for cell in notebook.cells)) == []
@@ -113,16 +136,22 @@ def test_a_full_run_says_what_is_committed(path, tmp_path):
     assert again.metadata.executed.code == notebook.metadata.executed.code
 
 
-def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home(tmp_path, monkeypatch):
+def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home(
+    tmp_path, monkeypatch
+):
     home, elsewhere, here = tmp_path / "home", tmp_path / "jupyter", tmp_path / "here"
     wrong = elsewhere / "kernels" / "python3"
     for folder in (home, wrong, here):
         folder.mkdir(parents=True)
-    (wrong / "kernel.json").write_text('{"argv": ["false"], "display_name": "wrong", "language": "python"}')
+    (wrong / "kernel.json").write_text(
+        '{"argv": ["false"], "display_name": "wrong", "language": "python"}'
+    )
     monkeypatch.setenv("HOME", str(home))
     monkeypatch.setenv("JUPYTER_PATH", str(elsewhere))
     monkeypatch.setenv("MPLBACKEND", "agg")
-    asks = "import sys, os, matplotlib\nprint(sys.executable, os.getcwd(), matplotlib.get_backend())"
+    asks = (
+        "import sys, os, matplotlib\nprint(sys.executable, os.getcwd(), matplotlib.get_backend())"
+    )
     ran = execute.execute(notebook_of(READS_THE_SETTING, asks), "small", here)
     setting, rest = (output.text.strip() for output in outputs(ran))
     executable, folder, backend = rest.split()
@@ -130,13 +159,20 @@ def test_it_runs_this_interpreter_whatever_kernels_there_are_and_touches_no_home
     assert executable == sys.executable
     assert Path(folder) == here.resolve()
     assert backend in ("inline", "module://matplotlib_inline.backend_inline")
-    assert [p for p in home.rglob("*") if p.is_file() and "matplotlib" not in str(p)] == []  # fonts may be cached
+    assert [
+        p for p in home.rglob("*") if p.is_file() and "matplotlib" not in str(p)
+    ] == []  # fonts may be cached
 
 
 @pytest.mark.slow
-def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(tmp_path, monkeypatch, capsys):
+def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.setattr(execute, "HERE", tmp_path)
-    prints = "import time\nprint('a', flush=True)\ntime.sleep(0.2)\nprint('b')\n{'x', 'y', 'z'}, hash('x')"
+    prints = (
+        "import time\nprint('a', flush=True)\ntime.sleep(0.2)\nprint('b')\n{'x', 'y', 'z'}, "
+        "hash('x')"
+    )
     good = put(tmp_path, "01_good.ipynb", READS_THE_SETTING, prints)
     bad = put(tmp_path, "02_bad.ipynb", READS_THE_SETTING, "1 / 0", "2")
     before = bad.read_bytes()
@@ -150,8 +186,15 @@ def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(tmp
     first = good.read_bytes()
     ran = execute.read(good)
     stamp = stamps.of(good)
-    assert (stamp.command, stamp.sources) == ("python -m notebooks.execute 01_good", stamps.sources(str(good)))
-    assert ran.metadata.executed == {"setting": "full", "code": execute.code_hash(ran), "stamp": str(stamp)}
+    assert (stamp.command, stamp.sources) == (
+        "python -m notebooks.execute 01_good",
+        stamps.sources(str(good)),
+    )
+    assert ran.metadata.executed == {
+        "setting": "full",
+        "code": execute.code_hash(ran),
+        "stamp": str(stamp),
+    }
     assert [cell.execution_count for cell in code_cells(ran)] == [1, 2]
     assert [o.text for o in outputs(ran) if o.get("name") == "stdout"] == ["full\n", "a\nb\n"]
     assert "execution" not in first.decode().replace("execution_count", "")
@@ -164,7 +207,12 @@ def test_it_writes_the_same_bytes_whenever_it_runs_and_only_if_all_went_well(tmp
 
 def test_machine_paths_are_told_from_fractions():
     assert machine_paths("10 / 20 / 30 and 1/2 and https://doi.org/home/x and (1 - y)/usage") == []
-    for place in ("see /home/ann/x.py", "/Users/ann/x", json.dumps("C:\\Users\\ann"), str(execute.HERE)):
+    for place in (
+        "see /home/ann/x.py",
+        "/Users/ann/x",
+        json.dumps("C:\\Users\\ann"),
+        str(execute.HERE),
+    ):
         assert machine_paths(place)
 
 
@@ -205,14 +253,19 @@ def test_other_code_has_another_hash_but_other_prose_has_not():
 
 
 def full_names(source):
-    """What code uses of elicit and qlearn, by its full name: what it imports, and the attributes of that."""
+    """What code uses of elicit and qlearn, by its full name: what it imports, and the attributes of
+    that.
+    """
     tree, known = ast.parse(source), {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             known |= {one.asname or one.name.split(".")[0]: one.name for one in node.names}
         elif isinstance(node, ast.ImportFrom):
             known |= {one.asname or one.name: f"{node.module}.{one.name}" for one in node.names}
-    used = {*known.values(), *(full_name(node, known) for node in ast.walk(tree) if isinstance(node, ast.Attribute))}
+    used = {
+        *known.values(),
+        *(full_name(node, known) for node in ast.walk(tree) if isinstance(node, ast.Attribute)),
+    }
     return {name for name in used if name.split(".")[0] in ("elicit", "qlearn")}
 
 
@@ -225,11 +278,17 @@ def full_name(node, known):
 
 
 def not_public(source):
-    """Names of elicit and qlearn that the reference does not have; members of what it has are public too."""
+    """Names of elicit and qlearn that the reference does not have; members of what it has are
+    public too.
+    """
     pages = "\n".join(page.read_text(encoding="utf-8") for page in sorted(REFERENCE.glob("*.md")))
     named = set(re.findall(r"^\.\. (?:auto|py:)\w+:: ([\w.]+)", pages, re.MULTILINE))
     modules = {name.rsplit(".", 1)[0] for name in named}
-    public = named | modules | {f"{name}.{member}" for name in named for member in dir(resolve_name(name))}
+    public = (
+        named
+        | modules
+        | {f"{name}.{member}" for name in named for member in dir(resolve_name(name))}
+    )
     return {name for name in full_names(source) if name not in public and name != "qlearn.__file__"}
 
 
@@ -244,7 +303,16 @@ def test_it_uses_public_names_only_and_has_no_colours_of_comparators_of_its_own(
 
 
 def test_names_that_are_not_public_are_seen():
-    code = "import elicit, qlearn as q\nfrom elicit import plot as p\nfrom elicit.lp import region\np.STYLES, p._axes\n"
-    code += "elicit.Verdict.BETTER, elicit.model, q.drive, q.learners.learner, elicit.Query.make, q.strategies"
-    found = {"elicit.lp.region", "elicit.plot._axes", "elicit.model", "qlearn.learners", "qlearn.learners.learner"}
+    code = (
+        "import elicit, qlearn as q\nfrom elicit import plot as p\nfrom elicit.lp import "
+        "region\np.STYLES, p._axes\n"
+    )
+    code += "elicit.Verdict.BETTER, elicit.model, q.drive, q.learners.learner, elicit.Query.make, q.strategies"  # noqa: E501
+    found = {
+        "elicit.lp.region",
+        "elicit.plot._axes",
+        "elicit.model",
+        "qlearn.learners",
+        "qlearn.learners.learner",
+    }
     assert not_public(code) == found

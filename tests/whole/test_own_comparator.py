@@ -1,5 +1,5 @@
-"""A comparator of one's own, with the five members of the protocol and no more: it serves every learner, and what it
-must return is checked where it enters, once, with a sentence."""
+"""A comparator of one's own, with the five members of the protocol and no more: it serves every
+learner, and what it must return is checked where it enters, once, with a sentence."""
 
 import math
 from functools import partial
@@ -18,7 +18,11 @@ from qlearn import InteractivePolicyIteration, InteractiveValueIteration, Status
 from tests.own_cases import Exact
 
 MDP, VALUES = qlearn.random_mdp(10, 3, 5, discount=0.9, seed=4)
-OPTIONAL = [name for name in dir(protocols) if name.startswith(("BoundsAllAtOnce", "Foretells", "HasDraws", "Allows"))]
+OPTIONAL = [
+    name
+    for name in dir(protocols)
+    if name.startswith(("BoundsAllAtOnce", "Foretells", "HasDraws", "Allows"))
+]
 LEARNERS = [
     (qlearn.InteractivePolicyIteration, Status.BOUNDED),
     (partial(qlearn.InteractivePolicyIteration, bags=Bags(days=4)), Status.BOUNDED),
@@ -49,7 +53,9 @@ def test_every_learner_finishes_with_it_and_asks_nothing(learner: Any, status: S
     assert math.isnan(result.confidence), "its bounds are not said to hold for all rows at once"
     loss = qlearn.policy_loss(MDP, result.policy, VALUES).max()
     assert loss <= result.loss_bound + 1e-9
-    assert result.loss_bound <= (0.05 if status is Status.DONE else 0.2 if status is Status.CERTIFIED else 0.001)
+    assert result.loss_bound <= (
+        0.05 if status is Status.DONE else 0.2 if status is Status.CERTIFIED else 0.001
+    )
 
 
 def test_it_chooses_and_is_scored() -> None:
@@ -112,11 +118,15 @@ def test_bounds_that_are_none_are_refused(returns):
         InteractivePolicyIteration(MDP, wrong).ask()
 
 
-@pytest.mark.parametrize("values", [np.linspace(0, 2, 5), np.linspace(0, 1, 4), np.array([0, 0.5, 0.2, 0.6, 1.0])])
+@pytest.mark.parametrize(
+    "values", [np.linspace(0, 2, 5), np.linspace(0, 1, 4), np.array([0, 0.5, 0.2, 0.6, 1.0])]
+)
 def test_a_best_guess_that_is_no_scale_is_refused(values):
     wrong = Exact(VALUES)
     wrong.values = values
-    with pytest.raises(TypeError, match=r"Exact.values must be an array \(5,\) that rises from 0 to 1"):
+    with pytest.raises(
+        TypeError, match=r"Exact.values must be an array \(5,\) that rises from 0 to 1"
+    ):
         best_guess(wrong)
     with pytest.raises(TypeError, match="must be an array"):
         InteractivePolicyIteration(MDP, wrong).ask()

@@ -1,4 +1,6 @@
-"""docs/paper.md names functions and tests that exist, and the claims it leads to are those of the committed runs."""
+"""docs/paper.md names functions and tests that exist, and the claims it leads to are those of the
+committed runs.
+"""
 
 import importlib
 import re
@@ -57,6 +59,8 @@ def test_every_equation_and_line_has_a_place() -> None:
 
 def test_the_claims_are_those_of_the_committed_runs() -> None:
     rows = pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv")
-    assert stamps.without((ROOT / "docs" / "claims.md").read_text(encoding="utf-8")) == claims_page(rows)
+    assert stamps.without((ROOT / "docs" / "claims.md").read_text(encoding="utf-8")) == claims_page(
+        rows
+    )
     assert with_rows(PAGE, claim_rows(rows)) == PAGE  # and so are the rows of figures 2 to 4
     assert with_section(PAGE, claim_section(rows)) == PAGE

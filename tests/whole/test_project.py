@@ -1,4 +1,6 @@
-"""What holds for the project as a whole: imports run one way and stay light, and the README tells the truth."""
+"""What holds for the project as a whole: imports run one way and stay light, and the README tells
+the truth.
+"""
 
 import ast
 import re
@@ -52,10 +54,16 @@ TESTS = modules("tests")
 
 
 def imported(path: Path, known: dict[str, Path], for_types: bool = True) -> set[str]:
-    """The known modules that a file imports, also within functions, and perhaps for type checks only."""
+    """The known modules that a file imports, also within functions, and perhaps for type checks
+    only.
+    """
     tree = ast.parse(path.read_text(encoding="utf-8"))
     if not for_types:
-        tree.body = [x for x in tree.body if not (isinstance(x, ast.If) and ast.unparse(x.test) == "TYPE_CHECKING")]
+        tree.body = [
+            x
+            for x in tree.body
+            if not (isinstance(x, ast.If) and ast.unparse(x.test) == "TYPE_CHECKING")
+        ]
     names = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -88,7 +96,8 @@ def test_imports_run_one_way():
 
 def test_no_module_of_elicit_or_qlearn_imports_in_a_circle():
     graph = {
-        name: imported(path, CODE, for_types=False) - {name, "elicit", "qlearn"}  # which import late
+        name: imported(path, CODE, for_types=False)
+        - {name, "elicit", "qlearn"}  # which import late
         for name, path in CODE.items()
         if name not in ("elicit", "qlearn")
     }
@@ -98,7 +107,9 @@ def test_no_module_of_elicit_or_qlearn_imports_in_a_circle():
     assert done == graph.keys()
 
 
-@pytest.mark.parametrize("folder", sorted({path.parent for path in CODE.values()}), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "folder", sorted({path.parent for path in CODE.values()}), ids=lambda path: path.name
+)
 def test_a_folder_says_what_it_holds_and_is_no_heap(folder):
     says = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8")))
     assert says
@@ -116,7 +127,17 @@ def test_no_test_imports_another_test():
 
 @pytest.mark.parametrize("package", ["elicit", "qlearn"])
 def test_importing_a_package_stays_light(package):
-    heavy = ("cvxpy", "clarabel", "numba", "matplotlib", "pandas", "scipy.optimize", "networkx", "joblib", "gymnasium")
+    heavy = (
+        "cvxpy",
+        "clarabel",
+        "numba",
+        "matplotlib",
+        "pandas",
+        "scipy.optimize",
+        "networkx",
+        "joblib",
+        "gymnasium",
+    )
     code = f"import sys, {package}; print([name for name in {heavy!r} if name in sys.modules])"
     assert run(code) == ["[]"]
 
@@ -142,7 +163,8 @@ def test_what_the_readme_writes_with_dots_is_there_after_one_import_and_found_by
 @pytest.mark.parametrize("package", ["elicit", "qlearn"])
 def test_the_version_is_that_of_the_installed_distribution_and_looked_up_when_touched(package):
     code = (
-        f"import sys, {package} as p; print('elicit._support.distribution' in sys.modules, '__version__' in dir(p))\n"
+        f"import sys, {package} as p; print('elicit._support.distribution' in sys.modules, "
+        "'__version__' in dir(p))\n"
         "print(p.__version__)"
     )
     assert run(code) == ["False True", version("elicit-qlearn")]
@@ -158,7 +180,8 @@ def test_where_nothing_is_installed_there_is_no_version(package):
         f"try:\n    {package}.__version__\nexcept AttributeError as error:\n    print(error)\n"
     )
     assert run(code) == [
-        "elicit-qlearn is not installed, so its version is not known; in a clone: pip install -e '.[all]'"
+        "elicit-qlearn is not installed, so its version is not known; in a clone: pip install -e "
+        "'.[all]'"
     ]
 
 

@@ -1,4 +1,6 @@
-"""The pages of the site: names, links, numbers, pictures and examples are what the code and the results say."""
+"""The pages of the site: names, links, numbers, pictures and examples are what the code and the
+results say.
+"""
 
 import doctest
 import re
@@ -14,7 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [*ROOT.glob("*.md"), *DOCS.rglob("*.md"), *(ROOT / "benchmarks").glob("*.md")]
 REFERENCE = {
-    package: (DOCS / "reference" / f"{package}.md").read_text(encoding="utf-8") for package in ("elicit", "qlearn")
+    package: (DOCS / "reference" / f"{package}.md").read_text(encoding="utf-8")
+    for package in ("elicit", "qlearn")
 }
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)")
 CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
@@ -22,7 +25,9 @@ CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 
 def documented(package: str) -> list[str]:
     """What a page of the reference has a directive for, without the package's name."""
-    return re.findall(rf"^\.\. (?:auto|py:)\w+:: {package}\.([\w.]+)", REFERENCE[package], re.MULTILINE)
+    return re.findall(
+        rf"^\.\. (?:auto|py:)\w+:: {package}\.([\w.]+)", REFERENCE[package], re.MULTILINE
+    )
 
 
 @pytest.mark.parametrize("package", REFERENCE)
@@ -71,11 +76,17 @@ def test_every_link_leads_to_a_file_and_to_a_heading_that_is_there(page):
 
 def test_the_numbers_of_the_page_on_choosing_are_on_the_pages_that_it_links():
     text = (DOCS / "choosing.md").read_text(encoding="utf-8")
-    sources = {to for to, _ in LINK.findall(text) if "RESULTS" in to or to in ("claims.md", "exploration.md")}
+    sources = {
+        to
+        for to, _ in LINK.findall(text)
+        if "RESULTS" in to or to in ("claims.md", "exploration.md")
+    }
     results = "\n".join((DOCS / to).read_text(encoding="utf-8") for to in sources)
     numbers = set(re.findall(r"\d[\d.]* ± \d[\d.]*\d|\d[\d.]* ± \d", text))
     numbers |= set(re.findall(r"\d+ / [\d.]+ \[[\d., ]+\]", text))
-    numbers |= {re.sub(r"\s+", " ", found) for found in re.findall(r"[+-]\d\.\d+\s+to\s+[+-]\d\.\d+", text)}
+    numbers |= {
+        re.sub(r"\s+", " ", found) for found in re.findall(r"[+-]\d\.\d+\s+to\s+[+-]\d\.\d+", text)
+    }
     assert len(numbers) > 30
     assert not {number for number in numbers if number not in results}
 
@@ -84,7 +95,10 @@ def test_what_it_costs_is_what_was_measured():
     text = (DOCS / "options.md").read_text(encoding="utf-8").split("## What it costs")[1]
     text = re.sub(r"<!--.*?-->", "", text)
     results = "\n".join((DOCS / to).read_text(encoding="utf-8") for to, _ in LINK.findall(text))
-    numbers = {*re.findall(r"\b\d+\.\d+\b", text), *re.findall(r"\| [\d.]+ \| [\d.]+-[\d.]+ \|", text)}
+    numbers = {
+        *re.findall(r"\b\d+\.\d+\b", text),
+        *re.findall(r"\| [\d.]+ \| [\d.]+-[\d.]+ \|", text),
+    }
     assert len(numbers) > 15
     assert not {number for number in numbers if number not in results}
 
@@ -98,16 +112,22 @@ def test_the_page_on_evidence_leads_to_every_page_of_results():
 
 def test_every_folder_of_the_code_has_its_line_in_the_page_on_carrying_on():
     text = (DOCS / "carrying-on.md").read_text(encoding="utf-8")
-    folders = [path.parent for package in REFERENCE for path in (ROOT / package).glob("*/__init__.py")]
+    folders = [
+        path.parent for package in REFERENCE for path in (ROOT / package).glob("*/__init__.py")
+    ]
     assert folders
-    missing = [name for path in folders if f"`{(name := path.relative_to(ROOT).as_posix())}/`" not in text]
+    missing = [
+        name for path in folders if f"`{(name := path.relative_to(ROOT).as_posix())}/`" not in text
+    ]
     assert not missing
 
 
 @pytest.mark.slow
 def test_the_pictures_say_what_the_script_draws(tmp_path):
     pytest.importorskip("matplotlib")
-    subprocess.run([sys.executable, DOCS / "pictures" / "draw.py", "--out", tmp_path], check=True, cwd=ROOT)
+    subprocess.run(
+        [sys.executable, DOCS / "pictures" / "draw.py", "--out", tmp_path], check=True, cwd=ROOT
+    )
     drawn = sorted(tmp_path.glob("*.svg"))
     assert len(drawn) >= 3
     for path in drawn:
@@ -121,7 +141,13 @@ def words(picture: Path) -> list[str]:
 
 def test_the_wheel_holds_the_code_its_types_and_what_it_reads():
     builders = pytest.importorskip("hatchling.builders.wheel")
-    held = {file.distribution_path for file in builders.WheelBuilder(str(ROOT)).recurse_included_files()}
-    files = (path for package in REFERENCE for path in (ROOT / package).rglob("*") if path.is_file())
-    assert held == {path.relative_to(ROOT).as_posix() for path in files if "__pycache__" not in path.parts}
+    held = {
+        file.distribution_path for file in builders.WheelBuilder(str(ROOT)).recurse_included_files()
+    }
+    files = (
+        path for package in REFERENCE for path in (ROOT / package).rglob("*") if path.is_file()
+    )
+    assert held == {
+        path.relative_to(ROOT).as_posix() for path in files if "__pycache__" not in path.parts
+    }
     assert {"elicit/py.typed", "qlearn/py.typed"} <= held

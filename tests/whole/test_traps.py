@@ -1,4 +1,6 @@
-"""Eleven ways in which preference elicitation goes wrong without anyone noticing, each held off by a test."""
+"""Eleven ways in which preference elicitation goes wrong without anyone noticing, each held off by
+a test.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,11 +9,22 @@ import numpy as np
 import pytest
 
 from elicit import AlwaysAsk, AnswerLog, Comparator, Dominance, PolytopeComparator
-from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator, NotConverged
+from elicit.comparators.bradley_terry.bootstrap_comparator import (
+    BradleyTerryComparator,
+    NotConverged,
+)
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
 from elicit.model.scale import Floats, dominance, tail_sums
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
-from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, Status, drive, policy_loss
+from qlearn import (
+    InteractiveQLearning,
+    InteractiveValueIteration,
+    OrdinalMDP,
+    Result,
+    Status,
+    drive,
+    policy_loss,
+)
 from qlearn.learners.exploration import Exploration, Start
 from qlearn.problems.random_mdp import draw_values, random_mdp
 from tests.mdp_cases import messy_mdp
@@ -20,10 +33,14 @@ Make = Callable[..., Any]
 
 
 def q_learning(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveQLearning:
-    return InteractiveQLearning(mdp, comparator, **{"steps": 600, "epsilon": Exploration(0.3), "rng": 1, **settings})
+    return InteractiveQLearning(
+        mdp, comparator, **{"steps": 600, "epsilon": Exploration(0.3), "rng": 1, **settings}
+    )
 
 
-def value_iteration(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveValueIteration:
+def value_iteration(
+    mdp: OrdinalMDP, comparator: Comparator, **settings: Any
+) -> InteractiveValueIteration:
     """With the paper's sweeps, which ask more, so that each trap is met on a small problem."""
     paper = {"tolerance": 0.01, "rng": 1, "partial_sweeps": False}
     return InteractiveValueIteration(mdp, comparator, **paper | settings)
@@ -62,7 +79,11 @@ def runs_with_raw_rewards(start: Start) -> list[tuple[Result, OrdinalMDP, Floats
         mdp, values = random_mdp(8, 3, 4, discount=0.9, rng=seed)
         raw = values + 50.0
         learner = q_learning(
-            mdp, PolytopeComparator(4), epsilon=Exploration(0.3, start=start), rng=seed, learning_rate=0.1
+            mdp,
+            PolytopeComparator(4),
+            epsilon=Exploration(0.3, start=start),
+            rng=seed,
+            learning_rate=0.1,
         )
         runs.append((drive(learner, RawTutor(raw), on_conflict="drop"), mdp, values))
     return runs
@@ -70,7 +91,10 @@ def runs_with_raw_rewards(start: Start) -> list[tuple[Result, OrdinalMDP, Floats
 
 def test_trap_1_totals_differ_from_the_zero_start_and_never_from_the_worst() -> None:
     mdp, values = random_mdp(10, 3, 5, rng=0)
-    zero = drive(q_learning(mdp, PolytopeComparator(5), epsilon=Exploration(0.3, start="zero")), TruthfulTutor(values))
+    zero = drive(
+        q_learning(mdp, PolytopeComparator(5), epsilon=Exploration(0.3, start="zero")),
+        TruthfulTutor(values),
+    )
     worst = drive(q_learning(mdp, PolytopeComparator(5)), TruthfulTutor(values))
     assert np.ptp(zero.q.sum(axis=2)) > 0.1
     np.testing.assert_allclose(worst.q.sum(axis=2), 1.0, rtol=0, atol=1e-13)
@@ -86,22 +110,30 @@ def test_trap_1_totals_differ_from_the_zero_start_and_never_from_the_worst() -> 
 
 def test_trap_1_from_the_zero_start_a_truthful_tutor_can_exclude_the_truth() -> None:
     # 50 e_1 times a difference in totals is nothing about the scale, but the polytope cannot know
-    assert sum(wrong_answers(result, values) for result, _, values in runs_with_raw_rewards("zero")) > 0
+    assert (
+        sum(wrong_answers(result, values) for result, _, values in runs_with_raw_rewards("zero"))
+        > 0
+    )
 
 
 def test_trap_1_from_the_worst_start_raw_rewards_are_as_good_as_normalised_ones() -> None:
     for result, mdp, values in runs_with_raw_rewards("worst"):
         assert wrong_answers(result, values) == 0
-        normal = drive(q_learning(mdp, PolytopeComparator(4), learning_rate=0.1), TruthfulTutor(values))
+        normal = drive(
+            q_learning(mdp, PolytopeComparator(4), learning_rate=0.1), TruthfulTutor(values)
+        )
         assert result.status is normal.status is Status.DONE
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_trap_2_an_exact_oracle_for_free(seed: int) -> None:
-    # which is Q-learning on the true values: tests/qlearn/learners/test_q_learning.py; and integers drawn from 0..99
-    # without replacement lie at least 1/99 of the range apart, above any of these margins
+    # which is Q-learning on the true values: tests/qlearn/learners/test_q_learning.py; and integers
+    # drawn from 0..99 without replacement lie at least 1/99 of the range apart, above any of these
+    # margins
     for mdp, values in (random_mdp(15, 4, 6, rng=seed), messy_mdp(seed, n=15, k=5)):
-        oracle = drive(q_learning(mdp, AlwaysAsk(mdp.k), rng=seed, steps=1500), TruthfulTutor(values))
+        oracle = drive(
+            q_learning(mdp, AlwaysAsk(mdp.k), rng=seed, steps=1500), TruthfulTutor(values)
+        )
         for margin in (1e-6, 0.009):
             made = q_learning(mdp, PolytopeComparator(mdp.k, margin=margin), rng=seed, steps=1500)
             fewer = drive(made, TruthfulTutor(values))
@@ -114,7 +146,9 @@ def test_trap_2_an_exact_oracle_for_free(seed: int) -> None:
 def test_trap_2_interactive_value_iteration_is_value_iteration() -> None:
     mdp, values = random_mdp(12, 4, 6, discount=0.9, rng=0)
     for tolerance in (0.1, 0.001):
-        result = drive(value_iteration(mdp, PolytopeComparator(6), tolerance=tolerance), TruthfulTutor(values))
+        result = drive(
+            value_iteration(mdp, PolytopeComparator(6), tolerance=tolerance), TruthfulTutor(values)
+        )
         assert policy_loss(mdp, result.policy, values).max() <= tolerance
 
 
@@ -127,7 +161,12 @@ def equal_actions() -> OrdinalMDP:
 
 def test_trap_3_ties_keep_the_incumbent_and_ask_nothing() -> None:
     mdp = equal_actions()
-    for comparator in (AlwaysAsk(4), PolytopeComparator(4), Dominance(4), BradleyTerryComparator(4, n_boot=10)):
+    for comparator in (
+        AlwaysAsk(4),
+        PolytopeComparator(4),
+        Dominance(4),
+        BradleyTerryComparator(4, n_boot=10),
+    ):
         learner = value_iteration(mdp, comparator)
         assert learner.ask() == ()
         result = learner.result()
@@ -185,7 +224,9 @@ def test_trap_6_an_ensemble_decides_much_more_than_a_box_at_no_more_error() -> N
         tutor = BradleyTerryTutor.from_error_rate(values, 0.15, told, seed=seed)
         answers, truth = Answers(told, tutor.signs(told)), TruthfulTutor(values).signs(fresh)
         for region in decided:
-            verdicts = BradleyTerryComparator(10, region=region, seed=seed).update(answers).compare(fresh)  # type: ignore[arg-type]
+            verdicts = (
+                BradleyTerryComparator(10, region=region, seed=seed).update(answers).compare(fresh)
+            )  # type: ignore[arg-type]
             said = np.abs(verdicts) == 1
             decided[region] += int(said.sum())
             wrong[region] += int((verdicts[said] != truth[said]).sum())
@@ -200,7 +241,9 @@ def test_trap_7_without_audits_a_wrong_answer_never_shows(make: Make) -> None:
     excluded = 0
     for seed in range(8):
         mdp, values = random_mdp(8, 3, 5, discount=0.9, rng=seed)
-        result = drive(make(mdp, PolytopeComparator(5)), FlippingTutor(values, 0.15, seed=seed))  # raises nothing
+        result = drive(
+            make(mdp, PolytopeComparator(5)), FlippingTutor(values, 0.15, seed=seed)
+        )  # raises nothing
         excluded += wrong_answers(result, values) > 0
         assert result.audited == 0
     assert excluded >= 3  # though the truth was excluded, and every later verdict rests on that
@@ -218,7 +261,9 @@ def test_trap_7_audits_find_a_wrong_answer(make: Make) -> None:
         with pytest.raises(InconsistentAnswers) as raised:
             drive(learner, FlippingTutor(values, 0.15, seed=seed))
         (query,) = learner.ask()
-        assert query.id in [name for _, name in raised.value.answers]  # the audit's own error, perhaps
+        assert query.id in [
+            name for _, name in raised.value.answers
+        ]  # the audit's own error, perhaps
         assert not raised.value.margin or "margin" in str(raised.value)
         found += 1
     assert found
@@ -228,7 +273,10 @@ def test_trap_7_audits_find_a_wrong_answer(make: Make) -> None:
 def test_trap_7_dropping_a_contradiction_settles_its_pair_and_the_run_goes_on(make: Make) -> None:
     mdp, values = random_mdp(8, 3, 5, discount=0.9, rng=2)
     log = AnswerLog()
-    learner, tutor = make(mdp, PolytopeComparator(5), audit=0.3), FlippingTutor(values, 0.15, seed=2)
+    learner, tutor = (
+        make(mdp, PolytopeComparator(5), audit=0.3),
+        FlippingTutor(values, 0.15, seed=2),
+    )
     result = drive(learner, tutor, log=log, on_conflict="drop")
     unused = [entry for entry in log if not entry.used]
     assert unused
@@ -236,20 +284,27 @@ def test_trap_7_dropping_a_contradiction_settles_its_pair_and_the_run_goes_on(ma
     assert result.status in (Status.DONE, Status.CONVERGED, Status.SWEEP_LIMIT)
     assert len(log) == result.asked + result.audited
     assert len(result.answers) == len(log) - len(unused)
-    assert {entry.answer.query.id for entry in unused} <= {audit.query.id for audit in result.audits}
+    assert {entry.answer.query.id for entry in unused} <= {
+        audit.query.id for audit in result.audits
+    }
     # what is left is consistent, told at once too
     PolytopeComparator(5).update(result.answers)
 
 
 @both
-def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts_it(make: Make) -> None:
-    # gaps of (39, 57, 84, 87, 89) are .36, .54, .06, .04 of the range: equal gaps are far from the truth
+def test_trap_8_a_margin_above_the_least_gap_is_named_when_the_truth_contradicts_it(
+    make: Make,
+) -> None:
+    # gaps of (39, 57, 84, 87, 89) are .36, .54, .06, .04 of the range: equal gaps are far from the
+    # truth
     mdp, values = random_mdp(8, 3, 5, discount=0.9, rng=0)
     assert np.diff(mdp.normalise(values)).min() < 0.25
     with pytest.raises(InconsistentAnswers, match=r"margin 0\.25") as raised:
         drive(make(mdp, PolytopeComparator(5, margin=0.25), audit=1.0), TruthfulTutor(values))
     assert raised.value.margin
-    harmless = drive(make(mdp, PolytopeComparator(5, margin=0.009), audit=1.0), TruthfulTutor(values))
+    harmless = drive(
+        make(mdp, PolytopeComparator(5, margin=0.009), audit=1.0), TruthfulTutor(values)
+    )
     assert harmless.status is not Status.WAITING
 
 
@@ -300,13 +355,19 @@ def test_trap_11_what_dominance_settles_is_reported(make: Make) -> None:
 
 @both
 @pytest.mark.parametrize("region", ["ensemble", "box"])
-def test_trap_11_a_model_of_noise_loses_little_where_the_tutor_errs_seldom(make: Make, region: Any) -> None:
+def test_trap_11_a_model_of_noise_loses_little_where_the_tutor_errs_seldom(
+    make: Make, region: Any
+) -> None:
     limit = {"max_sweeps": 30} if make is value_iteration else {"steps": 400}
-    for seed, (mdp, values) in enumerate((random_mdp(8, 3, 5, discount=0.8, rng=0), messy_mdp(1, k=5, discount=0.8))):
+    for seed, (mdp, values) in enumerate(
+        (random_mdp(8, 3, 5, discount=0.8, rng=0), messy_mdp(1, k=5, discount=0.8))
+    ):
         d = open_differences(5, 300, seed)
         logistic = BradleyTerryTutor.from_error_rate(values, 0.05, d / 10, seed=seed)
         for tutor in (FlippingTutor(values, 0.05, seed=seed), logistic):
-            result = drive(make(mdp, BradleyTerryComparator(5, n_boot=30, region=region), **limit), tutor)
+            result = drive(
+                make(mdp, BradleyTerryComparator(5, n_boot=30, region=region), **limit), tutor
+            )
             assert result.status in (Status.DONE, Status.CONVERGED, Status.SWEEP_LIMIT)
             assert mdp.admissible[np.arange(mdp.n_states), result.policy].all()
             assert policy_loss(mdp, result.policy, values).mean() < 0.1

@@ -15,13 +15,21 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.slow  # two minutes of computing, for it compiles everything
 def test_after_it_the_readme_and_every_learner_compile_nothing(tmp_path: Path) -> None:
-    kept = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0", "PYTHONPATH": str(ROOT)}
+    kept = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path),
+        "NUMBA_DISABLE_JIT": "0",
+        "PYTHONPATH": str(ROOT),
+    }
     command = [sys.executable, "-m", "qlearn.warm_up"]
     for _ in range(2):  # the second time there is nothing to do
         done = subprocess.run(command, env=kept, capture_output=True, text=True, timeout=1200)
         assert done.returncode == 0
         said = done.stderr.splitlines()
-        assert [line.split(",")[0].split(" with ")[0] for line in said] == ["qlearn: compiling", "qlearn: compiled"]
+        assert [line.split(",")[0].split(" with ")[0] for line in said] == [
+            "qlearn: compiling",
+            "qlearn: compiled",
+        ]
     code = "from tests.compile_cases import report; print(*report(), sep='\\n')"
     lines = [line for line in run(code, NUMBA_CACHE_DIR=str(tmp_path)) if line.startswith("after ")]
     assert lines == [f"after {part}: []" for part in ("readme", "icu", "choices", "sessions")]

@@ -28,7 +28,12 @@ from elicit._support.hashing import Seed, key_of
 from elicit._support.seeds import seed_of
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_range, is_whole, require
-from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
+from elicit.comparators.bradley_terry.likelihood import (
+    bootstrap_weights,
+    fit,
+    prior_centres,
+    sigmoid,
+)
 from elicit.decision.comparator_rule import Rule, asking, box, ensemble, silent
 from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
@@ -38,7 +43,9 @@ from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_s
 
 Region = Literal["box", "ensemble"]
 NoMaximum = Literal["ask", "take"]
-_LARGE = 2.0**900  # differences beyond it or below its inverse are scaled, so that no sum overflows or vanishes
+_LARGE = (
+    2.0**900
+)  # differences beyond it or below its inverse are scaled, so that no sum overflows or vanishes
 
 
 class NotConverged(RuntimeWarning):
@@ -121,8 +128,9 @@ class BradleyTerryComparator:
     level: float = 0.95
     region: Region = "ensemble"
     seed: Seed | None = 0
-    # Chosen by measurement: 40 tutors each, logits of spread 2 or 10% flips, k = 5..20, n = 10..400, true
-    # gaps uniform or Dirichlet(.2): at most 3.6% of the decided fresh pairs wrong, 5.6% with 1.0 and (1, 1).
+    # Chosen by measurement: 40 tutors each, logits of spread 2 or 10% flips, k = 5..20, n =
+    # 10..400, true gaps uniform or Dirichlet(.2): at most 3.6% of the decided fresh pairs wrong,
+    # 5.6% with 1.0 and (1, 1).
     prior_strength: float = 0.3
     prior_shape: tuple[float, float] = (0.1, 2.0)
     monotone: bool = True
@@ -143,12 +151,21 @@ class BradleyTerryComparator:
             value = getattr(self, name)
             require(is_whole(value, 1), name, "a whole number of at least 1", value)
             object.__setattr__(self, name, int(value))
-        require(is_number(self.level) and 0 < self.level < 1, "level", "strictly between 0 and 1", self.level)
+        require(
+            is_number(self.level) and 0 < self.level < 1,
+            "level",
+            "strictly between 0 and 1",
+            self.level,
+        )
         for name in ("monotone", "rescale", "dominance"):
-            require(isinstance(getattr(self, name), bool), name, "True or False", getattr(self, name))
+            require(
+                isinstance(getattr(self, name), bool), name, "True or False", getattr(self, name)
+            )
         check_tie(self.tie)
         require(self.region in get_args(Region), "region", '"box" or "ensemble"', self.region)
-        require(self.no_maximum in get_args(NoMaximum), "no_maximum", '"ask" or "take"', self.no_maximum)
+        require(
+            self.no_maximum in get_args(NoMaximum), "no_maximum", '"ask" or "take"', self.no_maximum
+        )
         positive = is_range(self.prior_shape) and self.prior_shape[0] > 0
         require(positive, "prior_shape", "two numbers, 0 < low <= high", self.prior_shape)
         object.__setattr__(self, "prior_shape", tuple(self.prior_shape))
@@ -220,7 +237,11 @@ class BradleyTerryComparator:
         region = self._model.region
         if region is None:
             return silent() if self.dominance else asking()
-        rule = box(region.lo, region.hi) if isinstance(region, _Box) else ensemble(region.gaps, region.cut)
+        rule = (
+            box(region.lo, region.hi)
+            if isinstance(region, _Box)
+            else ensemble(region.gaps, region.cut)
+        )
         return rule if self.dominance else rule._replace(dominance=False)
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
@@ -242,7 +263,9 @@ class BradleyTerryComparator:
         t = tail_sums(rows)
         least, greatest = order_bounds(t, 0.0)
         if not self.dominance:
-            greatest = np.where(t.any(axis=1), np.inf, 0.0)  # equal vectors are equal on every scale
+            greatest = np.where(
+                t.any(axis=1), np.inf, 0.0
+            )  # equal vectors are equal on every scale
             least = -greatest
         lo, hi = least, greatest
         if self._model.region is not None:
@@ -318,7 +341,11 @@ class BradleyTerryComparator:
         lo, hi = self.bounds(d)
         point = np.clip(dot(tail_sums(as_differences(d, self.k)), np.diff(model.values)), lo, hi)
         if model.region is None:
-            return np.where(lo < 0, 0.0, 0.5), np.where(hi > 0, 1.0, 0.5), sigmoid(self.precision * point)
+            return (
+                np.where(lo < 0, 0.0, 0.5),
+                np.where(hi > 0, 1.0, 0.5),
+                sigmoid(self.precision * point),
+            )
         # the logistic function rises, but its last bit need not
         ends = sigmoid(model.top * lo), sigmoid(model.top * hi)
         low, high = np.minimum(*ends), np.maximum(*ends)
@@ -331,12 +358,27 @@ class BradleyTerryComparator:
         nothing = _Model(values_of(equal[0]))
         if n < self.min_answers or self.precision == 0:
             return nothing
-        t, y, key, m = tail_sums(self.answers.d[:n]), self.answers.y[:n], key_of(seed_of(self.seed)), self.n_boot
+        t, y, key, m = (
+            tail_sums(self.answers.d[:n]),
+            self.answers.y[:n],
+            key_of(seed_of(self.seed)),
+            self.n_boot,
+        )
         strength = self.prior_strength * p**2
-        fitted = partial(fit, t, y, precision=self.precision, strength=strength, monotone=self.monotone, tie=self.tie)
+        fitted = partial(
+            fit,
+            t,
+            y,
+            precision=self.precision,
+            strength=strength,
+            monotone=self.monotone,
+            tie=self.tie,
+        )
         point = fitted(centre=equal)
         taken = self.no_maximum == "take"
-        if not (point.converged[0] or taken or self.prior_strength):  # then no resample has a maximum either
+        if not (
+            point.converged[0] or taken or self.prior_strength
+        ):  # then no resample has a maximum either
             self._warn(n, m, False)
             return replace(nothing, converged=False)
         centres, weights = prior_centres(key, m, p, self.prior_shape), bootstrap_weights(key, m, n)
@@ -349,20 +391,27 @@ class BradleyTerryComparator:
         top = float(theta[-1])
         found = boot.converged | taken
         usable = found & (thetas[:, -1] > 0) if self.rescale else found
-        # A fit that is missing could lie anywhere: it takes the place of one left out at either end.
-        cut = min(math.floor((1.0 - self.level) / 2.0 * m + 1e-9), (m - 1) // 2) - int(m - usable.sum())
+        # A fit that is missing could lie anywhere: it takes the place of one left out at either
+        # end.
+        cut = min(math.floor((1.0 - self.level) / 2.0 * m + 1e-9), (m - 1) // 2) - int(
+            m - usable.sum()
+        )
         if cut < 0 or top <= 0 or not (point.converged[0] or taken):
             return replace(nothing, converged=converged)
         scale = thetas[usable, -1:] if self.rescale else top
         region: _Ensemble | _Box
         if self.region == "ensemble":
-            region = _Ensemble(np.vstack([boot.gamma[usable] / scale, point.gamma[0] / top]).T.copy(), cut)
+            region = _Ensemble(
+                np.vstack([boot.gamma[usable] / scale, point.gamma[0] / top]).T.copy(), cut
+            )
         else:
             region = _Box.around(thetas[usable] / scale, theta / top, cut)
         return _Model(np.concatenate([[0.0], theta / top]), top, region, converged)
 
     def _warn(self, n: int, lost: int, point: bool) -> None:
-        """Warn of resamples of n answers without a maximum, and perhaps of the answers themselves."""
+        """Warn of resamples of n answers without a maximum, and perhaps of the answers
+        themselves.
+        """
         text = f"no maximum found for {lost} of {self.n_boot} resamples of {n} answers"
         text += "" if point else ", nor for the answers themselves"
         text += ": a prior_strength above 0 gives each fit one" if self.prior_strength == 0 else ""
@@ -391,7 +440,9 @@ class _Ensemble:
         scores, last = dot(tail_sums(d)[:, None], self.gaps.T), self.gaps.shape[1] - 2
         point = scores[:, -1]
         ordered = np.sort(scores[:, :-1], axis=1)
-        return np.minimum(ordered[:, self.cut], point), np.maximum(ordered[:, last - self.cut], point)
+        return np.minimum(ordered[:, self.cut], point), np.maximum(
+            ordered[:, last - self.cut], point
+        )
 
 
 @dataclass(frozen=True)
@@ -403,9 +454,13 @@ class _Box:
 
     @staticmethod
     def around(scales: Floats, point: Floats, cut: int) -> _Box:
-        """Return percentile intervals of each column of scales (m, p), widened to hold the point (p,)."""
+        """Return percentile intervals of each column of scales (m, p), widened to hold the point
+        (p,).
+        """
         ordered = np.sort(scales, axis=0)
-        return _Box(np.minimum(ordered[cut], point), np.maximum(ordered[len(scales) - 1 - cut], point))
+        return _Box(
+            np.minimum(ordered[cut], point), np.maximum(ordered[len(scales) - 1 - cut], point)
+        )
 
     def extremes(self, d: Floats) -> tuple[Floats, Floats]:
         """Return the least and the greatest plausible d.e (n,) of d (n, k)."""
@@ -440,7 +495,9 @@ def refit_point(n: int, growth: float) -> int:
 
 
 def next_refit(n: int, growth: float) -> int:
-    """Return the smallest number r_i > n at which a fit is made, by the schedule of ``refit_point``."""
+    """Return the smallest number r_i > n at which a fit is made, by the schedule of
+    ``refit_point``.
+    """
     if (n + 1) * growth <= 1:
         return n + 1
     points = _refits(growth, 1 << n.bit_length())

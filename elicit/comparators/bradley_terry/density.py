@@ -21,9 +21,11 @@ from typing import Any, NamedTuple
 from elicit._support.jit import compiled, for_each_number
 from elicit.model.scale import Floats
 
-BLOCK = 64  # rows whose likelihoods are multiplied before a logarithm is taken; log_terms halves it three times
+# rows whose likelihoods are multiplied before a logarithm is taken; log_terms halves it three times
+BLOCK = 64
 FARTHEST = 60.0  # a logistic function is 0 or 1 there, to within 1e-26
-LEAST_LAPSE = 1e-4  # least lapse that is learned: single precision is too coarse below (see ``density_float32``)
+# least lapse that is learned: single precision is too coarse below (see ``density_float32``)
+LEAST_LAPSE = 1e-4
 LEAST_WIDTH = 1e-6  # in logits: below, products of eight probabilities of EQUAL would underflow
 
 
@@ -107,7 +109,11 @@ def log_prior(x: Any, prior: ParticlePrior, theta: Any, work: Any) -> float:
 @compiled
 def log_logistic(u: float, a: float, b: float) -> float:
     """Return the log density of the logit u of a Beta(a, b) variate, up to a constant."""
-    return a * min(u, 0.0) - b * max(u, 0.0) - (a + b) * math.log(1.0 + small_exp(min(abs(u), FARTHEST)))
+    return (
+        a * min(u, 0.0)
+        - b * max(u, 0.0)
+        - (a + b) * math.log(1.0 + small_exp(min(abs(u), FARTHEST)))
+    )
 
 
 @compiled
@@ -135,7 +141,15 @@ def slips(x: Any, theta: Any, prior: ParticlePrior) -> tuple[float, float]:
 
 @compiled
 def log_likelihood(
-    theta: Any, rows: Any, tied: Any, first: int, end: int, lapse: float, width: float, least: float, work: Any
+    theta: Any,
+    rows: Any,
+    tied: Any,
+    first: int,
+    end: int,
+    lapse: float,
+    width: float,
+    least: float,
+    work: Any,
 ) -> float:
     """Return the sum of ``log_term`` over rows (p, n) from ``first`` up to ``end``.
 
@@ -265,7 +279,9 @@ def log_term(eta: float, tied: bool, lapse: float, width: float) -> float:
     if width > 0.0:
         eta, top = width - abs(eta) if tied else eta - width, 0.0
         if tied:
-            top = math.log(-math.expm1(-2.0 * width) / (1.0 + small_exp(min(2.0 * width - eta, FARTHEST))))
+            top = math.log(
+                -math.expm1(-2.0 * width) / (1.0 + small_exp(min(2.0 * width - eta, FARTHEST)))
+            )
         less = small_exp(min(abs(eta), FARTHEST))
         if lapse == 0.0:
             return top + min(eta, 0.0) - math.log(1.0 + less)
@@ -330,7 +346,15 @@ def likelihoods(theta: Any, slip: Any, rows: Any, tied: Any, n: int, out: Any) -
 
 @compiled
 def powered(
-    theta: Any, rows: Any, tied: Any, n: int, last: float, lapse: float, width: float, least: float, work: Any
+    theta: Any,
+    rows: Any,
+    tied: Any,
+    n: int,
+    last: float,
+    lapse: float,
+    width: float,
+    least: float,
+    work: Any,
 ) -> float:
     """Return ``log_likelihood`` of the first n rows, with the last one's to the power ``last``."""
     if last == 1.0:

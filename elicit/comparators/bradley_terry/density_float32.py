@@ -14,16 +14,30 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from elicit._support.jit import compiled, loosely
-from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, logits, scaled
+from elicit.comparators.bradley_terry.density import (
+    BLOCK,
+    LEAST_LAPSE,
+    ParticlePrior,
+    logits,
+    scaled,
+)
 
 ROUNDING = 2.0**-24  # relative rounding error of a number in single precision
 TERM = 1e-5  # maximum error of a log-term, excluding the error inherited from its logit
 GREATEST = 1e30  # largest theta: single precision overflows not far above
 HALF = BLOCK // 2
-SMALL = 1e-150  # smaller products are stored as logarithms; from that lapse on half a block's is not smaller
-CLASSES, WIDTH, LOWEST = 64, 0.5, -8.0  # classes of logits that order the rows: number, width, lowest logit
+# smaller products are stored as logarithms; from that lapse on half a block's is not smaller
+SMALL = 1e-150
+CLASSES, WIDTH, LOWEST = (
+    64,
+    0.5,
+    -8.0,
+)  # classes of logits that order the rows: number, width, lowest logit
 _NONE, _ONE, _PART = np.float32(0.0), np.float32(1.0), np.float32(-1.0 / 32.0)
-_NEAR, _FAR = np.float32(15.0), np.float32(25.0)  # logits are clipped to these, the first without lapses
+_NEAR, _FAR = (
+    np.float32(15.0),
+    np.float32(25.0),
+)  # logits are clipped to these, the first without lapses
 _C2, _C3, _C4, _C5, _C6, _C7 = (np.float32(1.0 / math.factorial(i)) for i in range(2, 8))
 
 
@@ -40,7 +54,8 @@ class Rough(NamedTuple):
 
 @compiled
 def hardest_first(x: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior) -> Any:
-    """Return the order (n,) of the first n of rows (p, >= n) by difficulty for particles x (m, >= p).
+    """Return the order (n,) of the first n of rows (p, >= n) by difficulty for particles x (m, >=
+    p).
 
     Rows that are ``tied`` come first. The others follow by their logits at the particles' mean
     theta, to within ``WIDTH``, the least first.
@@ -97,7 +112,9 @@ def error(theta: Any, rough: Rough, width: float) -> float:
 
 
 @compiled
-def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least: float, small: Any) -> float:
+def rough_likelihood(
+    theta: Any, rough: Rough, lapse: float, width: float, least: float, small: Any
+) -> float:
     """Return ``log_likelihood`` of theta (p,) to within ``error``.
 
     It may be too great by more if the lapse is below ``LEAST_LAPSE``, for a term is never less than
@@ -107,7 +124,9 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least
     whole, gone, share = len(rough.tied), 0.0, 1.0
     for j in range(len(theta)):
         rough.theta[j] = theta[j]
-    most = math.log(1.0 - lapse * (2.0 / 3.0 if width > 0.0 else 0.5)) + 4.0 * ROUNDING  # greatest value of a term
+    most = (
+        math.log(1.0 - lapse * (2.0 / 3.0 if width > 0.0 else 0.5)) + 4.0 * ROUNDING
+    )  # greatest value of a term
     for start in range(0, whole, BLOCK):
         logits(rough.theta, rough.rows, start, BLOCK, small[0])
         if width > 0.0:
@@ -130,7 +149,9 @@ def rough_likelihood(theta: Any, rough: Rough, lapse: float, width: float, least
 
 @loosely
 def rough_terms(small: Any, lapse: float) -> None:
-    """Write one block's terms (see ``density.log_terms``) over eta in small[0] of small (2, BLOCK)."""
+    """Write one block's terms (see ``density.log_terms``) over eta in small[0] of small (2,
+    BLOCK).
+    """
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
     far = _NEAR if lapse < LEAST_LAPSE else _FAR
@@ -142,7 +163,9 @@ def rough_terms(small: Any, lapse: float) -> None:
 
 @loosely
 def rough_ties(small: Any, tied: Any, lapse: float) -> None:
-    """Write one block's terms for rows that are ``tied`` (BLOCK,), as ``rough_terms`` for others."""
+    """Write one block's terms for rows that are ``tied`` (BLOCK,), as ``rough_terms`` for
+    others.
+    """
     above, below = small[0], small[1]
     half, sure = np.float32(0.5 * lapse), np.float32(1.0 - lapse)
     for i in range(BLOCK):
@@ -155,7 +178,11 @@ def rough_ties(small: Any, tied: Any, lapse: float) -> None:
 def rough_terms_apart(small: Any, tied: Any, lapse: float, width: float) -> None:
     """Write one block's terms with a width (see ``density.log_terms_apart``)."""
     above, below = small[0], small[1]
-    third, sure, equal = np.float32(lapse / 3.0), np.float32(1.0 - lapse), np.float32(-math.expm1(-2.0 * width))
+    third, sure, equal = (
+        np.float32(lapse / 3.0),
+        np.float32(1.0 - lapse),
+        np.float32(-math.expm1(-2.0 * width)),
+    )
     far, wide = _NEAR if lapse < LEAST_LAPSE else _FAR, np.float32(width)
     for i in range(BLOCK):
         above[i] = wide - abs(above[i]) if tied[i] else above[i] - wide
@@ -179,7 +206,9 @@ def product(terms: Any) -> float:
 
 @loosely
 def rough_exp(u: Any) -> Any:
-    """Return exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to 15."""
+    """Return exp(-u) for u in 0..25 in single precision, as ``small_exp``: to 4e-6 of itself up to
+    15.
+    """
     v = u * _PART
     e = _C6 + v * _C7
     e = _C5 + v * e

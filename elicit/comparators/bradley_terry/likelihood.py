@@ -73,10 +73,16 @@ def log_likelihood(gamma: Floats, t: Floats, y: Signs, weights: Floats | float =
     return total
 
 
-def derivatives(gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0) -> tuple[Floats, Floats]:
+def derivatives(
+    gamma: Floats, t: Floats, y: Signs, weights: Floats | float = 1.0
+) -> tuple[Floats, Floats]:
     """Return the gradient (m, p) and the Hessian (m, p, p) of ``log_likelihood``."""
     (m, p), n = gamma.shape, len(t)
-    counts, gradient, upper = np.broadcast_to(weights, (m, n)), np.zeros((m, p)), np.zeros((m, p * (p + 1) // 2))
+    counts, gradient, upper = (
+        np.broadcast_to(weights, (m, n)),
+        np.zeros((m, p)),
+        np.zeros((m, p * (p + 1) // 2)),
+    )
     for some in _blocks(m, n):
         s = sigmoid(gamma @ t[some].T)
         gradient += (counts[:, some] * ((1.0 + y[some]) / 2.0 - s)) @ t[some]
@@ -133,13 +139,18 @@ class _Problems:
         ridge = self.strength / 2.0 * ((u - self.centre) ** 2).sum(axis=1)
         total: Floats = ridge - log_likelihood(u, self.x, self.y, self.weights)
         if self.width > 0:
-            total -= np.where(self.equal > 0, self.equal * _log_apart(2.0 * self.width * u.sum(axis=1)), 0.0)
+            total -= np.where(
+                self.equal > 0, self.equal * _log_apart(2.0 * self.width * u.sum(axis=1)), 0.0
+            )
         return total
 
     def slopes(self, u: Floats) -> tuple[Floats, Floats]:
         """Return the gradient (m, p) and the Hessian (m, p, p) of the loss."""
         gradient, hessian = derivatives(u, self.x, self.y, self.weights)
-        gradient, hessian = self.strength * (u - self.centre) - gradient, self.strength * np.eye(u.shape[1]) - hessian
+        gradient, hessian = (
+            self.strength * (u - self.centre) - gradient,
+            self.strength * np.eye(u.shape[1]) - hessian,
+        )
         if self.width > 0:
             a = np.clip(2.0 * self.width * u.sum(axis=1), np.finfo(np.float64).tiny, _SURE)
             gradient -= (self.equal * 2.0 * self.width / np.expm1(a))[:, None]
@@ -148,7 +159,9 @@ class _Problems:
 
     def only(self, rows: NDArray[np.bool_] | slice) -> _Problems:
         """Return some of the problems."""
-        return replace(self, weights=self.weights[rows], centre=self.centre[rows], equal=self.equal[rows])
+        return replace(
+            self, weights=self.weights[rows], centre=self.centre[rows], equal=self.equal[rows]
+        )
 
     def project(self, u: Floats) -> Floats:
         """Return the nearest admissible point.
@@ -172,7 +185,8 @@ def fit(
     monotone: bool = True,
     tie: float = 0.0,
 ) -> Fit:
-    """Maximise eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2, m times at once.
+    """Maximise eq. (7) less (strength / 2) sum_j (gamma_j / precision - centre_j)^2, m times at
+    once.
 
     Parameters
     ----------
@@ -254,7 +268,9 @@ def _fit(problems: _Problems, u: Floats) -> Fit:
     return Fit(best, converged)
 
 
-def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+def _step(
+    problems: _Problems, u: Floats, loss: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_], NDArray[np.bool_]]:
     """Return one damped step of each problem.
 
     Returned are the new points, their losses, whether each step was acceptable, and whether it
@@ -269,7 +285,9 @@ def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats,
         # Newton step of the others still descends; the margin shrinks as the fit converges.
         reach = np.abs(u - problems.project(u - gradient / diagonal)).max(axis=1, keepdims=True)
         held = (u <= np.minimum(reach, _NEAR)) & (gradient > 0)
-        hessian = np.where((held[:, :, None] | held[:, None, :]) & ~np.eye(u.shape[1], dtype=bool), 0.0, hessian)
+        hessian = np.where(
+            (held[:, :, None] | held[:, None, :]) & ~np.eye(u.shape[1], dtype=bool), 0.0, hessian
+        )
     direction = np.linalg.solve(hessian, gradient[:, :, None])[:, :, 0]
 
     size = np.ones((len(u), 1))
@@ -288,7 +306,9 @@ def _step(problems: _Problems, u: Floats, loss: Floats) -> tuple[Floats, Floats,
 
 
 def _flat(problems: _Problems, u: Floats) -> NDArray[np.bool_]:
-    """Return for each problem (m,) whether u is no maximum, because an admissible direction is flat."""
+    """Return for each problem (m,) whether u is no maximum, because an admissible direction is
+    flat.
+    """
     most = problems.weights @ outer_rows(problems.x) / 4.0  # no logistic curvature exceeds 1/4
     scale = np.sqrt(np.einsum("mjj->mj", _symmetric(most, u.shape[1])))
     gradient, hessian = problems.slopes(u)
@@ -339,6 +359,8 @@ def prior_centres(key: int, m: int, p: int, shape: tuple[float, float] = (1.0, 1
     """
     rng = np.random.Generator(np.random.PCG64(int(fold(key, name_code("prior centres")))))
     a = np.exp(rng.uniform(np.log(shape[0]), np.log(shape[1]), size=(m, 1)))
-    draws = rng.standard_gamma(np.broadcast_to(a, (m, p))) + np.finfo(np.float64).tiny  # never all zero
+    draws = (
+        rng.standard_gamma(np.broadcast_to(a, (m, p))) + np.finfo(np.float64).tiny
+    )  # never all zero
     centres: Floats = draws / draws.sum(axis=1, keepdims=True)
     return centres

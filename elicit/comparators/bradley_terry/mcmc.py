@@ -15,8 +15,20 @@ import numpy as np
 from elicit._support.hashing import mix
 from elicit._support.jit import compiled, compiled_beside
 from elicit.comparators.bradley_terry import mcmc_arrays
-from elicit.comparators.bradley_terry.density import BLOCK, LEAST_LAPSE, ParticlePrior, log_prior, powered, slips
-from elicit.comparators.bradley_terry.density_float32 import error, hardest_first, rough_likelihood, roughened
+from elicit.comparators.bradley_terry.density import (
+    BLOCK,
+    LEAST_LAPSE,
+    ParticlePrior,
+    log_prior,
+    powered,
+    slips,
+)
+from elicit.comparators.bradley_terry.density_float32 import (
+    error,
+    hardest_first,
+    rough_likelihood,
+    roughened,
+)
 from elicit.comparators.bradley_terry.mcmc_arrays import FEW, NUDGE, SHIFTS, SWAPS, WHOLE
 
 _S11 = np.uint64(11)
@@ -32,7 +44,9 @@ def unit(h: Any) -> float:
 
 
 @compiled_beside(mcmc_arrays.move)
-def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
+def move(
+    x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int
+) -> int:
     """Propose moves for each particle x (m, >= p) in turn, ``turns`` times over, in place.
 
     The moves leave the density of ``log_prior`` and ``powered`` invariant. Single precision decides
@@ -40,7 +54,12 @@ def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior
     that led nowhere.
     """
     p, (m, size) = len(rows), x.shape
-    proposal, theta, work, small = np.empty(size), np.empty(p), np.empty((2, BLOCK)), np.empty((2, BLOCK), np.float32)
+    proposal, theta, work, small = (
+        np.empty(size),
+        np.empty(p),
+        np.empty((2, BLOCK)),
+        np.empty((2, BLOCK), np.float32),
+    )
     # if the last answer is tempered, double precision decides all
     order = hardest_first(x, rows, tied, n if last == 1.0 else 0, prior)
     rough, logs, errors = roughened(rows, tied, order), np.empty(m), np.zeros(m)
@@ -59,7 +78,11 @@ def move(x: Any, rows: Any, tied: Any, n: int, last: float, prior: ParticlePrior
     for draw in range(turns * m):
         i = draw % m
         h = mix(mix(key, 1 + draw // m), i)
-        away = swap(x, i, p, proposal, h) if p > 1 and unit(mix(h, 0)) < SWAPS else step(x, i, p, proposal, h)
+        away = (
+            swap(x, i, p, proposal, h)
+            if p > 1 and unit(mix(h, 0)) < SWAPS
+            else step(x, i, p, proposal, h)
+        )
         density, ease = log_prior(proposal, prior, theta, work), math.log(unit(mix(h, 1)))
         least = logs[i] + ease - density
         if density == -math.inf or least > errors[i]:
@@ -108,7 +131,9 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
     count = size if kind < WHOLE else min(size, 1 + int(unit(mix(h, 5)) * FEW))
     first = int(unit(mix(h, 6)) * size)
     # one step in ten is a whole difference, which leaps between modes
-    length = 1.0 if unit(mix(h, 7)) < 0.1 else 2.38 / math.sqrt(2.0 * count) * (0.5 + unit(mix(h, 8)))
+    length = (
+        1.0 if unit(mix(h, 7)) < 0.1 else 2.38 / math.sqrt(2.0 * count) * (0.5 + unit(mix(h, 8)))
+    )
     apart = 0.0
     for j in range(size):
         proposal[j] = x[i, j]
@@ -130,7 +155,8 @@ def step(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
 
 @compiled
 def swap(x: Any, i: int, p: int, proposal: Any, h: Any) -> bool:
-    """Write a proposal for particle i, with the greatest of some neighbouring gaps (of p) exchanged.
+    """Write a proposal for particle i, with the greatest of some neighbouring gaps (of p)
+    exchanged.
 
     It is exchanged for another of them. The prior is invariant to their order, so that only answers
     can tell them apart. Returns False if both are equal.

@@ -26,12 +26,27 @@ from elicit.comparators.bradley_terry.density import (
 )
 from elicit.model.scale import Floats
 
-SWAPS, SHIFTS, WHOLE, FEW = 0.3, 0.2, 0.7, 4  # shares of proposals: SWAPS exchange two gaps; of the others SHIFTS
-# change the tutor's parameters alone, and up to WHOLE step in all coordinates; the rest step in at most FEW
+SWAPS, SHIFTS, WHOLE, FEW = (
+    0.3,
+    0.2,
+    0.7,
+    4,
+)  # shares of proposals: SWAPS exchange two gaps; of the others SHIFTS
+# change the tutor's parameters alone, and up to WHOLE step in all coordinates; the rest step in at
+# most FEW
 NUDGE = 1e-9  # share of the step: lets particles leave a subspace that all of them lie in
 
 
-def move(x: Floats, rows: Floats, tied: Any, n: int, last: float, prior: ParticlePrior, key: Any, turns: int) -> int:
+def move(
+    x: Floats,
+    rows: Floats,
+    tied: Any,
+    n: int,
+    last: float,
+    prior: ParticlePrior,
+    key: Any,
+    turns: int,
+) -> int:
     """Propose moves for each particle, as ``mcmc.move`` does."""
     p, m, accepted = len(rows), len(x), 0
 
@@ -59,7 +74,9 @@ def move(x: Floats, rows: Floats, tied: Any, n: int, last: float, prior: Particl
         swaps = (u[0] < SWAPS) & (p > 1)
         for group in _groups(a, b, swaps):
             at, chance = group[:, None], [each[group] for each in u]
-            first, second = (np.where(other[at] < at, x[other[group]], before[other[group]]) for other in (a, b))
+            first, second = (
+                np.where(other[at] < at, x[other[group]], before[other[group]]) for other in (a, b)
+            )
             proposal, away = _steps(x[group], first, second, p, chance)
             if swaps[group].any():
                 swapped, apart = _swaps(x[group], p, chance)
@@ -78,14 +95,18 @@ def _groups(a: Any, b: Any, alone: Any) -> list[Any]:
     particles that need neither.
     """
     level: list[int] = []
-    for i, (one, other, needs_none) in enumerate(zip(a.tolist(), b.tolist(), alone.tolist(), strict=True)):
+    for i, (one, other, needs_none) in enumerate(
+        zip(a.tolist(), b.tolist(), alone.tolist(), strict=True)
+    ):
         behind = 0 if needs_none or one > i else level[one] + 1
         level.append(behind if needs_none or other > i else max(behind, level[other] + 1))
     return [np.flatnonzero(np.equal(level, each)) for each in range(max(level) + 1)]
 
 
 def _steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
-    """Return the proposals of ``mcmc.step`` for particles x (q, size), and whether they lead anywhere."""
+    """Return the proposals of ``mcmc.step`` for particles x (q, size), and whether they lead
+    anywhere.
+    """
     size, apart = x.shape[1], np.zeros(len(x))
     count = np.where(u[4] < WHOLE, size, np.minimum(size, 1 + (u[5] * FEW).astype(np.int64)))
     first = (u[6] * size).astype(np.int64)
@@ -99,14 +120,18 @@ def _steps(x: Floats, a: Floats, b: Floats, p: int, u: list[Floats]) -> tuple[Fl
     if shift.any():
         more = a[:, :p].max(axis=1) - b[:, :p].max(axis=1)
         away = np.concatenate([np.tile(more, (p, 1)).T, a[:, p:] - b[:, p:]], axis=1)
-        by = np.where(np.arange(size) < p, (2.0 * u[8] * more)[:, None], (2.0 * u[8])[:, None] * away)
+        by = np.where(
+            np.arange(size) < p, (2.0 * u[8] * more)[:, None], (2.0 * u[8])[:, None] * away
+        )
         proposal = np.where(shift[:, None], x + by, proposal)
         apart = np.where(shift, np.abs(away).max(axis=1), apart)
     return proposal, apart != 0.0
 
 
 def _swaps(x: Floats, p: int, u: list[Floats]) -> tuple[Floats, Any]:
-    """Return the proposals of ``mcmc.swap`` for particles x (q, size), and whether they lead anywhere."""
+    """Return the proposals of ``mcmc.swap`` for particles x (q, size), and whether they lead
+    anywhere.
+    """
     each, first = np.arange(len(x)), (u[2] * p).astype(np.int64)
     count = 2 + (u[3] * (p - 1)).astype(np.int64)
     places = (first[:, None] + np.arange(p)) % p
@@ -125,12 +150,18 @@ def _log_prior(x: Floats, p: int, prior: ParticlePrior) -> tuple[Floats, Floats]
     theta = exp_of_minus(np.minimum(most - x[:p], FARTHEST))
     total = _in_order(theta)
     log_c = most + _each(math.log, total)
-    theta *= (prior.fixed if prior.fixed > 0.0 else _each(math.exp, np.minimum(log_c, 300.0))) / total
+    theta *= (
+        prior.fixed if prior.fixed > 0.0 else _each(math.exp, np.minimum(log_c, 300.0))
+    ) / total
     s, c = _in_order(x[:p]) - p * log_c, _in_order(theta)
     terms = prior.constants[:, None] + prior.shapes[:, None] * s
     best = terms.max(axis=0)
     z = (log_c - prior.mean) / prior.sd
-    found = best + _each(math.log, _in_order(exp_of_minus(np.minimum(best - terms, FARTHEST)))) - 0.5 * z * z
+    found = (
+        best
+        + _each(math.log, _in_order(exp_of_minus(np.minimum(best - terms, FARTHEST))))
+        - 0.5 * z * z
+    )
     if prior.lapse < 0.0:
         found += _log_logistic(x[p], prior.lapse_a, prior.lapse_b)
     if prior.tie > 0.0:
@@ -152,7 +183,9 @@ def _slips(x: Floats, theta: Floats, prior: ParticlePrior) -> tuple[Floats, Floa
 
 def _log_logistic(u: Floats, a: float, b: float) -> Floats:
     less = exp_of_minus(np.minimum(np.abs(u), FARTHEST))
-    found: Floats = a * np.minimum(u, 0.0) - b * np.maximum(u, 0.0) - (a + b) * _each(math.log, 1.0 + less)
+    found: Floats = (
+        a * np.minimum(u, 0.0) - b * np.maximum(u, 0.0) - (a + b) * _each(math.log, 1.0 + less)
+    )
     return found
 
 
@@ -162,17 +195,33 @@ def _logistic(u: Floats) -> Floats:
 
 
 def _powered(
-    theta: Floats, rows: Floats, tied: Any, n: int, last: float, lapse: Floats, width: Floats, least: Floats
+    theta: Floats,
+    rows: Floats,
+    tied: Any,
+    n: int,
+    last: float,
+    lapse: Floats,
+    width: Floats,
+    least: Floats,
 ) -> Floats:
     """Return ``density.powered`` (q,) of theta (p, q)."""
     if last == 1.0:
         return _log_likelihood(theta, rows, tied, 0, n, lapse, width, least)
-    found = last * _log_likelihood(theta, rows, tied, n - 1, n, lapse, width, np.full(len(least), -np.inf))
+    found = last * _log_likelihood(
+        theta, rows, tied, n - 1, n, lapse, width, np.full(len(least), -np.inf)
+    )
     return found + _log_likelihood(theta, rows, tied, 0, n - 1, lapse, width, least - found)
 
 
 def _log_likelihood(
-    theta: Floats, rows: Floats, tied: Any, first: int, end: int, lapse: Floats, width: Floats, least: Floats
+    theta: Floats,
+    rows: Floats,
+    tied: Any,
+    first: int,
+    end: int,
+    lapse: Floats,
+    width: Floats,
+    least: Floats,
 ) -> Floats:
     """Return ``density.log_likelihood`` (q,) of theta (p, q)."""
     p, total, low = len(theta), np.zeros(theta.shape[1]), np.zeros(theta.shape[1], dtype=np.bool_)
@@ -198,14 +247,18 @@ def _log_terms(eta: Floats, tied: Any, lapse: Floats, width: Floats) -> Floats:
     top = np.where(u >= 0.0, 1.0, below)
     if apart:
         equal = -_each(math.expm1, -2.0 * width)
-        top = np.where(ties, top * (equal / (1.0 + exp_of_minus(np.minimum(2.0 * width - u, FARTHEST)))), top)
+        top = np.where(
+            ties, top * (equal / (1.0 + exp_of_minus(np.minimum(2.0 * width - u, FARTHEST)))), top
+        )
         found = _log_quotient(lapse / 3.0 * (1.0 + below) + sure * top, below, 1e-30)
     else:
         even = 0.5 * lapse * (1.0 + below)
         top = np.where(ties, np.sqrt((even + sure) * (even + sure * below)), even + sure * top)
         found = _log_quotient(top, below, 1e-90)
     for i in np.flatnonzero((lapse == 0.0) & (np.abs(u) > FARTHEST).any(axis=0)):
-        found[i] = sum(log_term(*each, lapse[i], width[i]) for each in zip(eta[:, i], tied, strict=True))
+        found[i] = sum(
+            log_term(*each, lapse[i], width[i]) for each in zip(eta[:, i], tied, strict=True)
+        )
     return found
 
 

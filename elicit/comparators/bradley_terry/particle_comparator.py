@@ -44,21 +44,26 @@ from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_s
 WORN = 0.02  # below this effective size, a share of the particles, a warning is raised
 _FAR = 1e12  # tail sums are clipped to it for the likelihood
 _THIN = 1e-12  # sets of scales narrower than this have no room for particles, only for rounding
-_SHAPES = (1e-9, 1e9)  # range of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are equal
+_SHAPES = (
+    1e-9,
+    1e9,
+)  # range of the prior's shapes: beyond, logarithms of gaps overflow or all gaps are equal
 _NODES = 16  # nodes of the quadrature over the prior's shape
 PRECISION = (math.log(30.0), 2.5)
 """Mean and standard deviation of log c a priori, c in logits per unit of d.e."""
 
 
 CONCENTRATION = (0.2, 2.0)
-"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. Of the sum, not of each: a law that keeps to
-each decides more before any answer the more levels there are, and is then wrong on scales of a few large gaps. With a
-fixed sum, levels set in between leave the law of the others as it was (Ferguson 1973)."""
+"""Least and greatest sum of the Dirichlet parameters of the gaps a priori. Of the sum, not of each:
+a law that keeps to each decides more before any answer the more levels there are, and is then wrong
+on scales of a few large gaps. With a fixed sum, levels set in between leave the law of the others
+as it was (Ferguson 1973)."""
 
 
 LAPSE = (1.0, 4.0)
-"""The lapse a priori is Beta of these two: none is the likeliest, a fifth the mean, and .6 (a tutor who flips three
-answers in ten) still within what is foreseen. ``tutor_report`` has the same prior."""
+"""The lapse a priori is Beta of these two: none is the likeliest, a fifth the mean, and .6 (a tutor
+who flips three answers in ten) still within what is foreseen. ``tutor_report`` has the same
+prior."""
 
 
 class Degenerate(RuntimeWarning):
@@ -135,7 +140,12 @@ class PosteriorComparator:
         seed = seed_of(seed)
         key = key_of(seed)  # a Generator is drawn from once, here
         self.seed = int(seed) if isinstance(seed, (int, np.integer)) else key
-        self.level, self.particles, self.shape, self.tie = float(level), int(particles), tuple(shape), check_tie(tie)
+        self.level, self.particles, self.shape, self.tie = (
+            float(level),
+            int(particles),
+            tuple(shape),
+            check_tie(tie),
+        )
         self.given_precision = None if precision is None else float(precision)
         self.given_lapse = None if lapse is None else float(lapse)
         self.prior = as_prior(prior, self.k)
@@ -153,12 +163,17 @@ class PosteriorComparator:
         self._start(0.0)
 
     def _start(self, tie: float) -> None:
-        """Draw particles from the prior, for a tutor who may call equal what lies within ``tie``."""
+        """Draw particles from the prior, for a tutor who may call equal what lies within
+        ``tie``.
+        """
         self.proposed = self.accepted = 0
         self._prior = self._prior._replace(tie=tie)
         self._x, self._logs = self._first_particles(), np.zeros(self.particles)
         self._noise = np.full(1, 1.0 / self.particles)
-        self._theta, self._slips = np.empty((self.k - 1, self.particles)), np.empty((2, self.particles))
+        self._theta, self._slips = (
+            np.empty((self.k - 1, self.particles)),
+            np.empty((2, self.particles)),
+        )
         thetas(self._x, self._prior, self._theta, self._slips)
 
     def update(self, answers: Answers) -> PosteriorComparator:
@@ -181,7 +196,9 @@ class PosteriorComparator:
             return new
         t = tail_sums(answers.d) * np.where(answers.y == 0, 1, answers.y)[:, None]
         size = np.abs(t).max(axis=1, keepdims=True)
-        t = np.where(size > _FAR, t / np.where(size > 0, size, 1.0) * _FAR, t)  # beyond, no answer can be surer
+        t = np.where(
+            size > _FAR, t / np.where(size > 0, size, 1.0) * _FAR, t
+        )  # beyond, no answer can be surer
         n = self._rows.shape[1]
         new._rows = np.ascontiguousarray(np.concatenate([self._rows, t.T], axis=1))
         new._tied = np.concatenate([self._tied, answers.y == 0])
@@ -195,7 +212,8 @@ class PosteriorComparator:
         if new.effective_size < WORN * self.particles:
             warnings.warn(
                 f"after {len(new.answers)} answers the {self.particles} particles are worth only "
-                f"{new.effective_size:.0f} draws: take more particles, or leave the lapse to be learned if the answers "
+                f"{new.effective_size:.0f} draws: take more particles, or leave the lapse to be "
+                "learned if the answers "
                 "contradict each other",
                 Degenerate,
                 stacklevel=2,
@@ -233,7 +251,9 @@ class PosteriorComparator:
 
     @property
     def answers_to_next_step(self) -> int:
-        """Number of further answers until verdicts may change: 1, for each answer moves the weights."""
+        """Number of further answers until verdicts may change: 1, for each answer moves the
+        weights.
+        """
         return 1
 
     def compare(self, d: ArrayLike) -> Verdicts:
@@ -292,7 +312,9 @@ class PosteriorComparator:
             scores = dot(row, gaps.T)
             order = np.argsort(scores, kind="stable")
             below = np.cumsum(weights[order])
-            low[i] = scores[order[np.searchsorted(below, 1.0 - self.level + LEVEL_ROUNDING, side="right")]]
+            low[i] = scores[
+                order[np.searchsorted(below, 1.0 - self.level + LEVEL_ROUNDING, side="right")]
+            ]
             high[i] = scores[order[np.searchsorted(below, self.level - LEVEL_ROUNDING)]]
         least, greatest = order_bounds(t, 0.0)
         return np.clip(low, least, greatest), np.clip(high, least, greatest)
@@ -319,7 +341,9 @@ class PosteriorComparator:
         if not len(at):
             return np.empty(0), 1.0
         order = np.argsort(at.max(axis=0), kind="stable")
-        kept = order[: 1 + int(np.searchsorted(np.cumsum(weights[order]), self.level - LEVEL_ROUNDING))]
+        kept = order[
+            : 1 + int(np.searchsorted(np.cumsum(weights[order]), self.level - LEVEL_ROUNDING))
+        ]
         return at[:, kept].max(axis=1), self.level
 
     @cached_property
@@ -355,7 +379,11 @@ class PosteriorComparator:
         most = x.max(axis=1)
         log_c = most + np.log(np.exp(x - most[:, None]).sum(axis=1))
         known = self.given_precision
-        return Draws(gaps, weights, np.exp(np.minimum(log_c, 300.0)) if known is None else np.full(len(weights), known))
+        return Draws(
+            gaps,
+            weights,
+            np.exp(np.minimum(log_c, 300.0)) if known is None else np.full(len(weights), known),
+        )
 
     @property
     def effective_size(self) -> float:
@@ -380,7 +408,9 @@ class PosteriorComparator:
         return self._theta / self._theta.sum(axis=0), weights / weights.sum()
 
     def _log_prior(self) -> ParticlePrior:
-        """Return the prior's density, its mixture over shapes by Gauss and Legendre's rule in log a."""
+        """Return the prior's density, its mixture over shapes by Gauss and Legendre's rule in log
+        a.
+        """
         p, (low, high) = self.k - 1, self.shape
         nodes, mass = np.polynomial.legendre.leggauss(1 if low == high else _NODES)
         shapes = np.exp(np.log(low) + (nodes + 1) / 2 * np.log(high / low))
@@ -388,12 +418,21 @@ class PosteriorComparator:
         above, limits = np.empty((0, p)), np.empty(0)
         if self.prior is not None:
             above, limits = np.ascontiguousarray(tail_sums(self.prior.a)), self.prior.b
-        fixed, lapse = self.given_precision or 0.0, -1.0 if self.given_lapse is None else self.given_lapse
-        return ParticlePrior(shapes, constants, *PRECISION, fixed, lapse, *LAPSE, 0.0, above, limits)
+        fixed, lapse = (
+            self.given_precision or 0.0,
+            -1.0 if self.given_lapse is None else self.given_lapse,
+        )
+        return ParticlePrior(
+            shapes, constants, *PRECISION, fixed, lapse, *LAPSE, 0.0, above, limits
+        )
 
     def _first_particles(self) -> Floats:
         """Return x (m, p) from the prior, with columns for a learned lapse and a learned width."""
-        rng, m, p = np.random.Generator(np.random.Philox(int(self._key))), self.particles, self.k - 1
+        rng, m, p = (
+            np.random.Generator(np.random.Philox(int(self._key))),
+            self.particles,
+            self.k - 1,
+        )
         spread = (rng.permutation(m) + rng.random(m)) / m  # stratified
         a = np.exp(np.log(self.shape[0]) + spread * np.log(self.shape[1] / self.shape[0]))[:, None]
         # log of a gamma variate of a small shape, which itself may underflow
@@ -404,7 +443,9 @@ class PosteriorComparator:
         columns = [self._within(np.ascontiguousarray(x + log_c[:, None]))]
         for learned, law in ((self._prior.lapse < 0, LAPSE), (self._prior.tie > 0, (1.0, 1.0))):
             if learned:
-                columns.append(logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m))[:, None])
+                columns.append(
+                    logit(betaincinv(*law, (rng.permutation(m) + rng.random(m)) / m))[:, None]
+                )
         return np.ascontiguousarray(np.concatenate(columns, axis=1))
 
     def _within(self, x: Floats) -> Floats:
@@ -416,13 +457,18 @@ class PosteriorComparator:
         if self.prior is None:
             return x
         if is_empty(Region(0.0, *prior_rows(self.prior, self.k))) is not None:
-            raise ValueError(f"no scale satisfies the prior's inequalities together, {'; '.join(self.prior.names)}")
+            raise ValueError(
+                "no scale satisfies the prior's inequalities together, "
+                f"{'; '.join(self.prior.names)}"
+            )
         above, limits = self._prior.above, self._prior.limits
         gaps_alone = self._prior._replace(lapse=max(0.0, self._prior.lapse), tie=0.0)
         nothing, untied, m = np.zeros((self.k - 1, 1)), np.zeros(1, dtype=np.bool_), self.particles
         for stage in range(200):
             theta = np.exp(x - x.max(axis=1, keepdims=True))
-            short = (limits - product(theta / theta.sum(axis=1, keepdims=True), above.T)).max(axis=1)
+            short = (limits - product(theta / theta.sum(axis=1, keepdims=True), above.T)).max(
+                axis=1
+            )
             if (short <= 0).all():
                 return x
             gap = max(0.0, float(np.median(short)))
@@ -433,6 +479,7 @@ class PosteriorComparator:
             with np.errstate(all="ignore"):
                 move(x, nothing, untied, 1, 1.0, eased, fold(self._key, m, stage)[()], SWEEPS)
         raise ValueError(
-            f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to draw scales from: "
+            f"the prior's inequalities, {'; '.join(self.prior.names)}, leave too little room to "
+            "draw scales from: "
             "relax some of them"
         )

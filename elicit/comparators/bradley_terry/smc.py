@@ -19,7 +19,10 @@ from elicit._support.jit import compiled
 from elicit.comparators.bradley_terry.density import ParticlePrior, likelihoods, scaled, slips
 from elicit.comparators.bradley_terry.mcmc import move, unit
 
-ENOUGH, FAIR = 0.5, 0.2  # effective sizes, as shares: below the first, particles are moved; below the second, an
+ENOUGH, FAIR = (
+    0.5,
+    0.2,
+)  # effective sizes, as shares: below the first, particles are moved; below the second, an
 # answer is learned in parts
 SWEEPS = 16  # number of sweeps at a move
 ROUNDING = 1e-14  # levels' values that vary by less do not vary
@@ -27,7 +30,8 @@ ROUNDING = 1e-14  # levels' values that vary by less do not vary
 
 @compiled
 def thetas(x: Any, prior: ParticlePrior, out: Any, slip: Any) -> None:
-    """Write theta = c g of particles x (m, >= p) into ``out`` (p, m), and their slips into ``slip``.
+    """Write theta = c g of particles x (m, >= p) into ``out`` (p, m), and their slips into
+    ``slip``.
 
     The latter are lapses and widths (2, m).
     """
@@ -69,9 +73,19 @@ def resample(weights: Any, u: float, out: Any) -> None:
 
 @compiled
 def learn(
-    x: Any, theta: Any, slip: Any, logs: Any, noise: Any, rows: Any, tied: Any, n: int, prior: ParticlePrior, key: Any
+    x: Any,
+    theta: Any,
+    slip: Any,
+    logs: Any,
+    noise: Any,
+    rows: Any,
+    tied: Any,
+    n: int,
+    prior: ParticlePrior,
+    key: Any,
 ) -> tuple[int, int]:
-    """Reweight particles x (m, >= p) by row n - 1 of rows (p, >= n), and move them if few have weight.
+    """Reweight particles x (m, >= p) by row n - 1 of rows (p, >= n), and move them if few have
+    weight.
 
     Their ``thetas`` are theta (p, m) and slip (2, m), and their log weights are ``logs`` (m,).
     ``noise`` (1,) is the variance of a mean over equally weighted particles, in units of the
@@ -98,12 +112,16 @@ def learn(
                     x[i, j] = chosen[i, j]
                 logs[i] = 0.0
                 run = run + 1.0 if i > 0 and copied[i] == copied[i - 1] else 1.0
-                noise[0] += (2.0 * run - 2.0) / m / m  # sums to squared numbers of copies, less one for each particle
+                noise[0] += (
+                    (2.0 * run - 2.0) / m / m
+                )  # sums to squared numbers of copies, less one for each particle
             before = features(x, len(theta), prior.fixed)
             accepted += move(x, rows, tied, n, done, prior, mix(key, stage), SWEEPS)
             proposed += SWEEPS * m
             thetas(x, prior, theta, slip)
-            noise[0] = 1.0 / m + remembered(before, features(x, len(theta), prior.fixed)) * (noise[0] - 1.0 / m)
+            noise[0] = 1.0 / m + remembered(before, features(x, len(theta), prior.fixed)) * (
+                noise[0] - 1.0 / m
+            )
             stage += 1
     return proposed, accepted
 
@@ -149,7 +167,8 @@ def remembered(before: Any, after: Any) -> float:
 
 @compiled
 def tempered(logs: Any, found: Any, most: float) -> float:
-    """Return the greatest power, at most ``most``, of likelihoods exp(found) that keeps enough weight.
+    """Return the greatest power, at most ``most``, of likelihoods exp(found) that keeps enough
+    weight.
 
     Enough is a fair effective size.
     """

@@ -23,7 +23,15 @@ from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.infeasibility import contradiction
 from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
-from elicit.model.comparator import ALLOWANCE, TIE, Decisions, Verdicts, check_answers, check_levels, check_tie
+from elicit.model.comparator import (
+    ALLOWANCE,
+    TIE,
+    Decisions,
+    Verdicts,
+    check_answers,
+    check_levels,
+    check_tie,
+)
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, as_differences, values_of
 
@@ -65,26 +73,35 @@ class PolytopeComparator:
         outside [0, 1).
     """
 
-    def __init__(self, k: int, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE) -> None:
+    def __init__(
+        self, k: int, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE
+    ) -> None:
         self.k = check_levels(k)
         self.margin = _check_margin(margin, self.k)
         self.tie = check_tie(tie)
         self.answers = Answers.none(self.k)
         self.prior = as_prior(prior, self.k)
         try:
-            self._set = self._wide = PlausibleSet(Region(self.margin, *prior_rows(self.prior, self.k)))
+            self._set = self._wide = PlausibleSet(
+                Region(self.margin, *prior_rows(self.prior, self.k))
+            )
         except Empty:
             raise ValueError(
-                f"no scale with margin {self.margin:g} (and e_1 = 0, e_k = 1) satisfies the prior's "
+                f"no scale with margin {self.margin:g} (and e_1 = 0, e_k = 1) satisfies the "
+                "prior's "
                 f"inequalities together, {_listed(self.prior)}: relax or drop some of them"
             ) from None
 
     def __repr__(self) -> str:
-        return f"PolytopeComparator(k={self.k}, margin={self.margin:g}, {len(self.answers)} answers)"
+        return (
+            f"PolytopeComparator(k={self.k}, margin={self.margin:g}, {len(self.answers)} answers)"
+        )
 
     @cached_property
     def region(self) -> Region:
-        """K_t in gap space, with the constraints of the prior and of all answers, also the redundant ones."""
+        """K_t in gap space, with the constraints of the prior and of all answers, also the
+        redundant ones.
+        """
         prior = prior_rows(self.prior, self.k)
         return Region(self.margin, *prior).plus(*answer_rows(self.answers, 0, self.tie))
 
@@ -123,7 +140,9 @@ class PolytopeComparator:
         if self._wide is self._set and (self.tie == 0 or (answers.y != 0).all()):
             new._wide = new._set
         else:
-            new._wide = self._wide.cut(*answer_rows(answers, len(self.answers), ALLOWANCE * self.tie))
+            new._wide = self._wide.cut(
+                *answer_rows(answers, len(self.answers), ALLOWANCE * self.tie)
+            )
         return new
 
     def retract(self, *ids: str) -> PolytopeComparator:
@@ -217,7 +236,8 @@ class PolytopeComparator:
 
     @one_thread
     def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
-        """Return upper bounds on d.e as ``simultaneous_bounds`` does, but up to ``slack`` above them.
+        """Return upper bounds on d.e as ``simultaneous_bounds`` does, but up to ``slack`` above
+        them.
 
         No linear program is solved for rows whose slack can be shown without one.
 
@@ -292,7 +312,8 @@ class PolytopeComparator:
 def _check_margin(margin: float, k: int) -> float:
     if not is_number(margin, 0, 1.0 / (k - 1)):
         raise ValueError(
-            f"the margin eta must lie between 0 and 1/(k-1) = {1 / (k - 1):g}, or no {k} levels fit between 0 and 1; "
+            f"the margin eta must lie between 0 and 1/(k-1) = {1 / (k - 1):g}, or no {k} levels "
+            "fit between 0 and 1; "
             f"it is {margin!r}"
         )
     return float(margin)

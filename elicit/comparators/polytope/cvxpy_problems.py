@@ -1,4 +1,6 @@
-"""The two programs over a set of scales as cvxpy problems, to inspect, extend or solve elsewhere."""
+"""The two programs over a set of scales as cvxpy problems, to inspect, extend or solve
+elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ def least_and_greatest(
     cp: Any = typed  # cvxpy's type hints are incomplete
     rows = as_differences(d, region.p + 1)
     if len(rows) != 1:
-        raise ValueError(f"problems takes one difference of shape ({region.p + 1},), not {len(rows)} of them")
+        raise ValueError(
+            f"problems takes one difference of shape ({region.p + 1},), not {len(rows)} of them"
+        )
     e = scale_variable(region.p + 1)
     lacking: Any = None if violation is None else cp.Variable(violation[0], name="violation")
 
@@ -61,11 +65,14 @@ def least_and_greatest(
         yield (cp.diff(e) >= region.margin).set_label("order")
         for row, limit, name in () if prior is None else zip(*prior, strict=True):
             yield (_constant(row) @ e >= limit).set_label(name)
-        # an answer "equal" has two rows, one for each side: |at| <= -limit, as norm1, for cvxpy 1.9 warns of NaN within
-        # its bounds on the abs of a matrix product
+        # an answer "equal" has two rows, one for each side: |at| <= -limit, as norm1, for cvxpy 1.9
+        # warns of NaN within its bounds on the abs of a matrix product
         for owner in np.unique(region.owner[region.owner >= 0]):
             mine = np.flatnonzero(region.owner == owner)
-            at, limit = _constant(_along_levels(region.rows[mine[0]])) @ e, float(region.rhs[mine[0]])
+            at, limit = (
+                _constant(_along_levels(region.rows[mine[0]])) @ e,
+                float(region.rhs[mine[0]]),
+            )
             if lacking is not None:
                 slack = lacking[int(owner)]
                 said = at + slack >= limit if len(mine) == 1 else cp.norm1(at) <= -limit + slack
@@ -77,7 +84,9 @@ def least_and_greatest(
             yield (cp.sum(lacking) <= violation[1]).set_label("total violation")
 
     goal = _constant(rows[0]) @ e
-    return cp.Problem(cp.Minimize(goal), [*constraints()]), cp.Problem(cp.Maximize(goal), [*constraints()])
+    return cp.Problem(cp.Minimize(goal), [*constraints()]), cp.Problem(
+        cp.Maximize(goal), [*constraints()]
+    )
 
 
 def _along_levels(t: Floats) -> Floats:

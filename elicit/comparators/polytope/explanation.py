@@ -18,7 +18,8 @@ _MOST_STEPS = 4  # largest number of steps of the order to name; more are "the o
 
 
 class UsedAnswer(NamedTuple):
-    """An answer that a proof uses: its row in the comparator's answers (from 0), id, sign and multiplier.
+    """An answer that a proof uses: its row in the comparator's answers (from 0), id, sign and
+    multiplier.
 
     With the sign s the answer says s d_row . e >= 0. If it was "equal", the proof uses s d_row . e
     >= -tie.
@@ -32,7 +33,9 @@ class UsedAnswer(NamedTuple):
 
 
 class UsedStep(NamedTuple):
-    """A step of the order, e[gap + 1] - e[gap] >= margin with levels counted from 0, and its multiplier."""
+    """A step of the order, e[gap + 1] - e[gap] >= margin with levels counted from 0, and its
+    multiplier.
+    """
 
     gap: int
     multiplier: Fraction
@@ -75,7 +78,10 @@ class Proof:
         return self.bound_without_margin < 0
 
     def __str__(self) -> str:
-        terms = [f"{_short(y)}*({'-' * (s < 0)}d of answer {row + 1}).e" for row, _, s, y, _ in self.answers]
+        terms = [
+            f"{_short(y)}*({'-' * (s < 0)}d of answer {row + 1}).e"
+            for row, _, s, y, _ in self.answers
+        ]
         terms += [f"{_short(z)}*(e{j + 2} - e{j + 1})" for j, z in self.order]
         terms += [f'{_short(w)}*(A of "{name}").e' for _, name, w in self.prior]
         rest = (
@@ -83,7 +89,10 @@ class Proof:
             if not terms
             else f" {'-' if self.remainder < 0 else '+'} {_short(abs(self.remainder))}"
         )
-        return f"{'-' * (self.sign < 0)}d.e = {' + '.join(terms)}{rest * bool(self.remainder)} >= {_short(self.bound)}"
+        return (
+            f"{'-' * (self.sign < 0)}d.e = {' + '.join(terms)}{rest * bool(self.remainder)} >= "
+            f"{_short(self.bound)}"
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,7 +128,9 @@ class Explanation:
 
     @property
     def answers(self) -> tuple[UsedAnswer, ...]:
-        """The answers that force the verdict, all needed; for EQUAL those of one proof, then of the other."""
+        """The answers that force the verdict, all needed; for EQUAL those of one proof, then of the
+        other.
+        """
         return tuple(used for proof in self.proofs for used in proof.answers)
 
     @property
@@ -150,22 +161,36 @@ class Explanation:
             return "not asked: left and right are the same at every level"
         who = {Verdict.BETTER: "left is better", Verdict.WORSE: "right is better"}.get(self.verdict)
         if who and dominance(tail_sums(self.d)) == self.verdict:
-            return f"not asked: {who} whatever the values, since it has at least as much time at or above every level"
-        return f"not asked: {who or 'left and right are equally good'}, because it follows from {self._reasons()}"
+            return (
+                f"not asked: {who} whatever the values, since it has at least as much time at or "
+                "above every level"
+            )
+        return (
+            f"not asked: {who or 'left and right are equally good'}, because it follows from "
+            f"{self._reasons()}"
+        )
 
     def _reasons(self) -> str:
         rows = [str(row + 1) for row in self.rows]
         reasons = [f"your answer{'s' * (len(rows) > 1)} {_listed(rows)}"] if rows else []
         names = list(dict.fromkeys(f'"{used.name}"' for used in self.prior))
-        reasons += [f'"equal" meaning within {self.tie:g}'] if self.tie and any(a.equal for a in self.answers) else []
+        reasons += (
+            [f'"equal" meaning within {self.tie:g}']
+            if self.tie and any(a.equal for a in self.answers)
+            else []
+        )
         reasons += [_listed(names)] if names else []
         reasons += self._steps()
         if any(proof.needs_margin for proof in self.proofs):
             reasons.append(f"the margin of {self.margin:g} between neighbouring levels")
-        return " and from ".join([", from ".join(reasons[:-1]), reasons[-1]] if len(reasons) > 1 else reasons)
+        return " and from ".join(
+            [", from ".join(reasons[:-1]), reasons[-1]] if len(reasons) > 1 else reasons
+        )
 
     def _steps(self) -> list[str]:
-        """Return the order as far as it is used: "well > stable", "critical < stable < well", or in general."""
+        """Return the order as far as it is used: "well > stable", "critical < stable < well", or in
+        general.
+        """
         gaps = sorted({used.gap for used in self.order})
         whole = any(proof.remainder > 0 and proof.bound_without_margin > 0 for proof in self.proofs)
         if len(gaps) > _MOST_STEPS or (gaps and whole):
@@ -179,20 +204,32 @@ class Explanation:
             else:
                 chains.append([j, j + 1])
         named = [[self.labels[i] for i in chain] for chain in chains]
-        return [" < ".join(chain) if len(chain) > 2 else f"{chain[1]} > {chain[0]}" for chain in named]
+        return [
+            " < ".join(chain) if len(chain) > 2 else f"{chain[1]} > {chain[0]}" for chain in named
+        ]
 
     def _open(self) -> str:
         if self.told_equal is not None:
             within = f", which it is to within {self.tie:g} of the value range" if self.tie else ""
-            return f"not asked again: your answer {self.told_equal + 1} called this very pair equal{within}"
+            return (
+                f"not asked again: your answer {self.told_equal + 1} called this very pair "
+                f"equal{within}"
+            )
         left, right = (e.astype(np.float64) for e in self.scales)
         apart = np.abs((self.scales[0] - self.scales[1]).astype(np.float64))
         most = np.argsort(-apart, kind="stable")
         shown = sorted(int(i) for i in most[:3] if apart[i] > 0.01 * apart[most[0]])
-        digits = next((n for n in range(2, 17) if f"{left[most[0]]:.{n}g}" != f"{right[most[0]]:.{n}g}"), 17)
-        a, b = (_listed([f"{self.labels[i]} = {e[i]:.{digits}g}" for i in shown]) for e in (left, right))
+        digits = next(
+            (n for n in range(2, 17) if f"{left[most[0]]:.{n}g}" != f"{right[most[0]]:.{n}g}"), 17
+        )
+        a, b = (
+            _listed([f"{self.labels[i]} = {e[i]:.{digits}g}" for i in shown]) for e in (left, right)
+        )
         ends = f"{self.labels[0]} = 0 and {self.labels[-1]} = 1"
-        return f"ask: what is known leaves it open; left is better if, say, {a}, right if {b} (where {ends})"
+        return (
+            f"ask: what is known leaves it open; left is better if, say, {a}, right if {b} (where "
+            f"{ends})"
+        )
 
 
 def _listed(words: Sequence[str]) -> str:

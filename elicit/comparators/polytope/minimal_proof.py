@@ -3,7 +3,8 @@
 A decided verdict says that d.e >= 0 for every scale in K_t (BETTER), that -d.e is (WORSE), or both
 (EQUAL). Its proof is an identity in e, with e_1 = 0 and e_k = 1 and every multiplier positive,
 
-    d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k - e_1).
+    d.e = sum y_i (s_i d_i . e) + sum z_j (e_{j+1} - e_j) + sum w_l (A_l . e) + remainder (e_k -
+    e_1).
 
 It adds up answered differences d_i, steps of the order and prior inequalities. The sign s_i turns
 each difference to the answered side: s_i d_i . e >= 0, or >= -tie if it was "equal". This is
@@ -23,7 +24,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_list, require
-from elicit.comparators.polytope.explanation import Explanation, Proof, UsedAnswer, UsedPrior, UsedStep
+from elicit.comparators.polytope.explanation import (
+    Explanation,
+    Proof,
+    UsedAnswer,
+    UsedPrior,
+    UsedStep,
+)
 from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
 from elicit.lp.prior_inequalities import Prior
@@ -36,7 +43,9 @@ _MOST_SINGLES = 3  # number of single answers to try in rationals before a set o
 
 
 class Polytope(Comparator, Protocol):
-    """The parts of ``PolytopeComparator`` that an explanation uses; that class imports this module."""
+    """The parts of ``PolytopeComparator`` that an explanation uses; that class imports this
+    module.
+    """
 
     margin: float
     tie: float
@@ -53,8 +62,8 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
 
     The proof's multipliers are those of an optimal vertex, found in rationals. It has at most k - 2
     of them. An interior point would leave a small multiplier on every step of the order. Clarabel,
-    made rigorous, does the many tests of which rows can be left out. A proof that needs no margin is
-    preferred.
+    made rigorous, does the many tests of which rows can be left out. A proof that needs no margin
+    is preferred.
 
     Parameters
     ----------
@@ -75,9 +84,20 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
     """
     rows = as_differences(d, comparator.k)
     if len(rows) != 1:
-        raise ValueError(f"explain takes one difference of shape ({comparator.k},), not {len(rows)} of them")
-    require(labels is None or is_list(labels, comparator.k), "labels", f"{comparator.k} names, one a level", labels)
-    names = tuple(f"level {i + 1}" for i in range(comparator.k)) if labels is None else tuple(map(str, labels))
+        raise ValueError(
+            f"explain takes one difference of shape ({comparator.k},), not {len(rows)} of them"
+        )
+    require(
+        labels is None or is_list(labels, comparator.k),
+        "labels",
+        f"{comparator.k} names, one a level",
+        labels,
+    )
+    names = (
+        tuple(f"level {i + 1}" for i in range(comparator.k))
+        if labels is None
+        else tuple(map(str, labels))
+    )
     one, region = rows[0].copy(), comparator.region
     one.flags.writeable = False
     verdict, t = Verdict(int(comparator.compare(one)[0])), _order_one(tail_sums(one))
@@ -90,14 +110,20 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
         return replace(made, scales=scales, told_equal=_told_equal(one, comparator.answers))
     signs = (1, -1) if verdict is Verdict.EQUAL else (int(verdict),)
     owners = _needed([sign * t + 0.0 for sign in signs], region, comparator)
-    proofs = tuple(_proof(sign, one, t, region.take(np.isin(region.owner, owners)), comparator) for sign in signs)
+    proofs = tuple(
+        _proof(sign, one, t, region.take(np.isin(region.owner, owners)), comparator)
+        for sign in signs
+    )
     if verdict is Verdict.EQUAL or proofs[0].bound > 0:
         return replace(made, proofs=proofs)
-    return replace(made, proofs=proofs, scales=(_scale(minimise_exactly(-int(verdict) * t + 0.0, region).g),))
+    return replace(
+        made, proofs=proofs, scales=(_scale(minimise_exactly(-int(verdict) * t + 0.0, region).g),)
+    )
 
 
 def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[int]:
-    """Return owners of an irreducible set of rows that, with the order, keeps t.g >= 0 for each goal t.
+    """Return owners of an irreducible set of rows that, with the order, keeps t.g >= 0 for each
+    goal t.
 
     It is sought among few rows first: none, the prior's, one answer's, then those of an optimal
     vertex. Later answers are dropped first, so that an explanation changes little as more is
@@ -115,7 +141,9 @@ def _needed(goals: list[Floats], region: Region, comparator: Polytope) -> list[i
     tries = [region.owner < 0] if (region.owner < 0).any() else []
     tries += [region.owner == owner for owner in _single(goals, region)]
     part = region.take(next((keep for keep in tries if enough(keep)), ~nothing))
-    owners = sorted({int(part.owner[i]) for t in goals for i in np.flatnonzero(minimise_exactly(t, part).y)})
+    owners = sorted(
+        {int(part.owner[i]) for t in goals for i in np.flatnonzero(minimise_exactly(t, part).y)}
+    )
     for owner in owners[::-1]:
         rest = [other for other in owners if other != owner]
         if enough(np.isin(region.owner, rest)):
@@ -173,15 +201,21 @@ def _proof(sign: int, d: Floats, t: Floats, part: Region, comparator: Polytope) 
         rest = rest - weight * side * tails
         limit += weight * abs(unit) * Fraction(float(part.rhs[i]))
         if known is None or owner >= 0:
-            answers.append(UsedAnswer(owner, told.ids[owner], side, weight, equal=bool(told.y[owner] == 0)))
+            answers.append(
+                UsedAnswer(owner, told.ids[owner], side, weight, equal=bool(told.y[owner] == 0))
+            )
         else:
             prior.append(UsedPrior(-1 - owner, known.names[-1 - owner], weight))
     left = min(rest)
     order = tuple(UsedStep(j, r - left) for j, r in enumerate(rest) if r > left)
     bound = limit + _least_by_order(rest, part)
     if bound < 0:
-        raise ArithmeticError(f"the verdict on d = {d} does not follow from what is known: please report this")
-    return Proof(sign, tuple(sorted(answers)), order, tuple(sorted(prior)), left, bound, limit + left)
+        raise ArithmeticError(
+            f"the verdict on d = {d} does not follow from what is known: please report this"
+        )
+    return Proof(
+        sign, tuple(sorted(answers)), order, tuple(sorted(prior)), left, bound, limit + left
+    )
 
 
 def _tails(d: Floats) -> Numbers:

@@ -22,7 +22,16 @@ from elicit.lp.infeasibility import is_empty
 from elicit.lp.region import Region, rounding
 from elicit.lp.sign_proofs import settle, signs_at_points, to_unit
 from elicit.lp.support_function import greatest
-from elicit.lp.vertex_store import add_corner, add_point, add_row, cut, has_point, prune, refresh, start
+from elicit.lp.vertex_store import (
+    add_corner,
+    add_point,
+    add_row,
+    cut,
+    has_point,
+    prune,
+    refresh,
+    start,
+)
 from elicit.lp.vertices import USED
 from elicit.model.comparator import Decisions, Tier, verdicts_from
 from elicit.model.query import Verdict
@@ -60,7 +69,8 @@ class PlausibleSet:
         self._pruned_to = len(region.rows)
 
     def cut(self, rows: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
-        """Return the part of the set that satisfies further rows, without rows that follow from others.
+        """Return the part of the set that satisfies further rows, without rows that follow from
+        others.
 
         Raises Empty.
         """
@@ -98,9 +108,14 @@ class PlausibleSet:
         return self._rule
 
     def settle(self, d: Floats) -> Decisions:
-        """Return verdicts (n,) and tiers (n,) of differences d (n, k) that compiled proofs leave open."""
+        """Return verdicts (n,) and tiers (n,) of differences d (n, k) that compiled proofs leave
+        open.
+        """
         solved = [self._solve(row) for row in d]
-        return Decisions(np.array([v for v, _ in solved], np.int8), np.array([tier for _, tier in solved], np.int8))
+        return Decisions(
+            np.array([v for v, _ in solved], np.int8),
+            np.array([tier for _, tier in solved], np.int8),
+        )
 
     def bounds(self, d: Floats) -> tuple[Floats, Floats]:
         """Return outer bounds (n,) on d.e for valid differences d (n, k), tight to 1e-9 |d|_1."""
@@ -113,7 +128,9 @@ class PlausibleSet:
         low -= rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
         if len(self.region.rows):
             enough = np.maximum(np.ldexp(slack, -exponent), TIGHT)
-            low = np.maximum(low, [self.programs.least(*each) for each in zip(t, repeat(self.inside), enough)])
+            low = np.maximum(
+                low, [self.programs.least(*each) for each in zip(t, repeat(self.inside), enough)]
+            )
         with np.errstate(over="ignore", under="ignore"):
             low = np.ldexp(low, exponent)
         # one step outwards: the results may have lost bits on the way back
@@ -129,14 +146,17 @@ class PlausibleSet:
         if len(self.region.rows):
             loose = self._not_reached(d, high, np.arange(len(d)), slack)
             for start in range(0, len(loose), _AT_ONCE):
-                # most are tight, but the vertex that showed it was replaced by those of other rows: walk again
+                # most are tight, but the vertex that showed it was replaced by those of other rows:
+                # walk again
                 some = loose[start : start + _AT_ONCE]
                 high[some] = np.minimum(high[some], greatest(d[some], self._known))
                 for i in self._not_reached(d, high, some, slack):
                     high[i] = min(high[i], -float(self._least(-d[i : i + 1], slack[i])[0]))
         return high
 
-    def _not_reached(self, d: Floats, high: Floats, rows: NDArray[np.int64], slack: Floats) -> NDArray[np.int64]:
+    def _not_reached(
+        self, d: Floats, high: Floats, rows: NDArray[np.int64], slack: Floats
+    ) -> NDArray[np.int64]:
         """Return the rows of d whose positive upper bound (n,) no known point shows to be tight.
 
         A bound within the slack (n,) counts as tight.
@@ -144,7 +164,9 @@ class PlausibleSet:
         points = self._known.points[:, : self._known.counts[USED]]
         rows = rows[high[rows] > 0]
         reached = product(tail_sums(d[rows]), points).max(axis=1, initial=-np.inf)
-        loose: NDArray[np.bool_] = high[rows] - reached > np.maximum(1e-9 * np.abs(d[rows]).sum(axis=1), slack[rows])
+        loose: NDArray[np.bool_] = high[rows] - reached > np.maximum(
+            1e-9 * np.abs(d[rows]).sum(axis=1), slack[rows]
+        )
         return rows[loose]
 
     def _cut(self, row: Floats, rhs: Floats, owner: NDArray[np.int64]) -> PlausibleSet:
@@ -181,7 +203,9 @@ class PlausibleSet:
         size = to_unit(t)
         tier, least, greatest = Tier.LP, -1, 1
         doubt, known = rounding(self.region.p, 4.0 * size), self._known
-        above, below = signs_at_points(t, doubt, 0, known.points, known.kind, np.empty(known.counts[USED]))
+        above, below = signs_at_points(
+            t, doubt, 0, known.points, known.kind, np.empty(known.counts[USED])
+        )
         if not below:
             least, tier = self._sign_of_least(t, tier)
         if least <= 0 and not above:
@@ -190,8 +214,12 @@ class PlausibleSet:
         return Verdict(int(verdicts_from(np.array([least]), np.array([greatest]))[0])), tier
 
     def _sign_of_least(self, t: Floats, tier: Tier) -> tuple[int, Tier]:
-        """Return the sign of min t.g over the set, by Clarabel if its solution proves it, else in rationals."""
-        sign, point = self.programs.sign_of_least(t, self.inside) if self.inside is not None else (0, None)
+        """Return the sign of min t.g over the set, by Clarabel if its solution proves it, else in
+        rationals.
+        """
+        sign, point = (
+            self.programs.sign_of_least(t, self.inside) if self.inside is not None else (0, None)
+        )
         if point is not None:
             add_point(self._known, point)
         if sign != 0:

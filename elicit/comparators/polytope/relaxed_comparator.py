@@ -45,10 +45,12 @@ if TYPE_CHECKING:
     import cvxpy
 
 LEAST_SLACK = 1e-9
-"""Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised to (but for 0
-with consistent answers), so that {f <= B} is not too thin for floats."""
+"""Times the largest answered tail sum, rounded up to a power of two: what a smaller slack is raised
+to (but for 0 with consistent answers), so that {f <= B} is not too thin for floats."""
 
-_GRID = 2.0**-36  # the least violation is rounded up to a multiple of it: a solver's last bits make no difference
+_GRID = (
+    2.0**-36
+)  # the least violation is rounded up to a multiple of it: a solver's last bits make no difference
 _NEAR = 1e-12  # violations beyond B, and distances of optima from 0, that count as none
 _TIGHT = 3e-10  # largest distance of the least t.g over the cuts below that over {f <= B}
 _PATIENCE = 4  # cuts for one optimum before it is solved for outright
@@ -88,18 +90,34 @@ class RelaxedPolytopeComparator:
     """
 
     def __init__(
-        self, k: int, slack: float = 0.0, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE
+        self,
+        k: int,
+        slack: float = 0.0,
+        margin: float = 1e-6,
+        prior: PriorLike = None,
+        tie: float = TIE,
     ) -> None:
         if not is_number(slack, 0):
-            raise ValueError(f"the slack must be a finite number of at least 0 (in units of e_k - e_1), not {slack!r}")
+            raise ValueError(
+                "the slack must be a finite number of at least 0 (in units of e_k - e_1), not "
+                f"{slack!r}"
+            )
         self._blank = blank = PolytopeComparator(k, margin, prior, tie)
-        self.slack, self.k, self.margin, self.prior = float(slack), blank.k, blank.margin, blank.prior
+        self.slack, self.k, self.margin, self.prior = (
+            float(slack),
+            blank.k,
+            blank.margin,
+            blank.prior,
+        )
         self.tie = blank.tie
         self._order = PlausibleSet(blank.region)
         self._learn(blank.answers, blank, None)
 
     def __repr__(self) -> str:
-        return f"RelaxedPolytopeComparator(k={self.k}, slack={self.slack:g}, {len(self.answers)} answers)"
+        return (
+            f"RelaxedPolytopeComparator(k={self.k}, slack={self.slack:g}, {len(self.answers)} "
+            "answers)"
+        )
 
     @one_thread
     def update(self, answers: Answers) -> RelaxedPolytopeComparator:
@@ -114,7 +132,13 @@ class RelaxedPolytopeComparator:
         RelaxedPolytopeComparator
         """
         new = object.__new__(RelaxedPolytopeComparator)
-        new.slack, new.k, new.margin, new.prior, new.tie = self.slack, self.k, self.margin, self.prior, self.tie
+        new.slack, new.k, new.margin, new.prior, new.tie = (
+            self.slack,
+            self.k,
+            self.margin,
+            self.prior,
+            self.tie,
+        )
         new._blank, new._order = self._blank, self._order
         together = self.answers + check_answers(answers, self.k)
         try:
@@ -195,7 +219,8 @@ class RelaxedPolytopeComparator:
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
-        """Return upper bounds on d.e over the plausible scales, for all rows at once, and their confidence.
+        """Return upper bounds on d.e over the plausible scales, for all rows at once, and their
+        confidence.
 
         Parameters
         ----------
@@ -212,7 +237,9 @@ class RelaxedPolytopeComparator:
         high = self._set.simultaneous_bounds(rows := as_differences(d, self.k))[0]
         if self._exact is None:
             return high, np.nan
-        return np.maximum(high, self._exact.simultaneous_bounds(rows)[0]) if (self.answers.y == 0).any() else high, 1.0
+        return np.maximum(high, self._exact.simultaneous_bounds(rows)[0]) if (
+            self.answers.y == 0
+        ).any() else high, 1.0
 
     @cached_property
     @one_thread
@@ -251,14 +278,15 @@ class RelaxedPolytopeComparator:
         """
         if self._exact is not None:
             return ()
-        # on the set of its minimisers f is linear, and hence each violation is: a violation that is positive
-        # somewhere on the set is positive in its middle
+        # on the set of its minimisers f is linear, and hence each violation is: a violation that is
+        # positive somewhere on the set is positive in its middle
         best = self._within(self._least + LEAST_SLACK)
         wrong = self._hinges.owner[self._hinges.lacking(np.diff(best.values)) > 1e-7]
         return tuple((int(row), self.answers.ids[row]) for row in np.unique(wrong))
 
     def problems(self, d: ArrayLike) -> tuple[cvxpy.Problem, cvxpy.Problem]:
-        """Return the programs that minimise and maximise d.e over the plausible scales, as cvxpy problems.
+        """Return the programs that minimise and maximise d.e over the plausible scales, as cvxpy
+        problems.
 
         They are like those of ``PolytopeComparator.problems``, with a variable "violation" (n,). It
         says by how much each answer is violated, in units of e_k - e_1.
@@ -278,8 +306,12 @@ class RelaxedPolytopeComparator:
             return self._set.problems(d)
         hinges, unit = self._hinges, np.ldexp(1.0, self._hinges.exponent)
         weights = unit * hinges.weights
-        region = self._blank.region.plus(weights[:, None] * hinges.rows, weights * hinges.rhs, hinges.owner)
-        return least_and_greatest(d, region, self.prior, (len(self.answers), float(unit * self._set.budget)))
+        region = self._blank.region.plus(
+            weights[:, None] * hinges.rows, weights * hinges.rhs, hinges.owner
+        )
+        return least_and_greatest(
+            d, region, self.prior, (len(self.answers), float(unit * self._set.budget))
+        )
 
     @property
     def solves(self) -> int:
@@ -287,9 +319,17 @@ class RelaxedPolytopeComparator:
         return self._set.solves
 
     def _learn(
-        self, answers: Answers, exact: PolytopeComparator | None, old: PolytopeComparator | _Sublevel | None
+        self,
+        answers: Answers,
+        exact: PolytopeComparator | None,
+        old: PolytopeComparator | _Sublevel | None,
     ) -> None:
-        self.answers, self._exact, self._hinges, self._least = answers, exact, Hinges.of(answers, self.tie), 0.0
+        self.answers, self._exact, self._hinges, self._least = (
+            answers,
+            exact,
+            Hinges.of(answers, self.tie),
+            0.0,
+        )
         self._set: PolytopeComparator | _Sublevel
         if exact is not None and self.slack == 0:
             self._set = exact
@@ -300,7 +340,9 @@ class RelaxedPolytopeComparator:
             self._least = least
         with np.errstate(over="ignore"):
             slack = max(float(np.ldexp(self.slack, -self._hinges.exponent)), LEAST_SLACK)
-        budget = least + min(slack, len(self._hinges.rows) + 1.0)  # no scale violates any row by more than 1
+        budget = least + min(
+            slack, len(self._hinges.rows) + 1.0
+        )  # no scale violates any row by more than 1
         self._set = self._within(budget)
         if isinstance(old, _Sublevel):
             self._set.inherit(old)
@@ -316,8 +358,16 @@ class _Sublevel:
     PlausibleSet around it, which is cut as needed.
     """
 
-    def __init__(self, hinges: Hinges, budget: float, fit: Floats, middle: Floats, order: PlausibleSet) -> None:
-        self.hinges, self.budget, self.middle, self.order, self.around = hinges, budget, middle, order, order
+    def __init__(
+        self, hinges: Hinges, budget: float, fit: Floats, middle: Floats, order: PlausibleSet
+    ) -> None:
+        self.hinges, self.budget, self.middle, self.order, self.around = (
+            hinges,
+            budget,
+            middle,
+            order,
+            order,
+        )
         least, most = hinges.total(fit), hinges.total(middle)
         share = 0.5 if most <= budget else 0.5 * (budget - least) / (most - least)
         self.inside = (1 - share) * fit + share * middle
@@ -325,7 +375,9 @@ class _Sublevel:
         self.solves = 0
 
     def inherit(self, old: _Sublevel) -> None:
-        """Take over the cuts and points that were known with fewer answers, unless the budget has grown."""
+        """Take over the cuts and points that were known with fewer answers, unless the budget has
+        grown.
+        """
         with np.errstate(over="ignore"):
             budget = np.ldexp(old.budget, old.hinges.exponent - self.hinges.exponent)
         if self.budget <= budget:
@@ -363,7 +415,9 @@ class _Sublevel:
         return self.around.bounds(d)
 
     def simultaneous_bounds(self, d: Floats) -> tuple[Floats, float]:
-        """Return upper bounds (n,) on d.e for valid differences, the greatest of them tight to 1e-9 |d|_1."""
+        """Return upper bounds (n,) on d.e for valid differences, the greatest of them tight to 1e-9
+        |d|_1.
+        """
         high = self.around.greatest(d)
         for _ in range(_SHARPENED if len(d) else 0):
             row = int(np.argmax(high))
@@ -376,7 +430,9 @@ class _Sublevel:
 
     @cached_property
     def draws(self) -> Draws:
-        """Draws from the set around that are within {f <= budget}, and the known points if these are few."""
+        """Draws from the set around that are within {f <= budget}, and the known points if these
+        are few.
+        """
         drawn = draws_within(self.around.region, np.diff(self.values))
         within = np.array([self.hinges.total(g) <= self.budget + _NEAR for g in drawn.gaps.T])
         gaps = (
@@ -395,7 +451,9 @@ class _Sublevel:
         return values
 
     def _sharpen(self, t: Floats, enough: float) -> None:
-        """Cut until the least t.g over the cuts is that over the set, or a point of the set has t.g < enough."""
+        """Cut until the least t.g over the cuts is that over the set, or a point of the set has t.g
+        < enough.
+        """
         for step in range(_MOST_CUTS):
             if step == _PATIENCE:
                 self._jump(t)
@@ -411,13 +469,19 @@ class _Sublevel:
                 return
 
     def _jump(self, t: Floats) -> None:
-        """Add the point of the set where t.g is least, and the one cut that its multipliers prove."""
+        """Add the point of the set where t.g is least, and the one cut that its multipliers
+        prove.
+        """
         cost = np.append(t, np.zeros(len(self.hinges.rows)))
         found = solve(self.hinges, self.order.region, cost, self.budget)
         self.solves += 1
         if found is not None and found.price > 0:
             self._cut_off(found.g)
-            self._add(*self.hinges.cut(np.minimum(found.y / found.price, self.hinges.weights), self.budget))
+            self._add(
+                *self.hinges.cut(
+                    np.minimum(found.y / found.price, self.hinges.weights), self.budget
+                )
+            )
 
     def _add(self, row: Floats, limit: float) -> None:
         if limit > row.min():  # else the order alone implies it
@@ -475,6 +539,8 @@ def _centre(level: _Sublevel) -> Floats:
         [none, each],
         [np.zeros((1, p)), np.full((1, m), -1.0)],
     ])  # fmt: skip
-    least = np.concatenate([limits[~flat], hinges.weights * hinges.rhs, np.zeros(m), [-level.budget]])
+    least = np.concatenate(
+        [limits[~flat], hinges.weights * hinges.rhs, np.zeros(m), [-level.budget]]
+    )
     g = climb(np.append(level.inside, s), every, least, block_diag(along, each))[:p]
     return np.asarray(g / g.sum())

@@ -31,7 +31,9 @@ class Hinges(NamedTuple):
     def of(answers: Answers, tie: float) -> Hinges:
         """Return the hinges of these answers, where "equal" means |d.e| <= ``tie``."""
         rows, rhs, owner = answer_rows(answers, 0, tie)
-        size = np.zeros(len(rows), dtype=np.int64)  # exponents of the powers of two by which answer_rows divided
+        size = np.zeros(
+            len(rows), dtype=np.int64
+        )  # exponents of the powers of two by which answer_rows divided
         for _ in range(2):  # the first time, tail_sums may have divided too
             with np.errstate(over="ignore"):
                 t = tail_sums(np.ldexp(answers.d[owner], -size[:, None]))
@@ -40,7 +42,9 @@ class Hinges(NamedTuple):
         return Hinges(rows, rhs, owner, np.ldexp(1.0, size - exponent), exponent)
 
     def lacking(self, g: Floats) -> Floats:
-        """Return how far g (p,) violates each row (m,), weighted; negative if it satisfies the row with room."""
+        """Return how far g (p,) violates each row (m,), weighted; negative if it satisfies the row
+        with room.
+        """
         return np.asarray(self.weights * (self.rhs - self.rows @ g))
 
     def total(self, g: Floats) -> float:
@@ -63,11 +67,15 @@ class Hinges(NamedTuple):
         # g >= 0 totals 1: row.g is off by no more than an entry
         limit -= 2.0 * float(rounding(int(np.count_nonzero(weights)), size))
         exponent = -np.frexp(np.abs(row).max())[1]
-        return np.asarray(np.ldexp(row, exponent)), float(np.clip(np.ldexp(limit, exponent), -2.0, 2.0))
+        return np.asarray(np.ldexp(row, exponent)), float(
+            np.clip(np.ldexp(limit, exponent), -2.0, 2.0)
+        )
 
 
 class HingeSolution(NamedTuple):
-    """HiGHS's solution: g (p,), the multipliers y (m,) >= 0 of the answers' rows, and that of the budget."""
+    """HiGHS's solution: g (p,), the multipliers y (m,) >= 0 of the answers' rows, and that of the
+    budget.
+    """
 
     g: Floats
     y: Floats
@@ -82,7 +90,13 @@ def solve(hinges: Hinges, region: Region, cost: Floats, budget: float) -> HingeS
     """
     (m, p), prior = hinges.rows.shape, len(region.rows)
     options = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-    rows = np.block([[hinges.rows, np.eye(m)], [region.rows, np.zeros((prior, m))], [np.zeros(p), -hinges.weights]])
+    rows = np.block(
+        [
+            [hinges.rows, np.eye(m)],
+            [region.rows, np.zeros((prior, m))],
+            [np.zeros(p), -hinges.weights],
+        ]
+    )
     limits = np.concatenate([hinges.rhs, region.rhs, [-budget]])
     bounds = [(region.margin, None)] * p + [(0.0, None)] * m
     total = np.append(np.ones(p), np.zeros(m))[None]
@@ -107,7 +121,9 @@ def best_fit(hinges: Hinges, order: PlausibleSet) -> Floats:
         return point
     # too flat for floats: in rationals, a point of the region that violates no answer by much more
     for room in 100.0 ** np.arange(-6, 2):
-        vertex = minimise_exactly(np.zeros(p), region.plus(hinges.rows, hinges.rows @ found.g - room, hinges.owner))
+        vertex = minimise_exactly(
+            np.zeros(p), region.plus(hinges.rows, hinges.rows @ found.g - room, hinges.owner)
+        )
         if vertex.end is not End.EMPTY:
             break
     return vertex.g.astype(np.float64)

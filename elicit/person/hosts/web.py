@@ -27,16 +27,24 @@ _FAREWELL = 5  # seconds for requests that are under way when the server stops
 class WebServer(Closing):
     """The page of a session, served by a thread of its own from now until ``close``.
 
-    host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1, ::1 and localhost;
-    any other one asks for ``let_others_in=True``, and is not encrypted: who can read the network can read the answers,
-    and take part. port: 0 takes a free one. Several servers must not share a session.
+    host: the address, or a name of it, on which to listen. Only this machine can reach 127.0.0.1,
+    ::1 and localhost; any other one asks for ``let_others_in=True``, and is not encrypted: who can
+    read the network can read the answers, and take part. port: 0 takes a free one. Several servers
+    must not share a session.
 
-    Raises ModuleNotFoundError, with the command to install it, where a package of the extra is missing; ValueError for
-    an address that lets others in, or is none to open; OSError where the port is in use.
+    Raises ModuleNotFoundError, with the command to install it, where a package of the extra is
+    missing; ValueError for an address that lets others in, or is none to open; OSError where the
+    port is in use.
     """
 
     def __init__(
-        self, session: Session, subject: Subject, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+        self,
+        session: Session,
+        subject: Subject,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        let_others_in: bool = False,
     ) -> None:
         try:
             import uvicorn
@@ -49,7 +57,10 @@ class WebServer(Closing):
         """Where it listens."""
         name = f"[{host}]" if ":" in host else host
         names = {name, "localhost", "127.0.0.1", "[::1]"}
-        ports = {f":{self.port}", *([""] if self.port == _HTTP else [])}  # browsers leave that one out
+        ports = {
+            f":{self.port}",
+            *([""] if self.port == _HTTP else []),
+        }  # browsers leave that one out
         self._door = Door(self.port, {each.lower() + end for each in names for end in ports})
         self._origin = f"http://{name}:{self.port}"
         self._interview = Interview(session, subject)
@@ -68,7 +79,10 @@ class WebServer(Closing):
         )
         self._server = uvicorn.Server(config)
         self._thread = threading.Thread(
-            target=self._server.run, kwargs={"sockets": [listening]}, name="elicit page", daemon=True
+            target=self._server.run,
+            kwargs={"sockets": [listening]},
+            name="elicit page",
+            daemon=True,
         )
         self._thread.start()
         while not self._server.started and self._thread.is_alive():
@@ -81,17 +95,25 @@ class WebServer(Closing):
         return f"{self._origin}/?token={self._door.new_token()}"
 
     def close(self) -> None:
-        """Stop; what is under way is finished, if that takes no more than seconds. The session stays open."""
+        """Stop; what is under way is finished, if that takes no more than seconds. The session
+        stays open.
+        """
         self._server.should_exit = True
         self._thread.join()
         self._interview.close()
 
 
 def serve(
-    session: Session, subject: Subject, host: str = "127.0.0.1", port: int = 0, *, let_others_in: bool = False
+    session: Session,
+    subject: Subject,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    *,
+    let_others_in: bool = False,
 ) -> None:
-    """Serve the page of a session until Ctrl+C. Prints the address, a line of standard output, and a new one for each
-    line of standard input: each lets in one browser, once. Arguments and errors as of ``WebServer``."""
+    """Serve the page of a session until Ctrl+C. Prints the address, a line of standard output, and
+    a new one for each line of standard input: each lets in one browser, once. Arguments and errors
+    as of ``WebServer``."""
     with (
         suppress(KeyboardInterrupt),  # a second one, while the first one is heeded
         WebServer(session, subject, host, port, let_others_in=let_others_in) as server,
@@ -99,7 +121,8 @@ def serve(
     ):
         print(server.new_address(), flush=True)
         print(
-            "Open this address in a browser; it works once. Enter: another one. Ctrl+C: stop. Every answer is kept.",
+            "Open this address in a browser; it works once. Enter: another one. Ctrl+C: stop. "
+            "Every answer is kept.",
             file=sys.stderr,
             flush=True,
         )
@@ -111,7 +134,9 @@ def serve(
 def _lines_entered() -> Iterator[str]:
     """The lines of standard input, if there is one."""
     if hasattr(signal, "SIGTTIN") and threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # in the background it is an error, and does not stop the process
+        signal.signal(
+            signal.SIGTTIN, signal.SIG_IGN
+        )  # in the background it is an error, and does not stop the process
     with suppress(OSError):
         while sys.stdin and (line := sys.stdin.readline()):
             yield line
@@ -127,11 +152,14 @@ def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
     address = ipaddress.ip_address(str(where[0]).partition("%")[0])
     if not address.is_loopback and not let_others_in:
         raise ValueError(
-            f"{host} can be reached by other machines, and what is sent there is not encrypted: if you mean that, say "
+            f"{host} can be reached by other machines, and what is sent there is not encrypted: if "
+            "you mean that, say "
             "let_others_in=True, or --let-others-in; else listen on 127.0.0.1"
         )
     if address.is_unspecified:
-        raise ValueError(f"{host} is no address to open: name the one of this machine by which others reach it")
+        raise ValueError(
+            f"{host} is no address to open: name the one of this machine by which others reach it"
+        )
     listening = socket.socket(family)
     try:
         if os.name == "posix":  # elsewhere it would let another program listen there too
@@ -140,5 +168,7 @@ def _listening(host: str, port: int, let_others_in: bool) -> socket.socket:
         listening.listen()
     except OSError as error:
         listening.close()
-        raise OSError(error.errno, f"cannot listen on {host}, port {port}: {error.strerror}") from None
+        raise OSError(
+            error.errno, f"cannot listen on {host}, port {port}: {error.strerror}"
+        ) from None
     return listening

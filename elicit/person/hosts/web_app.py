@@ -1,7 +1,8 @@
 """The page as an ASGI application: who is let in, what is served, and how an error is said.
 
-Whoever opens the address with the launch token gets a cookie; without it there is nothing. What a browser says of where
-a request comes from must fit too, so that no other page that it has open can use the cookie.
+Whoever opens the address with the launch token gets a cookie; without it there is nothing. What a
+browser says of where a request comes from must fit too, so that no other page that it has open can
+use the cookie.
 """
 
 import asyncio
@@ -34,7 +35,8 @@ PATIENCE = 10.0
 """Seconds that a request may take to arrive."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _HEADERS = {
-    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "connect-src 'self'; "
     "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
@@ -45,7 +47,8 @@ _HEADERS = {
     "permissions-policy": "camera=(), geolocation=(), microphone=()",
 }
 _NOT_LET_IN = (
-    "The address that the program printed lets in one browser, once. For this one, press Enter in the terminal where "
+    "The address that the program printed lets in one browser, once. For this one, press Enter in "
+    "the terminal where "
     "the program runs, and open the address that it prints then."
 )
 _CLOSED_DOOR = f"""<!doctype html>
@@ -70,8 +73,8 @@ _log = logging.getLogger(__name__)
 
 
 class Impatient(H11Protocol):
-    """HTTP/1.1, but a connection that has brought no request after some seconds is closed. Later ones need no such
-    limit: a refused request ends its connection."""
+    """HTTP/1.1, but a connection that has brought no request after some seconds is closed. Later
+    ones need no such limit: a refused request ends its connection."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
@@ -83,9 +86,9 @@ class Impatient(H11Protocol):
 
 
 class Door:
-    """Who is let in: the launch token that is valid now, and the cookie for which it is exchanged. port: names the
-    cookie, for a browser sends a host's cookies to all its ports. hosts: the names, in lower case and with their ports,
-    by which the page may be called."""
+    """Who is let in: the launch token that is valid now, and the cookie for which it is exchanged.
+    port: names the cookie, for a browser sends a host's cookies to all its ports. hosts: the names,
+    in lower case and with their ports, by which the page may be called."""
 
     def __init__(self, port: int, hosts: Iterable[str]) -> None:
         self.cookie = f"elicit-{port}"
@@ -107,13 +110,25 @@ class Door:
         return True
 
     def knows(self, request: Request) -> bool:
-        """Whether a request has the cookie. Another program on this host may have set one of the same name."""
-        pairs = (pair.partition("=") for line in request.headers.getlist("cookie") for pair in line.split(";"))
-        return any(_same(value.strip(), self.secret) for name, _, value in pairs if name.strip() == self.cookie)
+        """Whether a request has the cookie. Another program on this host may have set one of the
+        same name.
+        """
+        pairs = (
+            pair.partition("=")
+            for line in request.headers.getlist("cookie")
+            for pair in line.split(";")
+        )
+        return any(
+            _same(value.strip(), self.secret)
+            for name, _, value in pairs
+            if name.strip() == self.cookie
+        )
 
 
 def application(interview: Interview, door: Door) -> ASGIApp:
-    """The page, and ``POST /api``, which takes a message for the interview and replies; JSON both ways."""
+    """The page, and ``POST /api``, which takes a message for the interview and replies; JSON both
+    ways.
+    """
 
     async def page(request: Request) -> Response:
         return _file(request.path_params.get("name", "page.html"))
@@ -147,16 +162,20 @@ class _Guarded:
         await app(scope, receive, with_headers)
 
     def _elsewhere(self, request: Request) -> Response | None:
-        """The refusal of what a browser sends for another page: to another name (which now means this machine), or from
-        another origin."""
+        """The refusal of what a browser sends for another page: to another name (which now means
+        this machine), or from another origin."""
         called = [host.lower() for host in request.headers.getlist("host")]
         if len(called) != 1 or called[0] not in self._door.hosts:
-            return _error(421, "This page is not called so: open the address that the program printed.")
+            return _error(
+                421, "This page is not called so: open the address that the program printed."
+            )
         origins, site = request.headers.getlist("origin"), request.headers.get("sec-fetch-site")
         to_read = request.method in ("GET", "HEAD")
         # followed from elsewhere, or typed; SameSite=Strict says what it may see
         visit = (
-            to_read and request.scope["path"] == "/" and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
+            to_read
+            and request.scope["path"] == "/"
+            and request.headers.get("sec-fetch-mode", "navigate") == "navigate"
         )
         ours = site in (None, "none", "same-origin") or visit
         if any(origin.lower() != f"http://{called[0]}" for origin in origins) or not ours:
@@ -181,7 +200,9 @@ class _Guarded:
     def _let_in(self, request: Request) -> Response:
         if request.headers.get("sec-fetch-site", "none") in ("none", "same-origin"):
             response: Response = RedirectResponse("/", 303)
-        else:  # a link on another page: a redirection would still count as its doing, and go without the cookie
+        # a link on another page: a redirection would still count as its doing, and go without the
+        # cookie
+        else:
             response = HTMLResponse("", headers={"refresh": "0; url=/"})
         response.set_cookie(self._door.cookie, self._door.secret, httponly=True, samesite="strict")
         return response
@@ -217,8 +238,8 @@ async def _message(request: Request) -> dict[str, Any]:
 
 
 async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
-    """What the interview replies, computed beside, so that others need not wait; or what went wrong, without a word of
-    what was answered."""
+    """What the interview replies, computed beside, so that others need not wait; or what went
+    wrong, without a word of what was answered."""
     try:
         reply = await run_in_threadpool(interview.handle, message)
         return Response(json.dumps(reply), media_type="application/json")
@@ -226,7 +247,8 @@ async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
         _log.error("%s", error)
         return _error(
             507,
-            "Another program moved or changed the file of the answers, so nothing more is written to it. What was "
+            "Another program moved or changed the file of the answers, so nothing more is written "
+            "to it. What was "
             "saved before is not touched. Start the program again: it says what it finds.",
         )
     except OSError as error:
@@ -240,12 +262,15 @@ async def _reply(interview: Interview, message: dict[str, Any]) -> Response:
         )
     except ValueError as error:
         _log.warning("a message was refused: %s", error)
-        return _error(400, "This could not be done; the program says why where it runs. Reload the page.")
+        return _error(
+            400, "This could not be done; the program says why where it runs. Reload the page."
+        )
     except Exception:
         _log.exception("a message could not be answered")
         return _error(
             500,
-            "Something went wrong in the program, which says more where it runs. What was saved is not lost: reload "
+            "Something went wrong in the program, which says more where it runs. What was saved is "
+            "not lost: reload "
             "the page, or start the program again.",
         )
 

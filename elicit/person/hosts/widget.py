@@ -1,8 +1,9 @@
 """The widget: an interview in a notebook, drawn by the front end of the page.
 
-The front end sends custom messages ``{"id": ..., "message": {...}}``; to each comes ``{"id": ..., "reply": {...}}`` or
-``{"id": ..., "error": "a sentence"}``, with the same id. Messages and replies are those of ``interview``. They are
-taken by the kernel one at a time, between cells: while a cell runs, a question waits.
+The front end sends custom messages ``{"id": ..., "message": {...}}``; to each comes ``{"id": ...,
+"reply": {...}}`` or ``{"id": ..., "error": "a sentence"}``, with the same id. Messages and replies
+are those of ``interview``. They are taken by the kernel one at a time, between cells: while a cell
+runs, a question waits.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from elicit.person.session import Session
 from elicit.person.showing import printable
 
 _PAGE = files("elicit.person.hosts") / "page"
-# Several windows, in several browsers perhaps, hear each other's replies: each asks with ids of its own. A letter typed
-# in the widget is no command to the notebook around it, where A and B insert cells and X cuts them; Ctrl+S still is.
+# Several windows, in several browsers perhaps, hear each other's replies: each asks with ids of its
+# own. A letter typed in the widget is no command to the notebook around it, where A and B insert
+# cells and X cuts them; Ctrl+S still is.
 _GLUE = """
 const GONE =
   "the kernel was restarted or does not run. Run the cells of this notebook again, and go on in the new widget: all " +
@@ -65,21 +67,24 @@ export default {
     };
   },
 };
-"""
+"""  # noqa: E501
 
 
 class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywidgets are untyped
-    """A session with a person, in a notebook: put it last in a cell. Each time it is displayed is another window of the
-    same interview. What was answered is in the session at once: ``session.result()`` may follow in any later cell.
+    """A session with a person, in a notebook: put it last in a cell. Each time it is displayed is
+    another window of the same interview. What was answered is in the session at once:
+    ``session.result()`` may follow in any later cell.
 
-    session: what asks, and keeps the answers; subject: how to speak of it. Needs the extra ``widget``.
+    session: what asks, and keeps the answers; subject: how to speak of it. Needs the extra
+    ``widget``.
     """
 
     _esm = (_PAGE / "interview.js").read_text(encoding="utf-8") + _GLUE
     _css = (_PAGE / "style.css").read_text(encoding="utf-8")
 
     def __init__(self, session: Session, subject: Subject) -> None:
-        session.question()  # now, or a thread would compute it while the next cells may use the session
+        # now, or a thread would compute it while the next cells may use the session
+        session.question()
         self._session, self._title = session, printable(subject.words.title)
         self._interview = Interview(session, subject)
         super().__init__()
@@ -91,7 +96,9 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
         super().close()
 
     def __repr__(self) -> str:
-        """What a notebook shows where it cannot show the widget: "a session of ICU-Sepsis: 3 answered"."""
+        """What a notebook shows where it cannot show the widget: "a session of ICU-Sepsis: 3
+        answered".
+        """
         answered = sum(not (entry.retracted or entry.repeat) for entry in self._session.log)
         return f"a session{f' of {self._title}' if self._title else ''}: {answered} answered"
 
@@ -99,7 +106,10 @@ class InterviewWidget(AnyWidget):  # type: ignore[misc, unused-ignore]  # ipywid
         """Reply to a custom message."""
         try:
             said: dict[str, Any] = {"reply": self._interview.handle(content["message"])}
-        except (ValueError, OSError) as error:  # what a session or its log raises: the same may be sent again
+        except (
+            ValueError,
+            OSError,
+        ) as error:  # what a session or its log raises: the same may be sent again
             said = {"error": str(error)}
         except Exception as error:
             self.send({"id": content["id"], "error": f"{type(error).__name__}: {error}"})

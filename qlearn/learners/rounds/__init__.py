@@ -1,1 +1,3 @@
-"""Rounds of policy iteration: a policy, its advantages and its loss bound. Imports from ``certificates``."""
+"""Rounds of policy iteration: a policy, its advantages and its loss bound. Imports from
+``certificates``.
+"""

@@ -18,8 +18,8 @@ _TIE = 1e-13  # gains up to this are rounding
 class ExactRounds:
     """Rounds for a model of up to some thousands of states.
 
-    A round solves for a policy that is optimal for the central scale, takes all advantages over it, and bounds its
-    loss."""
+    A round solves for a policy that is optimal for the central scale, takes all advantages over it,
+    and bounds its loss."""
 
     def __init__(self, mdp: OrdinalMDP, enough: float) -> None:
         self._mdp = mdp
@@ -28,7 +28,9 @@ class ExactRounds:
         self.rounds = 0  # policies solved for so far
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return the advantages that questions may be about, and the loss bound, inf if it exceeds what is enough."""
+        """Return the advantages that questions may be about, and the loss bound, inf if it exceeds
+        what is enough.
+        """
         values, over = best_guess(comparator), self._over
         if over is None or self._changes(over, values):
             start = np.argmax(self._mdp.admissible, axis=1) if over is None else over.policy
@@ -42,7 +44,9 @@ class ExactRounds:
 
         It does if an action is better than the policy's, or as good and earlier in order."""
         gain = product(over.d, values)
-        return bool(((gain > _TIE) | ((gain >= -_TIE) & (over.actions < over.policy[over.states]))).any())
+        return bool(
+            ((gain > _TIE) | ((gain >= -_TIE) & (over.actions < over.policy[over.states]))).any()
+        )
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
         """Return the same without solving again: a round has already looked at everything."""

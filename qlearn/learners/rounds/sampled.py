@@ -1,4 +1,6 @@
-"""Rounds of policy iteration that look at a sample of the states until the sample cannot refute the bound."""
+"""Rounds of policy iteration that look at a sample of the states until the sample cannot refute the
+bound.
+"""
 
 from __future__ import annotations
 
@@ -42,9 +44,15 @@ class SampledRounds:
         self._all: Advantages | None = None
 
     def round(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Return what ``ExactRounds.round`` does. The bound may be inf also because it was not computed."""
+        """Return what ``ExactRounds.round`` does. The bound may be inf also because it was not
+        computed.
+        """
         self._asked += 1
-        if self._pool is None or self._asked >= self._most or not self._in_vain(self._pool, comparator):
+        if (
+            self._pool is None
+            or self._asked >= self._most
+            or not self._in_vain(self._pool, comparator)
+        ):
             self._solve(best_guess(comparator))
             sample = self._sample()
             self._pool = advantages(self._mdp, self._kept(), self._v, sample)
@@ -53,7 +61,9 @@ class SampledRounds:
         return self._pool, Guarantee(np.inf, np.nan)
 
     def _in_vain(self, pool: Advantages, comparator: Comparator) -> bool:
-        """Return whether these advantages alone show that the current policy's bound is still too large."""
+        """Return whether these advantages alone show that the current policy's bound is still too
+        large.
+        """
         if self._too_much(pool, comparator):
             return True
         if self._all is None or drawn_set(comparator) is not None:
@@ -80,15 +90,17 @@ class SampledRounds:
     def _solve(self, values: Floats) -> None:
         """Find a policy for the central scale.
 
-        An action of the last policy stays if it is as good as the new one. If all stay, V stays too: otherwise pairs
-        that differ by rounding only would be asked about again."""
+        An action of the last policy stays if it is as good as the new one. If all stay, V stays
+        too: otherwise pairs that differ by rounding only would be asked about again."""
         mdp, little = self._mdp, self._error
         gain, ends = rewarded(mdp, values)
         self._worth, policy, _ = nearly_optimal(mdp, gain, ends, self._worth, little)
         last = self._policy
         if last is not None:
             q, rows = backed_up(mdp, gain, ends, self._worth), np.arange(mdp.n_states)
-            policy = np.where(q[rows, last] >= q[rows, policy] - little * (1 - mdp.discount), last, policy)
+            policy = np.where(
+                q[rows, last] >= q[rows, policy] - little * (1 - mdp.discount), last, policy
+            )
         if last is None or (policy != last)[~mdp.terminal].any():
             self._v = nearly_valued(mdp, policy, self._v, little * (1 - mdp.discount))
             self._policy, self._all = policy, None
@@ -102,17 +114,21 @@ class SampledRounds:
     def _too_much(self, over: Advantages, comparator: Comparator) -> bool:
         """Return whether too many draws refute the bound.
 
-        A draw does if some alternative, taken once, gains more than is enough. Then no bound can be small enough, and
-        these alternatives are what to ask about."""
+        A draw does if some alternative, taken once, gains more than is enough. Then no bound can be
+        small enough, and these alternatives are what to ask about."""
         draws, trusted = draws_of(comparator), drawn_set(comparator)
         scores = product(tail_sums(over.d), draws.gaps)
         too_much = scores > self._enough
-        too_much[scores.min(axis=1) >= 0] = False  # all draws agree on these: the next policy takes them
+        too_much[scores.min(axis=1) >= 0] = (
+            False  # all draws agree on these: the next policy takes them
+        )
         beyond = product(too_much.any(axis=0), draws.weights)
         return bool(beyond > (0.0 if trusted is None else 1.0 - trusted[1] + LEVEL_ROUNDING))
 
     def look_further(self, comparator: Comparator) -> tuple[Advantages, Guarantee]:
-        """Bound all advantages, over a policy for the central scale, and keep those with the greatest bounds."""
+        """Bound all advantages, over a policy for the central scale, and keep those with the
+        greatest bounds.
+        """
         if self._asked:
             self._solve(best_guess(comparator))
         mdp, over, trusted = self._mdp, self.everything(), drawn_set(comparator)

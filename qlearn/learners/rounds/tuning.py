@@ -1,4 +1,6 @@
-"""Settings of policy iteration that trade questions for CPU time. Every loss bound holds with any of them."""
+"""Settings of policy iteration that trade questions for CPU time. Every loss bound holds with any
+of them.
+"""
 
 from dataclasses import dataclass
 
@@ -7,17 +9,19 @@ from dataclasses import dataclass
 class Tuning:
     """Which advantages are looked at, and when.
 
-    benchmarks/RESULTS-question-rules.md compares the rules for questions; RESULTS-scale.md and RESULTS-growth.md show
-    the time that large models take.
+    benchmarks/RESULTS-question-rules.md compares the rules for questions; RESULTS-scale.md and
+    RESULTS-growth.md show the time that large models take.
     """
 
     matters: float = 0.5
-    """An advantage counts for a strategy if it exceeds this part of the tolerance. In one state, taken once, it then
-    costs that much. With the least advantage that could ever matter, tolerance (1 - discount), a fifth more questions
-    were asked."""
+    """An advantage counts for a strategy if it exceeds this part of the tolerance. In one state,
+    taken once, it then costs that much. With the least advantage that could ever matter, tolerance
+    (1 - discount), a fifth more questions were asked."""
 
     signs: int = 12  # advantages, the best to ask about, whose signs a simple question should tell
-    undecided: float = 0.5  # cuts are asked if at most this weight of the scales sees a better action
+    undecided: float = (
+        0.5  # cuts are asked if at most this weight of the scales sees a better action
+    )
     closed: int = 200  # advantages, those with the greatest bounds, that a cut is meant to close
     close: float = 0.3  # the part of the tolerance to which a cut should bring them down
 

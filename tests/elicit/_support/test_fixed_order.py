@@ -1,4 +1,6 @@
-"""Linear algebra of a fixed order agrees with NumPy's, and compiled with interpreted to the last bit."""
+"""Linear algebra of a fixed order agrees with NumPy's, and compiled with interpreted to the last
+bit.
+"""
 
 import numpy as np
 import pytest
@@ -6,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elicit._support import fixed_order
-from elicit._support.fixed_order import LeastSquares, null_basis, principal_axes, product, sums_to_zero
+from elicit._support.fixed_order import (
+    LeastSquares,
+    null_basis,
+    principal_axes,
+    product,
+    sums_to_zero,
+)
 from elicit._support.jit import compiling
 
 
@@ -22,7 +30,9 @@ def test_products(n: int, p: int, m: int, seed: int) -> None:
     np.testing.assert_array_equal(found, into)
     with compiling():
         np.testing.assert_array_equal(product(a, b), found)
-    np.testing.assert_array_equal(product(a[0], b), found[0])  # a row does not depend on its neighbours
+    np.testing.assert_array_equal(
+        product(a[0], b), found[0]
+    )  # a row does not depend on its neighbours
     np.testing.assert_array_equal(product(np.asfortranarray(a), b.copy(order="F")), found)
     np.testing.assert_allclose(product(a, b[:, 0]), a @ b[:, 0], rtol=0, atol=1e-13)
 
@@ -53,10 +63,14 @@ def test_least_squares(q: int, more: int, seed: int, uneven: bool) -> None:
     factors = LeastSquares(matrix)
     wanted = np.linalg.lstsq(matrix, target, rcond=None)[0]
     scale = 1e-9 * max(1.0, float(np.abs(wanted).max()))
-    np.testing.assert_allclose(factors.solve(target), wanted, rtol=0, atol=scale * np.linalg.cond(matrix) ** 0.5)
+    np.testing.assert_allclose(
+        factors.solve(target), wanted, rtol=0, atol=scale * np.linalg.cond(matrix) ** 0.5
+    )
     inverse = np.linalg.inv(matrix.T @ matrix) if not uneven else None
     if inverse is not None and np.linalg.cond(matrix) < 1e4:
-        np.testing.assert_allclose(factors.shape @ factors.shape.T, inverse, rtol=1e-6, atol=1e-8 * inverse.max())
+        np.testing.assert_allclose(
+            factors.shape @ factors.shape.T, inverse, rtol=1e-6, atol=1e-8 * inverse.max()
+        )
 
 
 def test_a_flat_matrix_has_no_infinite_solution() -> None:
@@ -73,7 +87,12 @@ def test_principal_axes(p: int) -> None:
     axes = principal_axes(matrix)
     np.testing.assert_allclose(axes.T @ axes, np.eye(p), rtol=0, atol=1e-12)
     turned = axes.T @ matrix @ axes
-    np.testing.assert_allclose(turned, np.diag(np.diag(turned)), rtol=0, atol=1e-11 * np.abs(matrix).max())
     np.testing.assert_allclose(
-        np.sort(np.diag(turned)), np.linalg.eigvalsh(matrix), rtol=0, atol=1e-11 * np.abs(matrix).max()
+        turned, np.diag(np.diag(turned)), rtol=0, atol=1e-11 * np.abs(matrix).max()
+    )
+    np.testing.assert_allclose(
+        np.sort(np.diag(turned)),
+        np.linalg.eigvalsh(matrix),
+        rtol=0,
+        atol=1e-11 * np.abs(matrix).max(),
     )

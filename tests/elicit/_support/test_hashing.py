@@ -1,4 +1,6 @@
-"""Hashed random numbers: stateless, evenly spread, and the same for arrays and for compiled loops."""
+"""Hashed random numbers: stateless, evenly spread, and the same for arrays and for compiled
+loops.
+"""
 
 import numpy as np
 import pytest
@@ -30,7 +32,11 @@ def test_fold_is_splitmix64_stateless_and_broadcasts() -> None:
     assert fold(key, 1, 2) != fold(key, 2, 1)
     assert fold(2**64 - 1, 2**64 - 1) == fold(np.uint64(2**64 - 1), -1)
     # the first outputs of SplitMix64 from state 0, as its authors' code gives them
-    assert [int(fold(0, i)) for i in range(3)] == [0xE220A8397B1DCDAF, 0x6E789E6AA1B965F4, 0x06C45D188009454F]
+    assert [int(fold(0, i)) for i in range(3)] == [
+        0xE220A8397B1DCDAF,
+        0x6E789E6AA1B965F4,
+        0x06C45D188009454F,
+    ]
     with np.errstate(over="ignore"):  # one by one, for compiled code
         assert mix(np.uint64(key), np.uint64(3)) == fold(key, 3)
         assert unit(mix(np.uint64(key), np.uint64(3))) == uniform(fold(key, 3))

@@ -1,4 +1,6 @@
-"""Compiled or not, the same numbers to the last bit; and the machine code on disk is that of today's sources."""
+"""Compiled or not, the same numbers to the last bit; and the machine code on disk is that of
+today's sources.
+"""
 
 import hashlib
 import re
@@ -15,7 +17,9 @@ from tests.thoroughness import thorough
 
 
 def report() -> list[str]:
-    """One line a case: its kind, verdicts, tiers, and a hash of bounds and values, to the last bit."""
+    """One line a case: its kind, verdicts, tiers, and a hash of bounds and values, to the last
+    bit.
+    """
     lines = []
     for i, case in enumerate(cases(97, 32, asks=10, most_levels=10, most_answers=40)):
         comparator = PolytopeComparator(case.k, case.margin, case.prior)
@@ -38,12 +42,17 @@ def report() -> list[str]:
 def test_compiled_and_interpreted() -> None:
     ours = report()
     assert len({line.split()[0] for line in ours}) > 10
-    assert {tier for line in ours for tier in line.split("] [")[1].split("]")[0].split(", ")} >= set("012345")
+    assert {
+        tier for line in ours for tier in line.split("] [")[1].split("]")[0].split(", ")
+    } >= set("012345")
     assert report_of(__name__) == ours
 
 
 def test_numba_is_imported_only_when_a_comparator_needs_it() -> None:
-    code = "import sys, elicit; print('numba' in sys.modules); elicit.PolytopeComparator; print('numba' in sys.modules)"
+    code = (
+        "import sys, elicit; print('numba' in sys.modules); elicit.PolytopeComparator; "
+        "print('numba' in sys.modules)"
+    )
     assert run(code) == ["False", "True"]
 
 
@@ -56,7 +65,7 @@ class Watch(event.Listener):
     def on_start(self, event): self.seen.append(event.data["dispatcher"].py_func.__name__)
     def on_end(self, event): pass
 event.register("numba:compile", Watch())
-"""
+"""  # noqa: E501
 
 
 HELPER = "from elicit._support.jit import compiled\n@compiled\ndef helper(x):\n    return x + {}\n"
@@ -75,14 +84,21 @@ def test_a_change_in_another_file_is_seen(tmp_path: Path) -> None:
     code = "from caller import caller; print(caller(1))"
     for summand, result in ((1, "4"), (10, "22"), (1, "4")):
         (tmp_path / "helper.py").write_text(HELPER.format(summand))
-        assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), PYTHONDONTWRITEBYTECODE="1") == [result]
+        assert run(
+            code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"), PYTHONDONTWRITEBYTECODE="1"
+        ) == [result]
     assert len({path.parent for path in (tmp_path / "kept").rglob("caller*.nbi")}) == 2
 
 
 @pytest.mark.slow
-def test_what_else_was_imported_before_makes_no_difference_to_where_ours_is_kept(tmp_path: Path) -> None:
+def test_what_else_was_imported_before_makes_no_difference_to_where_ours_is_kept(
+    tmp_path: Path,
+) -> None:
     (tmp_path / "helper.py").write_text(HELPER.format(1))
-    code = "from elicit._support.hashing import mix; import numpy as np; mix(np.uint64(1), np.uint64(2))"
+    code = (
+        "from elicit._support.hashing import mix; import numpy as np; mix(np.uint64(1), "
+        "np.uint64(2))"
+    )
     run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
     kept = set((tmp_path / "kept").rglob("*.nbi"))
     run("import helper; " + code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
@@ -107,11 +123,17 @@ def test_a_place_for_each_state_of_the_sources(tmp_path: Path) -> None:
     assert place("", tmp_path) == before
 
 
-def test_the_first_call_on_a_machine_says_what_it_waits_for_and_that_it_is_over(tmp_path: Path) -> None:
-    """Neither other functions nor other processes say it again; and numba's settings stay as they were."""
+def test_the_first_call_on_a_machine_says_what_it_waits_for_and_that_it_is_over(
+    tmp_path: Path,
+) -> None:
+    """Neither other functions nor other processes say it again; and numba's settings stay as they
+    were.
+    """
     (tmp_path / "helper.py").write_text(HELPER.format(1))
     kept = str(tmp_path / "kept")
-    code = "import sys, numba, helper; sys.stderr = sys.stdout; helper.helper(1); helper.helper(1.5)"
+    code = (
+        "import sys, numba, helper; sys.stderr = sys.stdout; helper.helper(1); helper.helper(1.5)"
+    )
     show = "; print(numba.config.CACHE_DIR)"
     began, settings, ended = run(code + show, tmp_path, NUMBA_CACHE_DIR=kept)
     assert began.startswith("elicit: compiling, once on this machine")
@@ -135,7 +157,11 @@ time.sleep(1.0)
 print("later")
 """
     began, ended, later = run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))
-    assert (began.split(",")[0], ended.split(",")[0], later) == ("elicit: compiling", "elicit: compiled", "later")
+    assert (began.split(",")[0], ended.split(",")[0], later) == (
+        "elicit: compiling",
+        "elicit: compiled",
+        "later",
+    )
 
 
 @pytest.mark.slow
@@ -144,7 +170,9 @@ def test_of_processes_that_compile_beside_each_other_one_says_so(tmp_path: Path)
     both = [run(code, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
     assert both == [["True False"], ["False False"]]
     (tmp_path / "file").write_text("where no folder can be made")
-    assert run(code, NUMBA_CACHE_DIR=str(tmp_path / "file")) == ["True True"]  # it is compiled each time, too
+    assert run(code, NUMBA_CACHE_DIR=str(tmp_path / "file")) == [
+        "True True"
+    ]  # it is compiled each time, too
 
 
 @pytest.mark.slow
@@ -194,10 +222,16 @@ print(helper(1), Watch.seen)
 @pytest.mark.slow
 def test_machine_code_is_used_where_numba_has_it_on_its_disk(tmp_path: Path) -> None:
     """It has none of other sources, of another version of numba, and for other arguments."""
-    file, kept = tmp_path / "helper.py", {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONDONTWRITEBYTECODE": "1"}
+    file, kept = (
+        tmp_path / "helper.py",
+        {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONDONTWRITEBYTECODE": "1"},
+    )
 
     def runs(argument: str, before: str = "") -> list[str]:
-        code = f"from helper import helper; print(helper({argument}), Watch.seen, len(helper.machine.signatures))"
+        code = (
+            f"from helper import helper; print(helper({argument}), Watch.seen, "
+            "len(helper.machine.signatures))"
+        )
         return run(WATCH + before + code, tmp_path, **kept, **PATIENT)
 
     file.write_text(HELPER.format(1))
@@ -228,7 +262,9 @@ def strange(x, i, h):
 
 
 def test_interpreted_numbers_are_those_of_machine_code(tmp_path: Path) -> None:
-    """Without warnings, where Python's own would be errors; no product and sum are one operation."""
+    """Without warnings, where Python's own would be errors; no product and sum are one
+    operation.
+    """
     (tmp_path / "strange_numbers.py").write_text(STRANGE)
     code = """
 import numpy as np
@@ -236,7 +272,7 @@ from strange_numbers import strange
 x = np.array([0.0, 1.0, 1.0 + 2.0**-30, 1.0 - 2.0**-30, -1.0])
 out, *rest = strange(x, np.array([-7, 3]), np.uint64(2**63 + 3))
 print(np.where(np.isnan(out), 7.0, out).tobytes().hex(), rest, [type(each).__name__ for each in rest])
-"""
+"""  # noqa: E501
     kept = {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     machine = run(code, tmp_path, **kept, ELICIT_COMPILE_FIRST="1")[-1]
     assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "none"), **PATIENT) == [machine]
@@ -245,6 +281,8 @@ print(np.where(np.isnan(out), 7.0, out).tobytes().hex(), rest, [type(each).__nam
 
 def test_numbers_that_stand_in_a_call_make_no_version_of_their_own(tmp_path: Path) -> None:
     (tmp_path / "helper.py").write_text(HELPER.format(1))
-    (tmp_path / "caller.py").write_text(CALLER.replace("2 * helper(x)", "helper(x) + helper(1) + helper(-2)"))
+    (tmp_path / "caller.py").write_text(
+        CALLER.replace("2 * helper(x)", "helper(x) + helper(1) + helper(-2)")
+    )
     code = "from caller import caller, helper; print(caller(1), len(helper.machine.signatures))"
     assert run(code, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kept"))[-1] == "3 1"

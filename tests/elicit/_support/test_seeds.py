@@ -52,7 +52,9 @@ def test_rng_is_another_word_for_seed():
     "make",
     [
         lambda seed: FlippingTutor([0, 1, 2, 4], 0.4, seed),
-        lambda seed: FlippingTutor.from_error_rate([0, 1, 2, 4], 0.4, sample_differences(4), seed=seed),
+        lambda seed: FlippingTutor.from_error_rate(
+            [0, 1, 2, 4], 0.4, sample_differences(4), seed=seed
+        ),
         lambda seed: BradleyTerryTutor([0, 1, 2, 4], 1.0, seed),
     ],
 )
@@ -82,7 +84,12 @@ def test_a_comparator_without_a_seed_can_be_had_again(make):
 
 def test_a_session_without_a_seed_can_be_had_again():
     def make(known):
-        return choose([[3, 0, 7], [2, 2, 6], [0, 5, 5], [1, 4, 5], [2, 3, 5]], Dominance(3), order=True, known=known)
+        return choose(
+            [[3, 0, 7], [2, 2, 6], [0, 5, 5], [1, 4, 5], [2, 3, 5]],
+            Dominance(3),
+            order=True,
+            known=known,
+        )
 
     def asked(seed):
         session = Session(make, AnswerLog(), audit=0.5, seed=seed)

@@ -1,4 +1,6 @@
-"""Linear algebra has one thread inside a block, and as many as before after it, whoever else is in one."""
+"""Linear algebra has one thread inside a block, and as many as before after it, whoever else is in
+one.
+"""
 
 import pytest
 
@@ -24,11 +26,22 @@ def decorated():
     ("code", "threads"),
     [
         ("now()\ndecorated()\nnow()", "2 1 2"),
-        ("with one_thread:\n    with one_thread:\n        now()\n    decorated()\n    now()\nnow()", "1 1 1 2"),
+        (
+            "with one_thread:\n    with one_thread:\n        now()\n    decorated()\n    "
+            "now()\nnow()",
+            "1 1 1 2",
+        ),
         ("try:\n    with one_thread:\n        1 / 0\nexcept ZeroDivisionError:\n    now()", "2"),
         ("with threadpool_limits(1):\n    decorated()\n    now()\nnow()", "1 1 2"),
-        ("with one_thread:\n    pass\nwith threadpool_limits(1):\n    now()\nnow()\ndecorated()\nnow()", "1 2 1 2"),
-        ("import scipy.optimize, clarabel, sys\nassert len(threadpool_info()) > 1\ndecorated()", "1"),
+        (
+            "with one_thread:\n    pass\nwith threadpool_limits(1):\n    "
+            "now()\nnow()\ndecorated()\nnow()",
+            "1 2 1 2",
+        ),
+        (
+            "import scipy.optimize, clarabel, sys\nassert len(threadpool_info()) > 1\ndecorated()",
+            "1",
+        ),
     ],
 )
 def test_a_block_has_one_thread_and_leaves_as_many_as_there_were(code: str, threads: str) -> None:
@@ -36,7 +49,9 @@ def test_a_block_has_one_thread_and_leaves_as_many_as_there_were(code: str, thre
 
 
 def test_the_last_of_several_threads_to_leave_lifts_the_limit() -> None:
-    """OpenBLAS has one limit for the process, and threadpoolctl lets only the thread that set it lift it."""
+    """OpenBLAS has one limit for the process, and threadpoolctl lets only the thread that set it
+    lift it.
+    """
     code = """
 with ThreadPoolExecutor(1) as first, ThreadPoolExecutor(1) as second:
     for _ in range(2):

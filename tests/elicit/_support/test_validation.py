@@ -12,7 +12,21 @@ import elicit
 import qlearn
 from elicit._support.validation import is_number, is_range, is_whole, require
 
-NONE: list[Any] = [None, "a", "1", True, np.True_, math.nan, math.inf, 1j, [1], {}, np.ones(3), Decimal(1), 10**400]
+NONE: list[Any] = [
+    None,
+    "a",
+    "1",
+    True,
+    np.True_,
+    math.nan,
+    math.inf,
+    1j,
+    [1],
+    {},
+    np.ones(3),
+    Decimal(1),
+    10**400,
+]
 
 
 @pytest.mark.parametrize("value", NONE, ids=repr)
@@ -24,7 +38,9 @@ def test_what_is_no_number(value: Any) -> None:
     assert not is_range((0, value))
 
 
-@pytest.mark.parametrize("value", [0, 1, 2.0, np.float32(1.5), np.int8(3), Fraction(1, 3)], ids=repr)
+@pytest.mark.parametrize(
+    "value", [0, 1, 2.0, np.float32(1.5), np.int8(3), Fraction(1, 3)], ids=repr
+)
 def test_numbers_and_their_limits(value: Any) -> None:
     assert is_number(value)
     assert is_number(value, float(value), float(value))
@@ -46,7 +62,11 @@ def test_ranges_and_what_is_refused() -> None:
         require(False, "x", "a number", "a")
 
 
-LEARNERS = [qlearn.InteractiveQLearning, qlearn.InteractiveValueIteration, qlearn.InteractivePolicyIteration]
+LEARNERS = [
+    qlearn.InteractiveQLearning,
+    qlearn.InteractiveValueIteration,
+    qlearn.InteractivePolicyIteration,
+]
 
 
 @pytest.mark.parametrize("comparator", [None, elicit.PolytopeComparator, "polytope", 5], ids=repr)
@@ -66,7 +86,9 @@ def test_what_is_no_mdp_or_has_other_levels(learner: Any) -> None:
         learner(None, elicit.PolytopeComparator(3))
     with pytest.raises(TypeError, match=r"an OrdinalMDP is wanted, not PolytopeComparator\(k=3"):
         learner(elicit.PolytopeComparator(3), mdp)
-    with pytest.raises(ValueError, match="the MDP has 3 levels, but the comparator was made for k = 4"):
+    with pytest.raises(
+        ValueError, match="the MDP has 3 levels, but the comparator was made for k = 4"
+    ):
         learner(mdp, elicit.PolytopeComparator(4))
     with pytest.raises(TypeError, match=r"a tutor takes a query and returns an Answer; \[39"):
         qlearn.drive(learner(mdp, elicit.PolytopeComparator(3)), values.tolist())
@@ -74,7 +96,14 @@ def test_what_is_no_mdp_or_has_other_levels(learner: Any) -> None:
 
 @pytest.mark.parametrize("k", [1, 0, -3, 2.5, "5", None, math.nan, math.inf, True, 10**400])
 def test_what_is_no_number_of_levels(k: Any) -> None:
-    kinds = [elicit.PolytopeComparator, elicit.BradleyTerryComparator, elicit.PosteriorComparator, elicit.AlwaysAsk]
+    kinds = [
+        elicit.PolytopeComparator,
+        elicit.BradleyTerryComparator,
+        elicit.PosteriorComparator,
+        elicit.AlwaysAsk,
+    ]
     for comparator in [*kinds, elicit.RelaxedPolytopeComparator, elicit.Dominance]:
-        with pytest.raises(ValueError, match="k, the number of levels, must be a whole number of at least 2, not"):
+        with pytest.raises(
+            ValueError, match="k, the number of levels, must be a whole number of at least 2, not"
+        ):
             comparator(k)

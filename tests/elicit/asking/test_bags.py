@@ -1,4 +1,6 @@
-"""Questions of simple bags: what there are, how easy they are said to be, and what their answers tell."""
+"""Questions of simple bags: what there are, how easy they are said to be, and what their answers
+tell.
+"""
 
 import numpy as np
 import pytest
@@ -29,11 +31,20 @@ def test_halves_are_easier_than_tenths_and_the_ends_than_the_middle():
 
 def test_information_is_that_of_the_joint_table():
     rng = np.random.default_rng(0)
-    chance, events, weights = rng.random((4, 30)), rng.random((3, 30)) > 0.5, rng.dirichlet(np.ones(30))
+    chance, events, weights = (
+        rng.random((4, 30)),
+        rng.random((3, 30)) > 0.5,
+        rng.dirichlet(np.ones(30)),
+    )
     expected = np.zeros(4)
     for n in range(4):
         for event in events:
-            table = np.array([[(weights * p * b).sum() for b in (event, ~event)] for p in (chance[n], 1 - chance[n])])
+            table = np.array(
+                [
+                    [(weights * p * b).sum() for b in (event, ~event)]
+                    for p in (chance[n], 1 - chance[n])
+                ]
+            )
             outer = table.sum(axis=1, keepdims=True) * table.sum(axis=0)
             expected[n] += (table * np.log2(table / outer)).sum() / 3
     np.testing.assert_allclose(information(chance, events, weights), expected, atol=1e-10)
@@ -43,7 +54,9 @@ def test_information_is_that_of_the_joint_table():
 
 def test_a_tutor_says_left_by_the_model():
     chance = says_left(np.array([[0.1, -0.1, 0.0, 0.2]]), np.array([10.0, 10.0, 10.0, np.inf]), 0.2)
-    np.testing.assert_allclose(chance, [[0.1 + 0.8 / (1 + np.exp(-1)), 0.1 + 0.8 / (1 + np.exp(1)), 0.5, 0.9]])
+    np.testing.assert_allclose(
+        chance, [[0.1 + 0.8 / (1 + np.exp(-1)), 0.1 + 0.8 / (1 + np.exp(1)), 0.5, 0.9]]
+    )
     assert says_left(np.zeros((1, 1)), np.array([np.inf]), 0.0)[0, 0] == 0.5
 
 
@@ -56,7 +69,9 @@ def test_simplicity_trades_information_for_ease():
         row, told = bags.best(comparator.draws, about)
         assert told[row] >= (1 - simplicity) * told.max() - 1e-12
         easy = bags.questions(5).ease
-        assert easy[row] == easy[told >= max((1 - simplicity) * told.max(), 1e-3)].max(), "the easiest of these"
+        assert easy[row] == easy[told >= max((1 - simplicity) * told.max(), 1e-3)].max(), (
+            "the easiest of these"
+        )
         eases.append(easy[row])
         bits.append(told[row])
     assert eases == sorted(eases)
@@ -85,7 +100,9 @@ def test_a_sentence_that_a_person_can_read():
     np.testing.assert_allclose(tail_sums(d), [0.5, -0.5])
 
 
-@pytest.mark.parametrize("bad", [{"days": 1}, {"days": 2.5}, {"simplicity": -0.1}, {"simplicity": 1.1}])
+@pytest.mark.parametrize(
+    "bad", [{"days": 1}, {"days": 2.5}, {"simplicity": -0.1}, {"simplicity": 1.1}]
+)
 @pytest.mark.parametrize("worse", [None, "ten", float("nan"), float("inf")])
 def test_settings_that_make_no_sense_are_refused(bad, worse):
     (name,) = bad
@@ -97,7 +114,10 @@ def test_settings_that_make_no_sense_are_refused(bad, worse):
 @pytest.mark.parametrize(
     ("about", "lapse", "skip", "complaint"),
     [
-        *((ABOUT, 0.0, [row], r"rows of questions\(3\), .* below 9") for row in (999, -1, "a", 0.5, None)),
+        *(
+            (ABOUT, 0.0, [row], r"rows of questions\(3\), .* below 9")
+            for row in (999, -1, "a", 0.5, None)
+        ),
         (ABOUT, "a", [], r"lapse must be a number in 0\.\.1, not 'a'"),
         *((about, 0.0, [], "d must") for about in (np.zeros((2, 5)), [[np.nan, 0.0, 0.0]], "all")),
     ],
@@ -110,7 +130,9 @@ def test_what_nothing_can_be_asked_of_is_refused(about, lapse, skip, complaint):
 
 
 def test_more_questions_than_can_be_looked_through_are_refused():
-    with pytest.raises(ValueError, match=r"1000 days over k = 20 levels make 1,138,860 .* days to 176 or fewer"):
+    with pytest.raises(
+        ValueError, match=r"1000 days over k = 20 levels make 1,138,860 .* days to 176 or fewer"
+    ):
         Bags(days=1000).questions(20)
     with pytest.raises(ValueError, match=r"177 days over k = 20"):
         Bags(days=177).questions(20)

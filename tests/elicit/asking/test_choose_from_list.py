@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import AlwaysAsk, Dominance, FlippingTutor, PolytopeComparator, Status, Tier, TruthfulTutor
+from elicit import (
+    AlwaysAsk,
+    Dominance,
+    FlippingTutor,
+    PolytopeComparator,
+    Status,
+    Tier,
+    TruthfulTutor,
+)
 from elicit.asking.choose_from_list import choose
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import dot, gaps, tail_sums
@@ -47,7 +55,9 @@ def test_a_truthful_tutor_leads_to_the_truth(comparator, order, n):
         choice = choose(vectors, comparator, order)
 
         def tutor(query, choice=choice):
-            assert choice.result().comparator.compare(query.d)[0] == Verdict.UNKNOWN, "else it need not be asked"
+            assert choice.result().comparator.compare(query.d)[0] == Verdict.UNKNOWN, (
+                "else it need not be asked"
+            )
             return TruthfulTutor(HIDDEN)(query)
 
         asked = run(choice, tutor)
@@ -63,7 +73,11 @@ def test_a_truthful_tutor_leads_to_the_truth(comparator, order, n):
         assert choice.ask() == ()
 
 
-@given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), min_size=1, max_size=9), st.booleans(), st.booleans())
+@given(
+    st.lists(st.tuples(*[st.integers(0, 4)] * 3), min_size=1, max_size=9),
+    st.booleans(),
+    st.booleans(),
+)
 @examples(150)
 def test_ties_keep_the_order_of_the_list(counts, order, guessed):
     """Small integer vectors on a scale whose gaps are exact: ties and copies everywhere."""
@@ -84,7 +98,12 @@ def test_ties_keep_the_order_of_the_list(counts, order, guessed):
     [
         ([[0.5, 0.5, 0]], AlwaysAsk(3), (0,), set()),
         (np.tile(shares(0, 1, 3), (6, 1)), AlwaysAsk(3), (0, 1, 2, 3, 4, 5), {"equal"}),
-        ([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0]], Dominance(3), (2, 1, 3, 0), {"dominance"}),
+        (
+            [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0]],
+            Dominance(3),
+            (2, 1, 3, 0),
+            {"dominance"},
+        ),
     ],
     ids=["one", "identical", "dominated"],
 )
@@ -108,7 +127,11 @@ def test_the_number_of_questions():
         assert len(learning) <= len(by_order) < 20
         assert len(learning) <= 8
         ordering = run(choose(vectors, PolytopeComparator(K), order=True), tutor)
-        assert len(ordering) < len(run(choose(vectors, Dominance(K), order=True), tutor)) <= 30 * np.log2(30)
+        assert (
+            len(ordering)
+            < len(run(choose(vectors, Dominance(K), order=True), tutor))
+            <= 30 * np.log2(30)
+        )
 
 
 def pair_of(query):
@@ -119,10 +142,16 @@ def pair_of(query):
 @pytest.mark.parametrize("comparator", COMPARATORS, ids=lambda c: type(c).__name__)
 @pytest.mark.parametrize("order", [False, True])
 def test_no_pair_is_asked_twice(comparator, order):
-    steps = np.arange(12)[:, None] * np.array([[0.25, -0.5, 0, 0.25, 0]]) / 32 + np.array([[0.2, 0.4, 0.1, 0.2, 0.1]])
+    steps = np.arange(12)[:, None] * np.array([[0.25, -0.5, 0, 0.25, 0]]) / 32 + np.array(
+        [[0.2, 0.4, 0.1, 0.2, 0.1]]
+    )
     grid = np.round(steps * 1024) / 1024  # equal steps, so differences repeat to the last bit
     for vectors in (grid, shares(2, 12)):
-        for tutor in (TruthfulTutor(HIDDEN), lambda q: Answer(q, None), lambda q: Answer(q, Verdict.EQUAL)):
+        for tutor in (
+            TruthfulTutor(HIDDEN),
+            lambda q: Answer(q, None),
+            lambda q: Answer(q, Verdict.EQUAL),
+        ):
             asked = run(choose(vectors, comparator, order), tutor)
             assert max(Counter(map(pair_of, asked)).values(), default=0) <= 1
 
@@ -141,11 +170,15 @@ def test_a_known_pair_is_counted_as_known():
 
 
 def test_equal_is_equal_from_then_on():
-    """Whatever the comparator makes of it later, and for another pair with the same difference too."""
+    """Whatever the comparator makes of it later, and for another pair with the same difference
+    too.
+    """
 
     class Waking(Dominance):
         def update(self, answers):
-            return PolytopeComparator(3).update(Answers([[-0.2, 1.0, -0.8]], [1]))  # the middle is worth .8
+            return PolytopeComparator(3).update(
+                Answers([[-0.2, 1.0, -0.8]], [1])
+            )  # the middle is worth .8
 
     base, step = np.array([0.25, 0.5, 0.25]), np.array([0.125, -0.25, 0.125])
     choice = choose([base, base + step, base - step], Waking(3), order=True)
@@ -170,10 +203,15 @@ def test_a_wrong_guess_costs_little():
 
 
 def test_the_same_problem_asks_the_same_queries():
-    ids = [[q.id for q in run(choose(shares(0, 10), Dominance(K)), TruthfulTutor(HIDDEN))] for _ in range(2)]
+    ids = [
+        [q.id for q in run(choose(shares(0, 10), Dominance(K)), TruthfulTutor(HIDDEN))]
+        for _ in range(2)
+    ]
     assert ids[0] == ids[1]
     assert len(set(ids[0])) == len(ids[0])
-    assert set(ids[0]).isdisjoint(q.id for q in run(choose(shares(1, 10), Dominance(K)), TruthfulTutor(HIDDEN)))
+    assert set(ids[0]).isdisjoint(
+        q.id for q in run(choose(shares(1, 10), Dominance(K)), TruthfulTutor(HIDDEN))
+    )
 
 
 def test_a_question_stays_until_it_is_answered_and_no_other_answer_counts():
@@ -182,7 +220,11 @@ def test_a_question_stays_until_it_is_answered_and_no_other_answer_counts():
     choice.tell([])
     tutor = TruthfulTutor(HIDDEN)
     stranger = Query("stranger", query.left, query.right)
-    for answers in ([tutor(stranger)], [tutor(query), tutor(stranger)], [tutor(query), tutor(query)]):
+    for answers in (
+        [tutor(stranger)],
+        [tutor(query), tutor(stranger)],
+        [tutor(query), tutor(query)],
+    ):
         with pytest.raises(StaleAnswer, match="pending"):
             choice.tell(answers)
         assert choice.ask() == (query,)
@@ -338,14 +380,23 @@ def test_questions_and_the_result_name_alternatives_and_levels():
         (np.ones((2, 4)) / 4, {}, r"\(n, 5\)"),
         (np.empty((0, 5)), {}, "nothing to choose"),
         ([[0, 0, 0, 0, np.inf]], {}, "finite"),
-        (np.ones((2, 5)), {"names": ["a"]}, "names must be None or 2 names, one for each of the vectors"),
+        (
+            np.ones((2, 5)),
+            {"names": ["a"]},
+            "names must be None or 2 names, one for each of the vectors",
+        ),
         (np.ones((2, 5)), {"names": "ab"}, "names must be None or 2 names, .* not 'ab'"),
         (
             np.ones((2, 5)),
             {"labels": ["a", "b"]},
-            "labels must be 5 names, one a level, .* there are 2, .* pass the names of alternatives as names=",
+            "labels must be 5 names, one a level, .* there are 2, .* pass the names of "
+            "alternatives as names=",
         ),
-        (np.ones((2, 5)), {"labels": ["a", "b", "c"]}, "labels must be None or 5 names, one a level, worst first, not"),
+        (
+            np.ones((2, 5)),
+            {"labels": ["a", "b", "c"]},
+            "labels must be None or 5 names, one a level, worst first, not",
+        ),
         (np.ones((2, 5)), {"labels": "abcde"}, "labels must be None or 5 names, .* not 'abcde'"),
         (np.ones((2, 5)), {"max_queries": -1}, "max_queries"),
         (np.ones((2, 5)), {"max_queries": "a"}, "max_queries .* not 'a'"),

@@ -1,4 +1,6 @@
-"""Cuts: questions made to close several differences at once, against what single questions close."""
+"""Cuts: questions made to close several differences at once, against what single questions
+close.
+"""
 
 import numpy as np
 import pytest
@@ -12,7 +14,9 @@ LIMIT = 1e-3
 
 
 def nearly_proven(k, seed, n=30):
-    """A polytope, and differences (n, k) of which a true scale has none above 0, and few draws have any."""
+    """A polytope, and differences (n, k) of which a true scale has none above 0, and few draws have
+    any.
+    """
     rng = np.random.default_rng(seed)
     e = np.concatenate([[0.0], np.sort(rng.random(k - 2)), [1.0]])
     d = rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
@@ -27,7 +31,9 @@ def nearly_proven(k, seed, n=30):
 
 
 def halvings_left(known, asked, d):
-    """How far the two answers leave the differences from the limit, in the mean, by other programs than the code's."""
+    """How far the two answers leave the differences from the limit, in the mean, by other programs
+    than the code's.
+    """
     share, total = float((tail_sums(asked) @ known.draws.gaps < 0).mean()), 0.0
     for weight, y in ((share, -1), (1 - share, 1)):
         if weight > 0:
@@ -43,7 +49,10 @@ def test_a_cut_closes_at_least_as_much_as_the_differences_that_are_most_open(see
     cut = closing_cut(known, known.draws, d, high, LIMIT)
     most = np.argsort(-high)[:4]
     weighed_to = len(d) * np.log2(1.0 + _SLACK)
-    assert halvings_left(known, cut.d, d) <= min(halvings_left(known, d[row], d) for row in most) + weighed_to
+    assert (
+        halvings_left(known, cut.d, d)
+        <= min(halvings_left(known, d[row], d) for row in most) + weighed_to
+    )
     again = closing_cut(known, known.draws, d, high, LIMIT)
     np.testing.assert_array_equal(again.d, cut.d)
 

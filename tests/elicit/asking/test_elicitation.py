@@ -1,4 +1,6 @@
-"""The elicitation: what settles a pair and in which order, what is asked, and what is kept of the answers."""
+"""The elicitation: what settles a pair and in which order, what is asked, and what is kept of the
+answers.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,9 @@ from tests.thoroughness import examples
 K = 5
 VALUES = np.array([0, 8, 20, 25, 80])
 BETTER, EQUAL, WORSE, UNKNOWN = Verdict.BETTER, Verdict.EQUAL, Verdict.WORSE, Verdict.UNKNOWN
-OPEN, OTHER = np.array([[0.2, -0.3, 0.0, 0.0, 0.1], [-0.1, 0.3, -0.3, 0.0, 0.1]])  # dominance is silent on both
+OPEN, OTHER = np.array(
+    [[0.2, -0.3, 0.0, 0.0, 0.1], [-0.1, 0.3, -0.3, 0.0, 0.1]]
+)  # dominance is silent on both
 MORE = np.array([-0.01, 0.0, 0.0, 0.0, 0.01])  # what makes any difference greater
 
 
@@ -38,7 +42,13 @@ def pair(d: Floats = OPEN, **more: Any) -> Pair:
     return Pair(np.maximum(d, 0.0), np.maximum(-d, 0.0), "left or right?", **more)
 
 
-def put(asked_by: Elicitation, verdict: Verdict | None, d: Floats = OPEN, drop: bool = False, **more: Any) -> Query:
+def put(
+    asked_by: Elicitation,
+    verdict: Verdict | None,
+    d: Floats = OPEN,
+    drop: bool = False,
+    **more: Any,
+) -> Query:
     """Ask about a difference and tell the answer."""
     (query,) = asked_by.open([pair(d, **more)])
     asked_by.tell([Answer(query, verdict)], "drop" if drop else "raise")
@@ -48,7 +58,9 @@ def put(asked_by: Elicitation, verdict: Verdict | None, d: Floats = OPEN, drop: 
 def judged(asked_by: Elicitation, *rows: Floats) -> list[tuple[int, int, bool]]:
     """Verdict and tier of each row, and whether the tutor is only to confirm it."""
     verdicts, tiers = asked_by.judge(np.stack(rows))
-    return list(zip(verdicts.tolist(), tiers.tolist(), audited(verdicts, tiers).tolist(), strict=True))
+    return list(
+        zip(verdicts.tolist(), tiers.tolist(), audited(verdicts, tiers).tolist(), strict=True)
+    )
 
 
 def audited(verdicts: Any, tiers: Any) -> Any:
@@ -62,7 +74,9 @@ def differences(n: int, seed: int = 0) -> Floats:
 
 
 class Convinced(Dominance):
-    """Knows nothing until told of a preference; from then on calls whatever dominance leaves open WORSE."""
+    """Knows nothing until told of a preference; from then on calls whatever dominance leaves open
+    WORSE.
+    """
 
     told = False
 
@@ -77,7 +91,14 @@ class Convinced(Dominance):
 
 
 def policy(
-    verdict: int, tier: int, bound: bool, said: int, drawn: bool, unclear: bool, close: bool, guess: int
+    verdict: int,
+    tier: int,
+    bound: bool,
+    said: int,
+    drawn: bool,
+    unclear: bool,
+    close: bool,
+    guess: int,
 ) -> tuple[int, int]:
     """What settles a pair, in words of one line each: verdict and tier."""
     if verdict != UNKNOWN and tier <= Tier.DOMINANCE:
@@ -96,12 +117,19 @@ def policy(
     return (UNKNOWN, Tier.TUTOR) if guess == UNKNOWN else (guess, Tier.GUESS)
 
 
-def asking(audit: float = 0.0, guess: int = UNKNOWN, said: int = UNKNOWN, bound: bool = False) -> AskingRule:
+def asking(
+    audit: float = 0.0, guess: int = UNKNOWN, said: int = UNKNOWN, bound: bool = False
+) -> AskingRule:
     """A rule under which the pair OPEN was answered, or not."""
     rule = elicitation(audit=audit, indifference=1e-6).rule()
     told = elicitation()
     put(told, EQUAL)
-    gaps = {UNKNOWN: np.empty(0), BETTER: np.eye(K - 1)[3], WORSE: np.eye(K - 1)[0], EQUAL: np.zeros(K - 1)}[guess]
+    gaps = {
+        UNKNOWN: np.empty(0),
+        BETTER: np.eye(K - 1)[3],
+        WORSE: np.eye(K - 1)[0],
+        EQUAL: np.zeros(K - 1),
+    }[guess]
     table = told.rule().answered
     if said != UNKNOWN or bound:
         table.said[:1], table.binding[:1] = EQUAL if said == UNKNOWN else said, bound
@@ -110,11 +138,20 @@ def asking(audit: float = 0.0, guess: int = UNKNOWN, said: int = UNKNOWN, bound:
 
 
 def test_what_settles_a_pair_and_in_which_order() -> None:
-    by_comparator = [(EQUAL, Tier.EQUAL), (BETTER, Tier.DOMINANCE), (UNKNOWN, Tier.DOMINANCE), (UNKNOWN, Tier.MODEL)]
+    by_comparator = [
+        (EQUAL, Tier.EQUAL),
+        (BETTER, Tier.DOMINANCE),
+        (UNKNOWN, Tier.DOMINANCE),
+        (UNKNOWN, Tier.MODEL),
+    ]
     by_comparator += [(BETTER, Tier.SCREEN), (WORSE, Tier.MODEL), (EQUAL, Tier.EXACT)]
     truths = (False, True)
-    for (verdict, tier), bound, said in product(by_comparator, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
-        for drawn, unclear, close, guess in product(truths, truths, truths, (UNKNOWN, WORSE, EQUAL, BETTER)):
+    for (verdict, tier), bound, said in product(
+        by_comparator, truths, (UNKNOWN, WORSE, EQUAL, BETTER)
+    ):
+        for drawn, unclear, close, guess in product(
+            truths, truths, truths, (UNKNOWN, WORSE, EQUAL, BETTER)
+        ):
             if bound and said == UNKNOWN:
                 continue  # what is binding was said
             rule = asking(float(drawn), guess, said, bound)
@@ -148,7 +185,12 @@ TAUGHT["of your own"] = Convinced(K).update(Answers(OPEN, [1]))
 )
 @examples(12)
 def test_arrays_single_pairs_and_loops_agree(
-    name: str, seed: int, audit: float, indifference: float, answers: list[Verdict | None], spent: bool
+    name: str,
+    seed: int,
+    audit: float,
+    indifference: float,
+    answers: list[Verdict | None],
+    spent: bool,
 ) -> None:
     d = differences(40, seed)
     budget = len(answers) if spent else None
@@ -209,7 +251,9 @@ def test_beyond_the_budget_the_latest_guess_decides() -> None:
     asked_by.puts_off = False
     put(asked_by, None, OTHER)
     assert asked_by.spent
-    assert judged(asked_by, OPEN) == [(np.sign(OPEN @ asked_by.comparator.values), Tier.GUESS, False)]
+    assert judged(asked_by, OPEN) == [
+        (np.sign(OPEN @ asked_by.comparator.values), Tier.GUESS, False)
+    ]
     assert np.sign(OPEN @ Tilted.guess) == -np.sign(OPEN @ asked_by.comparator.values)
 
 
@@ -252,7 +296,9 @@ def test_where_the_tutor_cannot_tell_the_user_says_what_holds(undecided: Verdict
     at = asked_by.judge(np.stack([near, near]), lambda row: [("here",), ("there",)][row])
     assert at.verdicts.tolist() == [EQUAL, UNKNOWN]
     assert at.tiers.tolist() == [Tier.KNOWN, Tier.TUTOR]
-    assert asked_by.may_ask(np.stack([near, near]), lambda row: [("here",), ("there",)][row]).tolist() == [False, True]
+    assert asked_by.may_ask(
+        np.stack([near, near]), lambda row: [("here",), ("there",)][row]
+    ).tolist() == [False, True]
     assert judged(asked_by, near) == [(UNKNOWN, Tier.TUTOR, False)], "of no place"
 
 
@@ -266,7 +312,10 @@ def test_an_answer_dropped_as_contradictory_settles_its_own_pair() -> None:
     (query,) = asked_by.ask()
     said, dropped = asked_by.tell([Answer(query, WORSE)], "drop")
     assert (said, dropped[0].query) == ({query.id: WORSE}, query)
-    assert judged(asked_by, query.d, -query.d) == [(WORSE, Tier.KNOWN, False), (BETTER, Tier.KNOWN, False)]
+    assert judged(asked_by, query.d, -query.d) == [
+        (WORSE, Tier.KNOWN, False),
+        (BETTER, Tier.KNOWN, False),
+    ]
     assert judged(asked_by, OPEN + 2 * MORE)[0][0] == BETTER, "nothing else is settled by it"
     assert (asked_by.asked, len(asked_by.answers)) == (2, 1)
 
@@ -274,7 +323,9 @@ def test_an_answer_dropped_as_contradictory_settles_its_own_pair() -> None:
 def test_of_several_answers_only_what_contradicts_is_dropped() -> None:
     asked_by = elicitation(PolytopeComparator(K))
     queries = asked_by.open([pair(), pair(OPEN + MORE), pair(OTHER)])
-    _, dropped = asked_by.tell([Answer(q, v) for q, v in zip(queries, (BETTER, WORSE, BETTER), strict=True)], "drop")
+    _, dropped = asked_by.tell(
+        [Answer(q, v) for q, v in zip(queries, (BETTER, WORSE, BETTER), strict=True)], "drop"
+    )
     assert [answer.query for answer in dropped] == [queries[1]]
     assert asked_by.answers.ids == (queries[0].id, queries[2].id)
 
@@ -299,7 +350,12 @@ def test_the_share_of_audits_is_as_stated_and_answered_pairs_are_left_out() -> N
 
 @pytest.mark.parametrize(
     ("answer", "verdict", "tier"),
-    [(WORSE, WORSE, Tier.MODEL), (BETTER, WORSE, Tier.MODEL), (EQUAL, EQUAL, Tier.KNOWN), (None, WORSE, Tier.MODEL)],
+    [
+        (WORSE, WORSE, Tier.MODEL),
+        (BETTER, WORSE, Tier.MODEL),
+        (EQUAL, EQUAL, Tier.KNOWN),
+        (None, WORSE, Tier.MODEL),
+    ],
 )
 def test_an_audit_s_answer_counts_but_the_model_has_the_last_word(
     answer: Verdict | None, verdict: Verdict, tier: Tier
@@ -308,10 +364,16 @@ def test_an_audit_s_answer_counts_but_the_model_has_the_last_word(
     put(asked_by, BETTER, OTHER)
     assert judged(asked_by, OPEN) == [(UNKNOWN, Tier.MODEL, True)]
     seen: list[tuple[int, int]] = []
-    asked_by.watch = lambda d, decisions: seen.extend(zip(*(column.tolist() for column in decisions), strict=True))
+    asked_by.watch = lambda d, decisions: seen.extend(
+        zip(*(column.tolist() for column in decisions), strict=True)
+    )
     put(asked_by, answer, tier=int(Tier.MODEL))
     assert seen == [(verdict, tier)]
-    assert (asked_by.asked, asked_by.audits[0].answer, asked_by.audits[0].expected) == (1, answer, WORSE)
+    assert (asked_by.asked, asked_by.audits[0].answer, asked_by.audits[0].expected) == (
+        1,
+        answer,
+        WORSE,
+    )
     assert asked_by.audits[0].contradicts == (answer is BETTER)
 
 
@@ -320,20 +382,30 @@ def test_what_the_user_acted_on_is_counted_and_shown() -> None:
     asked_by.watch = lambda d, decisions: seen.append((d.tolist(), decisions.verdicts.tolist()))
     found = asked_by.judge(np.stack([OPEN, np.eye(K)[4] - np.eye(K)[0], np.zeros(K)]))
     assert asked_by.counts.sum() == 0
-    asked_by.commit(np.stack([np.eye(K)[4] - np.eye(K)[0]]), Decisions(found.verdicts[1:2], found.tiers[1:2]))
+    asked_by.commit(
+        np.stack([np.eye(K)[4] - np.eye(K)[0]]), Decisions(found.verdicts[1:2], found.tiers[1:2])
+    )
     asked_by.commit(np.empty((0, K)), Decisions(found.verdicts[:0], found.tiers[:0]))
     put(asked_by, WORSE)
-    assert {Tier(i): int(n) for i, n in enumerate(asked_by.counts) if n} == {Tier.DOMINANCE: 1, Tier.TUTOR: 1}
+    assert {Tier(i): int(n) for i, n in enumerate(asked_by.counts) if n} == {
+        Tier.DOMINANCE: 1,
+        Tier.TUTOR: 1,
+    }
     assert [verdicts for _, verdicts in seen] == [[BETTER], [WORSE]]
 
 
 def test_an_oracle_answers_what_is_left_without_limit() -> None:
-    asked_by, tutor = elicitation(indifference=1.0, max_queries=0), FlippingTutor(VALUES, 0.2, seed=0)
+    asked_by, tutor = (
+        elicitation(indifference=1.0, max_queries=0),
+        FlippingTutor(VALUES, 0.2, seed=0),
+    )
     asked_by.signs = tutor.signs
     d = differences(50)
     open_rows = Dominance(K).compare(d) == UNKNOWN
     found = asked_by.judge(d)
-    assert (found.verdicts[open_rows] == FlippingTutor(VALUES, 0.2, seed=0).signs(d[open_rows])).all()
+    assert (
+        found.verdicts[open_rows] == FlippingTutor(VALUES, 0.2, seed=0).signs(d[open_rows])
+    ).all()
     assert (found.tiers[open_rows] == Tier.TUTOR).all()
     asked_by.commit(d, Decisions(found.verdicts, found.tiers))
     assert asked_by.asked == open_rows.sum()

@@ -1,4 +1,6 @@
-"""What every comparator that learns promises, by the conformance tests that ship with elicit, and its tiers."""
+"""What every comparator that learns promises, by the conformance tests that ship with elicit, and
+its tiers.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,7 +8,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from elicit import BradleyTerryComparator, PolytopeComparator, PosteriorComparator, RelaxedPolytopeComparator, decide
+from elicit import (
+    BradleyTerryComparator,
+    PolytopeComparator,
+    PosteriorComparator,
+    RelaxedPolytopeComparator,
+    decide,
+)
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
 from elicit.model.query import Answers, Verdict
 from elicit.testing import check_comparator
@@ -27,8 +35,13 @@ MADE: dict[str, Callable[[int], Comparator]] = {
 
 
 def told(name: str, k: int, n: int) -> Comparator:
-    values, d = np.linspace(0.0, 1.0, k) ** 2, pairs(np.random.default_rng([k, n]), k, n if k > 2 else 0)
-    tutor = TruthfulTutor(values) if name.startswith("polytope") else FlippingTutor(values, 0.1, seed=1)
+    values, d = (
+        np.linspace(0.0, 1.0, k) ** 2,
+        pairs(np.random.default_rng([k, n]), k, n if k > 2 else 0),
+    )
+    tutor = (
+        TruthfulTutor(values) if name.startswith("polytope") else FlippingTutor(values, 0.1, seed=1)
+    )
     return MADE[name](k).update(Answers(d, tutor.signs(d)))
 
 
@@ -47,10 +60,26 @@ def test_it_keeps_the_contract(name: str, k: int, n: int) -> None:
 @pytest.mark.parametrize("n", [0, 40])
 @pytest.mark.parametrize("name", MADE)
 def test_equality_and_dominance_come_first(name: str, n: int) -> None:
-    d = np.array([[0, 0, 0, 0, 0], [7, 0, 0, 0, 0], [-1, 0, 0, 0, 1], [-0.5, 0.5, 0, 0, 0], [0, 0, 0, 0.5, -0.5]])
+    d = np.array(
+        [
+            [0, 0, 0, 0, 0],
+            [7, 0, 0, 0, 0],
+            [-1, 0, 0, 0, 1],
+            [-0.5, 0.5, 0, 0, 0],
+            [0, 0, 0, 0.5, -0.5],
+        ]
+    )
     comparator = told(name, 5, n)
-    verdicts, tiers = decide(comparator, np.concatenate([d, pairs(np.random.default_rng(0), 5, 50)]))
-    assert verdicts[:5].tolist() == [Verdict.EQUAL, Verdict.EQUAL, Verdict.BETTER, Verdict.BETTER, Verdict.WORSE]
+    verdicts, tiers = decide(
+        comparator, np.concatenate([d, pairs(np.random.default_rng(0), 5, 50)])
+    )
+    assert verdicts[:5].tolist() == [
+        Verdict.EQUAL,
+        Verdict.EQUAL,
+        Verdict.BETTER,
+        Verdict.BETTER,
+        Verdict.WORSE,
+    ]
     assert tiers[:5].tolist() == [Tier.EQUAL] * 2 + [Tier.DOMINANCE] * 3
     assert set(tiers[5:]) <= set(BY_ANSWERS)
     if isinstance(comparator, (BradleyTerryComparator, PosteriorComparator)):

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from elicit import BradleyTerryComparator, Dominance, PolytopeComparator, PosteriorComparator, RelaxedPolytopeComparator
+from elicit import (
+    BradleyTerryComparator,
+    Dominance,
+    PolytopeComparator,
+    PosteriorComparator,
+    RelaxedPolytopeComparator,
+)
 from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
 from elicit.decision.judge_kernel import certifies, judge, within
 from elicit.decision.verdicts import decide, decide_by
@@ -21,7 +27,9 @@ NOWHERE = np.empty(0)
 K = 6
 MAKERS: dict[str, Callable[[int], Comparator]] = {
     "polytope": PolytopeComparator,
-    "polytope, margin 0, prior": lambda k: PolytopeComparator(k, margin=0.0, prior=["e4 >= 2*e2", "e5 - e4 >= 0.05"]),
+    "polytope, margin 0, prior": lambda k: PolytopeComparator(
+        k, margin=0.0, prior=["e4 >= 2*e2", "e5 - e4 >= 0.05"]
+    ),
     "posterior": lambda k: PosteriorComparator(k, lapse=0.1, particles=200),
     "ensemble": lambda k: BradleyTerryComparator(k, precision=100, n_boot=40),
     "box": lambda k: BradleyTerryComparator(k, precision=100, n_boot=40, region="box"),
@@ -60,7 +68,9 @@ def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
     comparator, rng = told(name, 40, seed=3), np.random.default_rng(8)
     found, beyond = 0, []
     for row, t in zip(d := pairs(rng, K, 300), tail_sums(d), strict=True):
-        for _ in range(2):  # of a corner that a walk finds, the second judgement makes the certificate
+        for _ in range(
+            2
+        ):  # of a corner that a walk finds, the second judgement makes the certificate
             low = np.empty(K - 1)
             verdict, _, certified = judge(row, t.copy(), 0.0, low, rule_of(comparator))
         if not certified:
@@ -72,7 +82,9 @@ def test_what_lies_above_a_certificate_has_its_verdict(name: str) -> None:
         assert not certifies(low[None, :], 0, verdict, below)
         for other in (low, low + rng.exponential(0.02, K - 1), np.maximum(low, verdict * t - 1e-3)):
             moved = np.concatenate([[0.0], verdict * other - np.append(verdict * other[1:], 0.0)])
-            if certifies(low[None, :], 0, verdict, tail_sums(moved[None, :])[0]):  # rounding may leave it below
+            if certifies(
+                low[None, :], 0, verdict, tail_sums(moved[None, :])[0]
+            ):  # rounding may leave it below
                 beyond.append((verdict, moved))
     if name in ("ensemble", "box"):
         assert not found
@@ -110,7 +122,10 @@ def test_a_set_around_the_plausible_scales_leaves_some_to_the_comparator() -> No
     ask = pairs(rng, K, 100)
     comparator.compare(ask[:1])  # draws the set around closer
     rule = rule_of(comparator)
-    found = [judge(row, t.copy(), 0.0, NOWHERE, rule)[0] for row, t in zip(ask, tail_sums(ask), strict=True)]
+    found = [
+        judge(row, t.copy(), 0.0, NOWHERE, rule)[0]
+        for row, t in zip(ask, tail_sums(ask), strict=True)
+    ]
     verdicts = comparator.compare(ask)
     assert all(one in (verdict, UNSETTLED) for one, verdict in zip(found, verdicts, strict=True))
     assert 0 < sum(one != UNSETTLED for one in found) < len(found)
@@ -136,7 +151,9 @@ def test_a_rule_that_leaves_differences_open_needs_a_comparator_that_settles_the
 def test_a_class_that_compares_in_its_own_way_has_no_rule() -> None:
     class Blind(PolytopeComparator):
         def compare(self, d: ArrayLike) -> NDArray[np.int8]:
-            return np.where(super().compare(d) == Verdict.UNKNOWN, np.int8(2), Dominance(self.k).compare(d))
+            return np.where(
+                super().compare(d) == Verdict.UNKNOWN, np.int8(2), Dominance(self.k).compare(d)
+            )
 
     class Named(PolytopeComparator):
         pass

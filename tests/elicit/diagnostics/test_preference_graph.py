@@ -1,4 +1,6 @@
-"""What follows by transitivity follows, with a proof; and a circle of answers is found, however it closes."""
+"""What follows by transitivity follows, with a proof; and a circle of answers is found, however it
+closes.
+"""
 
 import itertools
 
@@ -9,7 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import Answer, AnswerLog, Answers, PolytopeComparator, Query, TruthfulTutor, Verdict
-from elicit.diagnostics.preference_graph import Cycle, Implied, Step, cycles, follows, preference_graph
+from elicit.diagnostics.preference_graph import (
+    Cycle,
+    Implied,
+    Step,
+    cycles,
+    follows,
+    preference_graph,
+)
 from tests.thoroughness import examples
 
 # neither of two dominates the other: what the middle level gains, both ends lose
@@ -23,7 +32,14 @@ def said(name, left, verdict, right):
 
 
 def test_nodes_are_the_vectors_shown_and_edges_lead_from_better_to_worse():
-    told = [(A, BETTER, B), (C, WORSE, A), (B, EQUAL, C), (C, None, D), (B, WORSE, A), (B, EQUAL, A)]
+    told = [
+        (A, BETTER, B),
+        (C, WORSE, A),
+        (B, EQUAL, C),
+        (C, None, D),
+        (B, WORSE, A),
+        (B, EQUAL, A),
+    ]
     graph = preference_graph([said(str(i), *one) for i, one in enumerate(told, 1)], dominance=False)
     assert [graph.nodes[n]["vector"].tolist() for n in range(4)] == [A, B, C, D]
     assert {edge: (about["kind"], about["ids"]) for edge, about in graph.edges.items()} == {
@@ -81,14 +97,22 @@ def test_nothing_said():
 
 
 def test_other_numbers_of_levels_are_refused():
-    with pytest.raises(ValueError, match="query 2 is about 2 levels, but the first answer is about 3"):
+    with pytest.raises(
+        ValueError, match="query 2 is about 2 levels, but the first answer is about 3"
+    ):
         preference_graph([said("1", A, BETTER, B), said("2", [0, 1], BETTER, [1, 0])])
 
 
 def test_a_chain_and_its_proof():
-    graph = preference_graph([said("1", A, BETTER, B), said("2", C, EQUAL, B), said("3", C, BETTER, D)])
+    graph = preference_graph(
+        [said("1", A, BETTER, B), said("2", C, EQUAL, B), said("3", C, BETTER, D)]
+    )
     a, b, c, d = range(4)
-    steps = (Step(a, b, "better", ("1",)), Step(b, c, "equal", ("2",)), Step(c, d, "better", ("3",)))
+    steps = (
+        Step(a, b, "better", ("1",)),
+        Step(b, c, "equal", ("2",)),
+        Step(c, d, "better", ("3",)),
+    )
     assert follows(graph) == [
         Implied(a, c, BETTER, steps[:2]),
         Implied(a, d, BETTER, steps),
@@ -109,7 +133,9 @@ def test_ties_and_untold_pairs_are_listed_once(told, found):
     assert (one.better, one.worse, one.verdict, one.ids) == found
 
 
-shares = st.lists(st.integers(0, 3), min_size=3, max_size=3).map(lambda n: [6 - sum(n), *n] if sum(n) <= 6 else [*n, 0])
+shares = st.lists(st.integers(0, 3), min_size=3, max_size=3).map(
+    lambda n: [6 - sum(n), *n] if sum(n) <= 6 else [*n, 0]
+)
 pairs = st.lists(st.tuples(shares, shares, st.sampled_from([-1, -1, 0, 1, 1, None])), max_size=9)
 
 
@@ -118,7 +144,9 @@ def tails(vector):
 
 
 def plain_relation(told, dominance):
-    """(at least as good, better), as sets of pairs of nodes' vectors without level 1, stated anew."""
+    """(at least as good, better), as sets of pairs of nodes' vectors without level 1, stated
+    anew.
+    """
     nodes = list(dict.fromkeys(tuple(v[1:]) for left, right, _ in told for v in (left, right)))
     good, strict = set(), set()
     for left, right, verdict in told:
@@ -147,9 +175,15 @@ def fewest_answers(nodes, good, free):
 
 
 def graph_of(told, dominance):
-    answers = [Answer(Query(str(i), left, right), verdict) for i, (left, right, verdict) in enumerate(told)]
+    answers = [
+        Answer(Query(str(i), left, right), verdict) for i, (left, right, verdict) in enumerate(told)
+    ]
     graph = preference_graph(answers, dominance)
-    return graph, {n: tuple(graph.nodes[n]["vector"][1:].astype(int).tolist()) for n in graph}, answers
+    return (
+        graph,
+        {n: tuple(graph.nodes[n]["vector"][1:].astype(int).tolist()) for n in graph},
+        answers,
+    )
 
 
 def holds(step, graph, answers, name):
@@ -165,7 +199,9 @@ def holds(step, graph, answers, name):
         found.append(one.verdict if shown == (better, worse) else one.verdict.flipped)
     if better == worse:  # a vector said to be better than itself
         return step.kind == "better" and bool(found)
-    return found[0] == (BETTER if step.kind == "better" else EQUAL) and all(v in (BETTER, EQUAL) for v in found)
+    return found[0] == (BETTER if step.kind == "better" else EQUAL) and all(
+        v in (BETTER, EQUAL) for v in found
+    )
 
 
 @given(pairs, st.booleans())
@@ -192,7 +228,9 @@ def test_what_follows_is_the_transitive_closure(told, dominance):
 def test_what_follows_is_what_a_comparator_is_sure_of():
     rng = np.random.default_rng(0)
     tutor = TruthfulTutor([0, 1, 5, 6, 9])
-    vectors = rng.multinomial(1024, rng.dirichlet(np.ones(5), 30)) / 1024  # whose differences add up exactly
+    vectors = (
+        rng.multinomial(1024, rng.dirichlet(np.ones(5), 30)) / 1024
+    )  # whose differences add up exactly
     answers = [tutor(Query(str(i), *vectors[rng.choice(30, 2, replace=False)])) for i in range(60)]
     graph = preference_graph(answers)
     sure = PolytopeComparator(5, margin=0).update(Answers.of(answers, 5))
@@ -209,9 +247,16 @@ def test_what_follows_is_what_a_comparator_is_sure_of():
 
 
 def test_better_better_better_and_back():
-    answers = [said("1", A, BETTER, B), said("2", B, BETTER, C), said("3", A, WORSE, C), said("4", C, BETTER, D)]
+    answers = [
+        said("1", A, BETTER, B),
+        said("2", B, BETTER, C),
+        said("3", A, WORSE, C),
+        said("4", C, BETTER, D),
+    ]
     (one,) = cycles(preference_graph(answers))
-    assert one == Cycle((Step(0, 1, "better", ("1",)), Step(1, 2, "better", ("2",)), Step(2, 0, "better", ("3",))))
+    assert one == Cycle(
+        (Step(0, 1, "better", ("1",)), Step(1, 2, "better", ("2",)), Step(2, 0, "better", ("3",)))
+    )
     assert one.ids == ("1", "2", "3")
     # a reliable tutor: no contradiction, they tie
     sure = PolytopeComparator(3).update(Answers.of(answers, 3))
@@ -221,38 +266,56 @@ def test_better_better_better_and_back():
 @pytest.mark.parametrize(
     ("told", "found"),
     [
-        ([(A, BETTER, B), (B, BETTER, A), (A, BETTER, B)], [("1", "3", "2")]),  # opposite answers to one pair
+        (
+            [(A, BETTER, B), (B, BETTER, A), (A, BETTER, B)],
+            [("1", "3", "2")],
+        ),  # opposite answers to one pair
         ([(A, EQUAL, B), (B, EQUAL, C), (A, EQUAL, C)], []),
         ([(A, EQUAL, B), (B, EQUAL, C), (A, BETTER, C)], [("3", "2", "1")]),
         ([(A, BETTER, A), (B, EQUAL, B)], [("1",)]),  # a vector better than itself
     ],
 )
 def test_small_circles(told, found):
-    assert [one.ids for one in cycles(preference_graph([said(str(i), *one) for i, one in enumerate(told, 1)]))] == found
+    assert [
+        one.ids
+        for one in cycles(preference_graph([said(str(i), *one) for i, one in enumerate(told, 1)]))
+    ] == found
 
 
 def test_an_answer_against_the_order_of_the_levels():
     for verdict in (BETTER, EQUAL):
-        graph = preference_graph([said("1", WORST, verdict, A), said("2", A, BETTER, B), said("3", BEST, BETTER, A)])
+        graph = preference_graph(
+            [said("1", WORST, verdict, A), said("2", A, BETTER, B), said("3", BEST, BETTER, A)]
+        )
         (one,) = cycles(graph)
         assert one.ids == ("1",)
-        assert sorted(step.kind for step in one.steps) == sorted(["dominance", verdict.name.lower()])
+        assert sorted(step.kind for step in one.steps) == sorted(
+            ["dominance", verdict.name.lower()]
+        )
         without = preference_graph([said("1", WORST, verdict, A)], dominance=False)
         assert cycles(without) == []
 
 
 def said_on(cycle):
     """Its answers as a set that does not depend on the direction in which an EQUAL is used."""
-    return {(frozenset(step[:2]) if step.kind == "equal" else step[:2], step.kind) for step in cycle.steps if step.ids}
+    return {
+        (frozenset(step[:2]) if step.kind == "equal" else step[:2], step.kind)
+        for step in cycle.steps
+        if step.ids
+    }
 
 
 def all_circles(graph):
-    """Every simple circle with an answer and a strict step, by enumeration: (answers on it, steps, nodes)."""
+    """Every simple circle with an answer and a strict step, by enumeration: (answers on it, steps,
+    nodes).
+    """
     found = []
     for nodes in nx.simple_cycles(graph):
         edges = list(itertools.pairwise([*nodes, nodes[0]]))
         about = [graph.edges[edge] for edge in edges]
-        answered = [(edge, a["kind"]) for edge, a in zip(edges, about, strict=True) if not a["dominates"]]
+        answered = [
+            (edge, a["kind"]) for edge, a in zip(edges, about, strict=True) if not a["dominates"]
+        ]
         needs = {(frozenset(edge) if kind == "equal" else edge, kind) for edge, kind in answered}
         if needs and any(a["dominates"] or a["kind"] == "better" for a in about):
             found.append((needs, len(edges), nodes))
@@ -286,7 +349,9 @@ def test_circles_against_all_there_are(told, dominance):
         if about["kind"] == "better" and not about["dominates"]:
             through = [needs for needs, _, _ in every if (edge, "better") in needs]
             fewest = min(map(len, through), default=0)
-            assert not through or any(s <= needs for needs in through if len(needs) == fewest for s in sets)
+            assert not through or any(
+                s <= needs for needs in through if len(needs) == fewest for s in sets
+            )
 
 
 def test_one_wrong_answer_among_many_is_on_every_cycle():
@@ -294,7 +359,9 @@ def test_one_wrong_answer_among_many_is_on_every_cycle():
     rng = np.random.default_rng(1)
     tutor = TruthfulTutor([0, 2, 3, 7, 8, 10])
     vectors = rng.dirichlet(np.ones(6), 150)
-    answers = [tutor(Query(str(i), *vectors[rng.choice(150, 2, replace=False)])) for i in range(300)]
+    answers = [
+        tutor(Query(str(i), *vectors[rng.choice(150, 2, replace=False)])) for i in range(300)
+    ]
     assert cycles(preference_graph(answers)) == []
     worth = vectors @ tutor.values
     bad = said("wrong", vectors[worth.argmin()], BETTER, vectors[worth.argmax()])
@@ -305,11 +372,16 @@ def test_one_wrong_answer_among_many_is_on_every_cycle():
 
 
 def test_ten_thousand_circles_take_no_time():
-    """Two vectors a layer, each better than both of the next, and the last layer better than the first: 2^12
-    circles and more, of which each step needs one."""
-    layers = [[[0.5 - s - t, 2 * (s + t), 0.5 - s - t] for t in (0.0, 0.005)] for s in np.linspace(0, 0.4, 12)]
+    """Two vectors a layer, each better than both of the next, and the last layer better than the
+    first: 2^12 circles and more, of which each step needs one."""
+    layers = [
+        [[0.5 - s - t, 2 * (s + t), 0.5 - s - t] for t in (0.0, 0.005)]
+        for s in np.linspace(0, 0.4, 12)
+    ]
     every = itertools.product(range(12), range(2), range(2))
-    answers = [said(f"{i}{a}{b}", layers[i][a], BETTER, layers[(i + 1) % 12][b]) for i, a, b in every]
+    answers = [
+        said(f"{i}{a}{b}", layers[i][a], BETTER, layers[(i + 1) % 12][b]) for i, a, b in every
+    ]
     found = cycles(preference_graph(answers))
     assert 0 < len(found) <= 48
     assert {name for one in found for name in one.ids} == {answer.query.id for answer in answers}

@@ -1,4 +1,6 @@
-"""Diagnostics recover what simulated tutors are, and hold a comparator only to answers that it has not seen."""
+"""Diagnostics recover what simulated tutors are, and hold a comparator only to answers that it has
+not seen.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -26,7 +28,9 @@ def scale(k, rng):
 
 
 def differences(k, n, rng, repeated=0):
-    """n differences of share vectors; the last ``repeated`` of them are the first ones the other way round."""
+    """n differences of share vectors; the last ``repeated`` of them are the first ones the other
+    way round.
+    """
     d = rng.dirichlet(np.ones(k), n - repeated) - rng.dirichlet(np.ones(k), n - repeated)
     return np.concatenate([d, -d[:repeated]])
 
@@ -45,7 +49,9 @@ TUTORS = {
 }
 
 
-@pytest.mark.parametrize("name", quick_first(["flips 10%", "truthful", "precision 25", "flips 20%"], 1))
+@pytest.mark.parametrize(
+    "name", quick_first(["flips 10%", "truthful", "precision 25", "flips 20%"], 1)
+)
 def test_intervals_cover_what_simulated_tutors_are(name):
     make, lapse, precision = TUTORS[name]
     logs, covered, estimates = 30, np.zeros(4), []
@@ -54,11 +60,15 @@ def test_intervals_cover_what_simulated_tutors_are(name):
         tutor, d = make(scale(5, rng), seed), differences(5, 80, rng, 20)
         report = tutor_report(Answers(d, tutor.signs(d)), particles=FAST, seed=seed)
         true = tutor.realised_error_rate
-        found = np.array([report.error_rate, report.error_rate_repeated, report.lapse, report.precision])
+        found = np.array(
+            [report.error_rate, report.error_rate_repeated, report.lapse, report.precision]
+        )
         assert ((found[:, 1] <= found[:, 0]) & (found[:, 0] <= found[:, 2])).all()
         wanted = np.array([true, true, lapse, precision])
         covered += (found[:, 1] - 1e-12 <= wanted) & (wanted <= found[:, 2] + 1e-12)
-        estimates.append((report.error_rate.value - true, report.error_rate.high - report.error_rate.low))
+        estimates.append(
+            (report.error_rate.value - true, report.error_rate.high - report.error_rate.low)
+        )
     # of 30 intervals that hold with probability .95, fewer than 26 do once in 60 times
     assert (covered[:3] >= 26).all()
     assert covered[3] == 0 if precision == math.inf else covered[3] >= 24
@@ -69,9 +79,12 @@ def test_intervals_cover_what_simulated_tutors_are(name):
 
 
 def by_quadrature(answers):
-    """The posterior for k = 3 in its three numbers (gap, precision, lapse), on a grid: lapse (mean), precision
-    (quantiles), share of wrong answers (mean), probability that each answer is wrong."""
-    u = np.unique(np.concatenate([np.linspace(-100, 100, 101), np.linspace(-4, 4, 301)]))  # logit of the first gap
+    """The posterior for k = 3 in its three numbers (gap, precision, lapse), on a grid: lapse
+    (mean), precision (quantiles), share of wrong answers (mean), probability that each answer is
+    wrong."""
+    u = np.unique(
+        np.concatenate([np.linspace(-100, 100, 101), np.linspace(-4, 4, 301)])
+    )  # logit of the first gap
     first, second, log_c = expit(u), expit(-u), np.log(30.0) + np.linspace(-10, 10, 61)
     lapses = (np.arange(30) + 0.5) / 30
     nodes, mass = np.polynomial.legendre.leggauss(24)
@@ -95,7 +108,9 @@ def by_quadrature(answers):
     return density.sum(axis=(0, 1)) @ lapses, quantiles, wrong[~tied].mean(), wrong
 
 
-@pytest.mark.parametrize("make", [lambda e: FlippingTutor(e, 0.2, 1), lambda e: BradleyTerryTutor(e, 12, 1)])
+@pytest.mark.parametrize(
+    "make", [lambda e: FlippingTutor(e, 0.2, 1), lambda e: BradleyTerryTutor(e, 12, 1)]
+)
 def test_the_model_agrees_with_a_sum_over_all_scales(make):
     rng = np.random.default_rng(2)
     d = differences(3, 30, rng)
@@ -106,11 +121,15 @@ def test_the_model_agrees_with_a_sum_over_all_scales(make):
     report = tutor_report(answers, particles=1000)
     assert report.lapse.value == pytest.approx(lapse, abs=0.02)
     assert report.precision[:2] == pytest.approx(precision[:2], rel=0.35)
-    assert report.precision.high == pytest.approx(precision[2], rel=1.0)  # far out in the prior's tail
+    assert report.precision.high == pytest.approx(
+        precision[2], rel=1.0
+    )  # far out in the prior's tail
     assert report.error_rate.value == pytest.approx(error_rate, abs=0.01)
     found = dict(report.doubtful)
     assert {str(row) for row in range(3, 30) if wrong[row] > 0.56} <= found.keys()
-    assert [found[name] for name in found] == pytest.approx([wrong[int(name)] for name in found], abs=0.06)
+    assert [found[name] for name in found] == pytest.approx(
+        [wrong[int(name)] for name in found], abs=0.06
+    )
     assert list(found.values()) == sorted(found.values(), reverse=True)
 
 
@@ -118,17 +137,25 @@ def test_shares_have_the_intervals_of_the_textbook():
     for count, n in [(0, 7), (7, 7), (3, 10), (41, 80)]:
         for level in (0.9, 0.95):
             reference = binomtest(count, n).proportion_ci(level, "wilson")
-            assert wilson(count, n, level) == pytest.approx((count / n, reference.low, reference.high), abs=1e-12)
+            assert wilson(count, n, level) == pytest.approx(
+                (count / n, reference.low, reference.high), abs=1e-12
+            )
             share, low, high = exact_share(count, n, level)
             assert share == count / n
-            assert count == 0 or betaincinv(count, n - count + 1, (1 - level) / 2) == pytest.approx(low)
-            assert count == n or betaincinv(count + 1, n - count, (1 + level) / 2) == pytest.approx(high)
+            assert count == 0 or betaincinv(count, n - count + 1, (1 - level) / 2) == pytest.approx(
+                low
+            )
+            assert count == n or betaincinv(count + 1, n - count, (1 + level) / 2) == pytest.approx(
+                high
+            )
     assert math.isnan(exact_share(0, 0).value)
     assert math.isnan(wilson(0, 0).low)
 
 
 def queries(d):
-    return [Query(f"q{i}", np.clip(row, 0, None), np.clip(-row, 0, None)) for i, row in enumerate(d)]
+    return [
+        Query(f"q{i}", np.clip(row, 0, None), np.clip(-row, 0, None)) for i, row in enumerate(d)
+    ]
 
 
 def test_repeated_questions_count_in_independent_couples_either_way_round():
@@ -137,7 +164,8 @@ def test_repeated_questions_count_in_independent_couples_either_way_round():
     d[[1, 4]] *= -1
     y = [1, -1, 1, 1, 1, 0, -1, 1, 0, -1, 0]
     report = tutor_report(Answers(d, y), particles=FAST)
-    # a: (+, +), (+, -); b: (+, -), and a tie left over; c: (0, 0); nothing against nothing is no question
+    # a: (+, +), (+, -); b: (+, -), and a tie left over; c: (0, 0); nothing against nothing is no
+    # question
     assert (report.repeated, report.couples) == (3, 4)
     assert report.consistency == exact_share(2, 4)
     value, low, high = report.error_rate_repeated
@@ -156,7 +184,9 @@ def test_answers_against_the_order_of_the_levels_are_counted():
     report = tutor_report(Answers(d, [1, 1, -1, 0, 1]), particles=FAST)
     assert (report.by_order, report.against_order) == (3, 2)
     assert "2 of 3 answers that the order of the levels settles defy it" in str(report)
-    assert dict(report.doubtful) == pytest.approx({"1": 1.0, "2": 1.0}), "no scale agrees with these"
+    assert dict(report.doubtful) == pytest.approx({"1": 1.0, "2": 1.0}), (
+        "no scale agrees with these"
+    )
     assert report.error_rate.low >= 0.5
 
 
@@ -168,7 +198,9 @@ def sided_log(bias, n=150, exchange=0.5, seed=3):
     for query in queries(differences(4, n, rng)):
         swapped = bool(rng.random() < exchange)
         shown_left = Verdict.WORSE if swapped else Verdict.BETTER
-        told.append(Answer(query, shown_left if rng.random() < bias else tutor(query).verdict, swapped))
+        told.append(
+            Answer(query, shown_left if rng.random() < bias else tutor(query).verdict, swapped)
+        )
     return told
 
 
@@ -177,7 +209,10 @@ def test_a_bias_to_the_side_shown_left():
         told = sided_log(bias)
         report = tutor_report(told, particles=FAST)
         left = sum((answer.verdict == 1) != answer.swapped for answer in told)
-        assert (report.sided, report.exchanged) == (len(told), sum(answer.swapped for answer in told))
+        assert (report.sided, report.exchanged) == (
+            len(told),
+            sum(answer.swapped for answer in told),
+        )
         assert report.left_share == exact_share(left, len(told))
         assert report.left_p == pytest.approx(binomtest(left, len(told)).pvalue)
         assert (report.left_p < 0.05) == (bias > 0)
@@ -205,24 +240,35 @@ def test_all_that_a_log_holds_is_counted():
     report = tutor_report(log, particles=FAST)
     assert (report.answers, report.ties, report.cannot_tell) == (6, 1, 1)
     assert (report.retracted, report.unused, report.couples) == (2, 1, 0)
-    assert repr(tutor_report(list(log), particles=FAST)) == repr(report), "entries are as good as their log"
+    assert repr(tutor_report(list(log), particles=FAST)) == repr(report), (
+        "entries are as good as their log"
+    )
     assert repr(tutor_report(iter(log), 3, particles=FAST)) == repr(report)
     told = [entry.answer for entry in log if not entry.retracted]
     assert tutor_report(told, particles=FAST).error_rate == report.error_rate
     text = str(report)
-    assert "6 over 3 levels, 1 of them ties, 1 not learned from; 1 more could not be told, 2 were retracted" in text
+    assert (
+        "6 over 3 levels, 1 of them ties, 1 not learned from; 1 more could not be told, 2 were "
+        "retracted" in text
+    )
     assert report.error_rate.percent in text
 
 
 def test_reports_on_next_to_nothing():
-    for empty in (tutor_report([], k=3), tutor_report(AnswerLog(k=3)), tutor_report(Answers.none(3))):
+    for empty in (
+        tutor_report([], k=3),
+        tutor_report(AnswerLog(k=3)),
+        tutor_report(Answers.none(3)),
+    ):
         assert (empty.k, empty.answers, math.isnan(empty.error_rate.value)) == (3, 0, True)
         assert "no answer prefers a side" in str(empty)
         assert "nan" not in str(empty)
     tie = tutor_report(Answers([[1.0, -2.0, 1.0]], [0]))
     assert math.isnan(tie.precision.value)
     one = tutor_report(Answers([[1.0, -2.0, 1.0]], [1]), level=0.9, particles=FAST)
-    assert one.lapse == pytest.approx((0.2, 0.0, 1 - 0.1**0.25), abs=0.03), "one answer leaves the prior"
+    assert one.lapse == pytest.approx((0.2, 0.0, 1 - 0.1**0.25), abs=0.03), (
+        "one answer leaves the prior"
+    )
     assert (one.error_rate.low, one.error_rate.high) == (0.0, 1.0)
     assert "90% intervals" in str(one)
     assert "the upper end being the prior's" in str(one)
@@ -247,7 +293,10 @@ def test_a_report_is_a_function_of_its_arguments():
     [
         (lambda: tutor_report([]), "the log is empty.*give k"),
         (lambda: tutor_report([], k=0), "must be a whole number of at least 2, not 0"),
-        (lambda: tutor_report(Answers.none(3), k="a"), "must be a whole number of at least 2, not 'a'"),
+        (
+            lambda: tutor_report(Answers.none(3), k="a"),
+            "must be a whole number of at least 2, not 'a'",
+        ),
         (lambda: tutor_report([], k=3, level="a"), "level must be .* not 'a'"),
         (lambda: tutor_report(a_log(), k=5), "4 levels, not k = 5"),
         (lambda: tutor_report(a_log(), level=1.0), "level.*1.0"),
@@ -270,7 +319,9 @@ def test_what_cannot_be_reported_is_said(call, complaint):
 
 @dataclass(frozen=True)
 class Recorder:
-    """Knows nothing but what it was told, and writes down what it is asked, with what it knew then."""
+    """Knows nothing but what it was told, and writes down what it is asked, with what it knew
+    then.
+    """
 
     k: int
     asked: list = field(default_factory=list)
@@ -293,14 +344,18 @@ class Recorder:
 def test_folds_never_show_a_pair_that_is_asked():
     answers, recorder = a_log(n=40), Recorder(4)
     score = held_out(recorder, answers, folds=7)
-    assert sorted(d for d, _ in recorder.asked) == sorted(map(tuple, answers.d.tolist())), "each once"
+    assert sorted(d for d, _ in recorder.asked) == sorted(map(tuple, answers.d.tolist())), (
+        "each once"
+    )
     trainings = {known for _, known in recorder.asked}
     assert len(trainings) == 7
     for d, known in recorder.asked:
         seen = {row for row, _, _ in known}
         assert d not in seen
         assert tuple(-x for x in d) not in seen
-        assert [row[2] for row in known] == sorted((row[2] for row in known), key=int), "in told order"
+        assert [row[2] for row in known] == sorted((row[2] for row in known), key=int), (
+            "in told order"
+        )
         assert 40 - 2 * math.ceil(30 / 7) <= len(known) < 40
     assert (score.scored, score.ties, score.decided.value) == (40, 0, 0.0)
     assert np.isnan([score.accuracy.value, score.log_likelihood.value]).all()
@@ -313,7 +368,9 @@ def test_answer_by_answer_each_is_foretold_from_those_before():
     answers, recorder = a_log(n=12), Recorder(4)
     held_out(recorder, answers, "sequential")
     assert [d for d, _ in recorder.asked] == list(map(tuple, answers.d.tolist()))
-    assert [[row[2] for row in known] for _, known in recorder.asked] == [list(answers.ids[:i]) for i in range(12)]
+    assert [[row[2] for row in known] for _, known in recorder.asked] == [
+        list(answers.ids[:i]) for i in range(12)
+    ]
     assert held_out(recorder, Answers.none(4), "sequential").scored == 0
 
 
@@ -333,16 +390,25 @@ def test_scores_of_a_comparator_that_learns_nothing_are_plain_counts(folds):
     signs = np.sign(tied.d @ np.linspace(0, 1, 4))
     assert score.by_values.value == pytest.approx(np.mean(signs[clear] == y[clear]))
     assert (score.contradicted, score.dropped) == (0, 0)
-    at_random = held_out(AlwaysAsk(4), Answers([[-0.5, 1.0, 0.0, -0.5], [0.0] * 4], [1, 1]), "sequential")
+    at_random = held_out(
+        AlwaysAsk(4), Answers([[-0.5, 1.0, 0.0, -0.5], [0.0] * 4], [1, 1]), "sequential"
+    )
     assert at_random.by_values.value == pytest.approx(0.25), "-1/6 is wrong, and 0 half right"
-    # AlwaysAsk calls two identical vectors equal, which neither agrees with the answer nor says the opposite
-    assert (at_random.decided.value, at_random.accuracy.value, at_random.wrong.value) == (0.5, 0.0, 0.0)
+    # AlwaysAsk calls two identical vectors equal, which neither agrees with the answer nor says the
+    # opposite
+    assert (at_random.decided.value, at_random.accuracy.value, at_random.wrong.value) == (
+        0.5,
+        0.0,
+        0.0,
+    )
 
 
 def test_log_likelihoods_are_those_of_the_model():
     d = [[-0.1, 0.1], [0.2, -0.2], [-0.3, 0.3], [0.05, -0.05]]
     answers = Answers(d, [1, 1, -1, -1])
-    chance = 0.1 + 0.8 * expit(7.0 * np.array([0.1, -0.2, -0.3, 0.05]))  # of what was said; two levels have one scale
+    chance = 0.1 + 0.8 * expit(
+        7.0 * np.array([0.1, -0.2, -0.3, 0.05])
+    )  # of what was said; two levels have one scale
     score = held_out(PosteriorComparator(2, precision=7.0, lapse=0.2), answers, "sequential")
     assert score.log_likelihood.value == pytest.approx(np.log(chance).mean(), rel=1e-12)
     assert score.log_likelihood.low < score.log_likelihood.value < score.log_likelihood.high < 0
@@ -363,7 +429,9 @@ class Sure(Recorder):
 
 
 def test_a_probability_of_zero_is_not_smoothed_over():
-    score = held_out(Sure(4), Answers([[0, 1, 0, -1], [1, 0, 0, -1], [0, 1, -1, 0]], [1, 1, -1]), "sequential")
+    score = held_out(
+        Sure(4), Answers([[0, 1, 0, -1], [1, 0, 0, -1], [0, 1, -1, 0]], [1, 1, -1]), "sequential"
+    )
     assert score.log_likelihood[:2] == (-math.inf, -math.inf)
     assert "-inf" in str(score)
 
@@ -395,16 +463,24 @@ def test_contradictions_are_dropped_one_by_one_and_counted():
 
 def test_comparators_side_by_side():
     answers = a_log(k=4, n=80, rate=0.2, seed=1)
-    models = {"posterior": PosteriorComparator(4, lapse=0.2), "polytope": PolytopeComparator(4), "order": Dominance(4)}
+    models = {
+        "posterior": PosteriorComparator(4, lapse=0.2),
+        "polytope": PolytopeComparator(4),
+        "order": Dominance(4),
+    }
     table = compare_held_out(models, answers, 4, seed=3)
     assert list(table) == list(models)
     for name, model in models.items():
         assert repr(table[name]) == repr(held_out(model, answers, 4, seed=3))
-    assert table["posterior"].accuracy.value > table["polytope"].accuracy.value + 0.05, "the reliable tutor errs"
+    assert table["posterior"].accuracy.value > table["polytope"].accuracy.value + 0.05, (
+        "the reliable tutor errs"
+    )
     assert table["posterior"].decided.value > table["order"].decided.value
     lines = str(table).splitlines()
     assert len(lines) == 1 + 2 * len(models)
-    starts = [lines[0].index(head) for head in ("decided", "right of", "wrong of", "right by", "log-")]
+    starts = [
+        lines[0].index(head) for head in ("decided", "right of", "wrong of", "right by", "log-")
+    ]
     for line in lines[1:4]:
         assert all(line[i - 1] == " " and line[i] not in " " for i in starts)
     assert lines[2].split("  ")[-1].strip() == "-", "a polytope has no probabilities"

@@ -1,4 +1,6 @@
-"""The linear programs of section 3.1: Clarabel's bounds, the readable twin, and what makes a bound rigorous."""
+"""The linear programs of section 3.1: Clarabel's bounds, the readable twin, and what makes a bound
+rigorous.
+"""
 
 from fractions import Fraction
 from typing import Any
@@ -18,7 +20,9 @@ from tests.lp_cases import Oracle, cases, exact, exactly, least_from_scratch, re
 from tests.thoroughness import examples, scaled
 
 
-def truthful(k: int, n: int, seed: int = 0, margin: float = 1e-4) -> tuple[PolytopeComparator, Floats]:
+def truthful(
+    k: int, n: int, seed: int = 0, margin: float = 1e-4
+) -> tuple[PolytopeComparator, Floats]:
     rng = np.random.default_rng(seed)
     g = 0.9 * rng.dirichlet(np.ones(k - 1)) + 0.1 / (k - 1)
     d = shares(rng, k, n)
@@ -27,7 +31,9 @@ def truthful(k: int, n: int, seed: int = 0, margin: float = 1e-4) -> tuple[Polyt
 
 
 def least_cvxpy(d: Floats, answers: Floats, margin: float) -> float:
-    """Section 3.1's program as printed: min d.e subject to K_t, for d (k,) and answered differences (n, k)."""
+    """Section 3.1's program as printed: min d.e subject to K_t, for d (k,) and answered differences
+    (n, k).
+    """
     k = len(d)
     e = cp.Variable(k)
     constraints = [e[0] == 0, e[k - 1] == 1, cp.diff(e) >= margin]  # K_0
@@ -118,7 +124,11 @@ def test_strictly_inside_is_a_proof() -> None:
     for case in cases(22, scaled(28, 84), asks=1, most_levels=9):
         r, e = case.known().region, case.region()
         for _ in range(10):
-            g = rng.dirichlet(np.full(r.p, 3.0)) if rng.random() < 0.5 else np.array([float(x) for x in case.truth])
+            g = (
+                rng.dirichlet(np.full(r.p, 3.0))
+                if rng.random() < 0.5
+                else np.array([float(x) for x in case.truth])
+            )
             if strictly_inside(g, r):
                 inside += 1
                 total = sum(exact(g))

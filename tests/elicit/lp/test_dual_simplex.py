@@ -1,4 +1,6 @@
-"""The dual simplex: floats propose, integers decide. Held to an independent exact method and to its own proofs."""
+"""The dual simplex: floats propose, integers decide. Held to an independent exact method and to its
+own proofs.
+"""
 
 import time
 from fractions import Fraction
@@ -17,7 +19,9 @@ from tests.thoroughness import examples, quick_first
 
 
 def check_optimal(t: Any, r: Region, found: Vertex) -> None:
-    """Feasible, and the multipliers prove that nothing is lower (weak duality), all in rationals."""
+    """Feasible, and the multipliers prove that nothing is lower (weak duality), all in
+    rationals.
+    """
     assert found.end is End.OPTIMAL
     t, g, y = exact(t), list(found.g), list(found.y)
     assert exactly(r).contains(g)
@@ -58,7 +62,9 @@ def test_no_rows() -> None:
     found = minimise_exactly(t, region(np.empty((0, 3)), margin=0.125))
     assert found.value == Fraction(0.125) * Fraction(-0.25) + Fraction(5, 8) * -1
     assert list(found.g) == [Fraction(1, 8), Fraction(3, 4), Fraction(1, 8)]
-    assert minimise_exactly(np.array([-0.5]), region(np.empty((0, 1)), margin=0.5)).value == Fraction(-1, 2)
+    assert minimise_exactly(
+        np.array([-0.5]), region(np.empty((0, 1)), margin=0.5)
+    ).value == Fraction(-1, 2)
 
 
 def test_a_margin_of_one_over_p_is_the_point_of_equal_gaps() -> None:
@@ -76,7 +82,11 @@ def test_an_empty_region_comes_with_a_proof(seed: int) -> None:
     empty = 0
     for _ in range(40):
         p, n = int(rng.integers(2, 8)), int(rng.integers(2, 20))
-        r = region(rng.normal(size=(n, p)), margin=float(rng.choice([0, 0.01])), rhs=rng.normal(size=n) * 0.1)
+        r = region(
+            rng.normal(size=(n, p)),
+            margin=float(rng.choice([0, 0.01])),
+            rhs=rng.normal(size=n) * 0.1,
+        )
         found = minimise_exactly(rng.normal(size=p), r)
         assert (found.end is End.EMPTY) == is_empty(exactly(r))
         if found.end is End.EMPTY:
@@ -100,13 +110,23 @@ def test_indifferent_differences_do_not_stall() -> None:
     rows = rng.integers(-1, 2, size=(n, p)).astype(np.float64)
     r = region(np.where(rows @ g < 0, -1, 1)[:, None] * rows)
     begin = time.perf_counter()
-    for t in [np.zeros(p), np.ones(p), -np.eye(p)[3], np.eye(p)[3], rows[0], -rows[1], rows[2] + rows[3]]:
+    for t in [
+        np.zeros(p),
+        np.ones(p),
+        -np.eye(p)[3],
+        np.eye(p)[3],
+        rows[0],
+        -rows[1],
+        rows[2] + rows[3],
+    ]:
         check_optimal(t, r, minimise_exactly(t, r))
     assert time.perf_counter() - begin < 20.0  # it was minutes without the tie-break
 
 
 def test_the_smallest_index_rule_ends_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The rule that takes over after many steps, from the first step, without a proposal from floats."""
+    """The rule that takes over after many steps, from the first step, without a proposal from
+    floats.
+    """
     from elicit.lp import dual_simplex as simplex
 
     violated = simplex._Corner.violated
@@ -135,7 +155,9 @@ def test_take_and_plus() -> None:
     assert (more.owner.tolist(), more.rhs.tolist(), more.p) == ([1, 7], [0.0, 0.25], 2)
 
 
-numbers = st.floats(allow_nan=False, allow_infinity=False, min_value=-(2.0**400), max_value=2.0**400)
+numbers = st.floats(
+    allow_nan=False, allow_infinity=False, min_value=-(2.0**400), max_value=2.0**400
+)
 
 
 @examples(200)

@@ -17,7 +17,9 @@ def lottery(level: int, values: Floats = VALUES) -> Floats:
 
 
 def pinned(*levels: int) -> PolytopeComparator:
-    """What is known after each of these lotteries was answered both ways: the value of the level."""
+    """What is known after each of these lotteries was answered both ways: the value of the
+    level.
+    """
     d = np.array([lottery(level) for level in levels])
     return PolytopeComparator(5).update(Answers(np.repeat(d, 2, axis=0), [1, -1] * len(levels)))
 
@@ -25,7 +27,9 @@ def pinned(*levels: int) -> PolytopeComparator:
 def test_draws_of_a_single_scale_are_that_scale() -> None:
     known = pinned(1, 2, 3)
     gaps, weights, _ = known.draws
-    np.testing.assert_allclose(gaps, np.repeat(np.diff(VALUES)[:, None], gaps.shape[1], axis=1), atol=1e-9)
+    np.testing.assert_allclose(
+        gaps, np.repeat(np.diff(VALUES)[:, None], gaps.shape[1], axis=1), atol=1e-9
+    )
     assert np.isclose(weights.sum(), 1.0)
 
 

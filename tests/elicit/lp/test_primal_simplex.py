@@ -1,4 +1,6 @@
-"""Walks between corners and what they rest on: every result is a proof, however bad the region or the numbers."""
+"""Walks between corners and what they rest on: every result is a proof, however bad the region or
+the numbers.
+"""
 
 import math
 from collections import Counter
@@ -55,7 +57,9 @@ def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -
                 before = s.copy()
                 found = walk(s, int(corner), known, NOTHING, 0.0)
                 assert (s == before).all()
-                assert found == 0 or (least > 0) - (least < 0) == found, f"{kind}: {found}, but {float(least)}"
+                assert found == 0 or (least > 0) - (least < 0) == found, (
+                    f"{kind}: {found}, but {float(least)}"
+                )
                 assert found or kind != "plain" or abs(least) < 1e-9, f"gave up at {float(least)}"
                 seen[found] += 1
         g, slack = np.empty(r.p), np.empty(r.p + len(r.rows))
@@ -93,27 +97,44 @@ def test_any_multipliers_of_any_constraints_give_a_bound(data: st.DataObject) ->
     """Of any numbers, at any scale: what is no number, or overflows, proves nothing."""
     p, m = data.draw(st.integers(1, 4)), data.draw(st.integers(0, 3))
     entry = st.one_of(st.floats(-1.0, 1.0), st.sampled_from([1.0, -1.0, 0.5]))
-    rows = np.array([data.draw(st.lists(entry, min_size=p, max_size=p)) for _ in range(m)]).reshape(m, p)
-    r = region(rows, data.draw(st.floats(0.0, 1.0 / p)), [data.draw(st.floats(-2.0, 0.4)) for _ in range(m)])
-    s = np.array(data.draw(st.lists(st.one_of(entry, st.sampled_from(NO_NUMBERS)), min_size=p, max_size=p)))
+    rows = np.array([data.draw(st.lists(entry, min_size=p, max_size=p)) for _ in range(m)]).reshape(
+        m, p
+    )
+    r = region(
+        rows,
+        data.draw(st.floats(0.0, 1.0 / p)),
+        [data.draw(st.floats(-2.0, 0.4)) for _ in range(m)],
+    )
+    s = np.array(
+        data.draw(st.lists(st.one_of(entry, st.sampled_from(NO_NUMBERS)), min_size=p, max_size=p))
+    )
     s = s * 2.0 ** data.draw(st.sampled_from([0, 0, -1000, -1040, 990, 1021]))
-    active = np.array(data.draw(st.lists(st.integers(0, p + m - 1), min_size=p - 1, max_size=p - 1)), dtype=np.int64)
+    active = np.array(
+        data.draw(st.lists(st.integers(0, p + m - 1), min_size=p - 1, max_size=p - 1)),
+        dtype=np.int64,
+    )
     weight = st.one_of(st.floats(width=64), st.sampled_from([0.0, 1e-12, 1.0, 1e12]))
     y = np.array(data.draw(st.lists(weight, min_size=p, max_size=p)))
     with np.errstate(all="ignore"):
-        bound = bound_of(s.copy(), y, active[None], 0, r.margin, np.ascontiguousarray(rows.T), r.rhs)
+        bound = bound_of(
+            s.copy(), y, active[None], 0, r.margin, np.ascontiguousarray(rows.T), r.rhs
+        )
     if not np.isfinite(s).all() or not math.isfinite(bound):
         assert not bound > 0
         return
     vertex = minimise_exactly(s, r)
-    assert vertex.support or Fraction(bound) <= vertex.value  # of an empty region every bound is true
+    assert (
+        vertex.support or Fraction(bound) <= vertex.value
+    )  # of an empty region every bound is true
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # where it is not compiled
 def test_a_sum_that_overflows_proves_nothing() -> None:
     s = np.array([-4e307, 4e307, 4e307, 4e307, 4e307, 4e307, 4e307])
     nothing = np.zeros((7, 0)), np.zeros(0)
-    assert not bound_of(s, np.zeros(7), np.arange(6)[None], 0, 1e-3, *nothing) > 0  # least: -4e307 * 0.994...
+    assert (
+        not bound_of(s, np.zeros(7), np.arange(6)[None], 0, 1e-3, *nothing) > 0
+    )  # least: -4e307 * 0.994...
 
 
 def test_the_right_multipliers_give_a_tight_bound() -> None:
@@ -121,7 +142,11 @@ def test_the_right_multipliers_give_a_tight_bound() -> None:
     for _, r, known in known_sets(50, 28):
         for s in objectives(rng, r, 3):
             vertex = minimise_exactly(s, r)
-            active, inverse, y = np.array(vertex.basis, dtype=np.int64), np.empty((r.p, r.p)), np.empty(r.p)
+            active, inverse, y = (
+                np.array(vertex.basis, dtype=np.int64),
+                np.empty((r.p, r.p)),
+                np.empty(r.p),
+            )
             if not inverse_of(active, known, inverse) or np.abs(inverse).max() > 100:
                 continue
             checked += 1
@@ -142,12 +167,16 @@ def test_a_point_pulled_inside_is_inside(seed: int) -> None:
             if rng.random() < 0.7:
                 g /= g.sum()
             slacks_of(g, known, slack)
-            slack += rng.choice([0.0, 1e-13, 1.0]) * rng.normal(size=len(slack))  # as pivots let it drift
+            slack += rng.choice([0.0, 1e-13, 1.0]) * rng.normal(
+                size=len(slack)
+            )  # as pivots let it drift
             if pulled_inside(g, slack, known, point):
                 pulled += 1
                 assert exactly(r).contains(normalised(point)), kind
                 s = rng.normal(size=p) + rng.choice([0.0, 1.0]) * -float(rng.normal())
-                s = s - float(s @ point) - rng.choice([0.0, 1e-16, 1e-15, 1e-3])  # s.point is 0, or nearly
+                s = (
+                    s - float(s @ point) - rng.choice([0.0, 1e-16, 1e-15, 1e-3])
+                )  # s.point is 0, or nearly
                 if keep(s, g, slack, np.eye(p), np.arange(p - 1), 0, known):
                     stored = known.points[:, (known.counts[1] - 1) % len(known.kind)]
                     assert dot(exact(s), exact(stored)) < 0
@@ -158,7 +187,9 @@ def test_a_point_pulled_inside_is_inside(seed: int) -> None:
 
 
 def test_a_point_on_the_border_is_not_surely_inside() -> None:
-    """Where a segment from the inner point leaves the region, to the last bits: floats cannot tell the side."""
+    """Where a segment from the inner point leaves the region, to the last bits: floats cannot tell
+    the side.
+    """
     rng, seen = np.random.default_rng(4), {True: 0, False: 0}
     for kind, r, known in known_sets(80, 42):
         slack = np.empty(r.p + len(r.rows))
@@ -166,7 +197,9 @@ def test_a_point_on_the_border_is_not_surely_inside() -> None:
             towards = rng.normal(size=r.p)
             towards -= towards.mean()
             rate = np.concatenate([towards, r.rows @ towards])
-            length = (known.room[rate < 0] / -rate[rate < 0]).min() * (1 - rng.choice([0.0, 1e-16, 1e-15, 1e-14, 1e-9]))
+            length = (known.room[rate < 0] / -rate[rate < 0]).min() * (
+                1 - rng.choice([0.0, 1e-16, 1e-15, 1e-14, 1e-9])
+            )
             g = known.inside + length * towards
             g /= g.sum()
             sure = surely_inside(g, known, slack)
@@ -210,7 +243,10 @@ def test_inverses_and_pivots_against_numpy() -> None:
             entering, place = int(rng.integers(r.p + m)), int(rng.integers(r.p - 1))
             rate = np.empty(r.p + m)
             rates_of(inverse, place + 1, known, rate)
-            assert np.abs(rate - np.concatenate([np.eye(r.p), r.rows]) @ inverse[:, place + 1]).max() < 1e-9
+            assert (
+                np.abs(rate - np.concatenate([np.eye(r.p), r.rows]) @ inverse[:, place + 1]).max()
+                < 1e-9
+            )
             if entering not in active and abs(rate[entering]) > 1e-2:
                 active[place] = entering
                 pivot(inverse, place + 1, entering, known)
@@ -240,5 +276,7 @@ def test_the_steepest_multiplier_and_the_first_constraint_met() -> None:
         reach = (slack[falling] / -rate[falling]).min()
         assert falling[met]
         after = (slack + slack[met] / -rate[met] * rate)[falling]
-        assert after.min() > -1e-11  # the first one, but for the tolerance with which ties are broken
+        assert (
+            after.min() > -1e-11
+        )  # the first one, but for the tolerance with which ties are broken
         assert slack[met] / -rate[met] >= reach

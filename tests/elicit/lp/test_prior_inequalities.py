@@ -1,4 +1,6 @@
-"""Prior inequalities: what their text means, which texts are refused and with which words, and what a prior may be."""
+"""Prior inequalities: what their text means, which texts are refused and with which words, and what
+a prior may be.
+"""
 
 import re
 from fractions import Fraction
@@ -9,7 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from elicit import PolytopeComparator, PosteriorComparator, Verdict
-from elicit.lp.prior_inequalities import Inequality, Prior, as_prior, inequalities, inequality, readable
+from elicit.lp.prior_inequalities import (
+    Inequality,
+    Prior,
+    as_prior,
+    inequalities,
+    inequality,
+    readable,
+)
 from elicit.lp.region import prior_rows
 from tests.thoroughness import examples
 
@@ -38,7 +47,9 @@ def test_an_inequality_means_what_it_says(text, coefficients, bound):
     assert found.coefficients.tolist() == coefficients
     assert found.bound == bound
     assert found.name == text.strip()
-    assert str(bound) != "0" or np.copysign(1.0, found.bound) == 1.0  # no minus zero for people to read
+    assert (
+        str(bound) != "0" or np.copysign(1.0, found.bound) == 1.0
+    )  # no minus zero for people to read
 
 
 def test_levels_go_by_their_labels_and_by_number():
@@ -46,14 +57,20 @@ def test_levels_go_by_their_labels_and_by_number():
     by_number = inequality("e3 >= 2*stable", labels=LABELS, name="well is at least twice stable")
     assert by_label.coefficients.tolist() == by_number.coefficients.tolist() == [0, -2, 1]
     assert (by_label.name, by_number.name) == ("well >= 2*stable", "well is at least twice stable")
-    accented = inequality("ﬁne >= 0.5", labels=["schlecht", "gut genug", "ﬁne", "best"])  # a ligature
+    accented = inequality(
+        "ﬁne >= 0.5", labels=["schlecht", "gut genug", "ﬁne", "best"]
+    )  # a ligature
     assert accented.coefficients.tolist() == [0, 0, 1, 0]
 
 
 def test_a_chain_is_several_inequalities_each_with_its_own_name():
     low, high = inequalities("0.25 <= e2 <= e3/2", k=3)
     assert (low.coefficients.tolist(), low.bound, low.name) == ([0, 1, 0], 0.25, "0.25 <= e2")
-    assert (high.coefficients.tolist(), high.bound, high.name) == ([0, -1, 0.5], 0.0, "e2 <= e3 / 2")
+    assert (high.coefficients.tolist(), high.bound, high.name) == (
+        [0, -1, 0.5],
+        0.0,
+        "e2 <= e3 / 2",
+    )
     assert [x.name for x in inequalities("0.25 <= e2 <= 0.5", 3, name="guess")] == [
         "guess: 0.25 <= e2",
         "guess: e2 <= 0.5",
@@ -73,8 +90,14 @@ def test_a_chain_is_several_inequalities_each_with_its_own_name():
         ("cannot be read", ["(" * 400 + "e2" + ")" * 400 + " >= 0"]),
         ("too long to read", ["e2 >= " + "+".join(["e3"] * 400)]),
         ('"e2 * e3" is not linear', ["e2*e3 >= 0.5"]),
-        ("is not linear", ["e2**2 >= 0.5", "0.5/e2 >= 0.5", "e2//2 >= 0.5", "~e2 >= 0.5", "max(e2, e3) >= 0.5"]),
-        ("is not linear", ["e2 >= True", "e2 >= 2j", "e2 >= 'a'", "e2.real >= 0.5", "[e2][0] >= 0.5"]),
+        (
+            "is not linear",
+            ["e2**2 >= 0.5", "0.5/e2 >= 0.5", "e2//2 >= 0.5", "~e2 >= 0.5", "max(e2, e3) >= 0.5"],
+        ),
+        (
+            "is not linear",
+            ["e2 >= True", "e2 >= 2j", "e2 >= 'a'", "e2.real >= 0.5", "[e2][0] >= 0.5"],
+        ),
         ("is not linear", ["__import__('os').abort() >= e2", "(lambda: e2)() >= 0.5"]),
         ("divides by zero", ["e2/0 >= 0.5", "e2/(1 - 1) >= 0.5"]),
         ('no level is called "e9"; there are e1, e2, e3', ["e9 >= 0.5"]),
@@ -111,21 +134,29 @@ def test_a_prior_of_several_texts_may_use_the_names_of_levels():
     assert next(one.name for one in named) == "Ann: stable >= 0.4"
     assert inequalities(["e2 >= 0.5"], 3, name="Ben")[0].name == "Ben"
     assert inequalities([], labels=labels) == ()
-    for comparator in (PolytopeComparator(4, prior=found), PosteriorComparator(4, prior=found, particles=50)):
+    for comparator in (
+        PolytopeComparator(4, prior=found),
+        PosteriorComparator(4, prior=found, particles=50),
+    ):
         low, high = comparator.bounds([[0, 0, 1, 0], [0, 1, 0, 0]])
         assert low[0] >= 0.4 - 1e-9
         assert 0.1 - 1e-9 <= low[1] <= high[1] <= 0.3 + 1e-9
-    with pytest.raises(ValueError, match=r"each inequality must be a text such as 'e2 >= 0.4', not 3"):
+    with pytest.raises(
+        ValueError, match=r"each inequality must be a text such as 'e2 >= 0.4', not 3"
+    ):
         inequalities(["e2 >= 0.5", 3], 3)
     unclear = ["dead", "very ill", "very-ill", "well"]
     assert inequality("e2 >= 0.5", labels=unclear).bound == 0.5
-    with pytest.raises(ValueError, match='no level is called "very_ill"; there are e1, e2, e3, e4, dead, well'):
+    with pytest.raises(
+        ValueError, match='no level is called "very_ill"; there are e1, e2, e3, e4, dead, well'
+    ):
         inequality("very_ill >= 0.5", labels=unclear)
 
 
 def test_a_comparator_that_does_not_know_a_name_says_how_to_give_it():
     wanted = (
-        r'no level is called "stable"; .* elicit.inequalities\("stable >= 0.4", labels=\[...\]\), with one name a level'
+        r'no level is called "stable"; .* elicit.inequalities\("stable >= 0.4", labels=\[...\]\), '
+        r"with one name a level"
     )
     for make in (PolytopeComparator, PosteriorComparator):
         with pytest.raises(ValueError, match=wanted):
@@ -150,8 +181,12 @@ def test_the_number_of_levels_and_the_labels_are_checked():
 
 @st.composite
 def expressions(draw, depth: int = 3):
-    """An expression over e1..e3 with its value as an affine function (constant, three coefficients) in Fractions."""
-    kind = draw(st.sampled_from(["level", "number", "sum", "difference", "product", "quotient", "minus"]))
+    """An expression over e1..e3 with its value as an affine function (constant, three coefficients)
+    in Fractions.
+    """
+    kind = draw(
+        st.sampled_from(["level", "number", "sum", "difference", "product", "quotient", "minus"])
+    )
     if depth == 0 or kind == "level":
         i = draw(st.integers(1, 3))
         return f"e{i}", [Fraction(int(j == i)) for j in range(4)]
@@ -168,7 +203,9 @@ def expressions(draw, depth: int = 3):
         return shown if kind == "product" else f"({text})/{power}", [factor * x for x in value]
     other, more = draw(expressions(depth - 1))
     sign = 1 if kind == "sum" else -1
-    return f"({text}) {'+' if sign > 0 else '-'} ({other})", [x + sign * y for x, y in zip(value, more, strict=True)]
+    return f"({text}) {'+' if sign > 0 else '-'} ({other})", [
+        x + sign * y for x, y in zip(value, more, strict=True)
+    ]
 
 
 @examples(200)
@@ -251,7 +288,10 @@ def test_every_way_to_state_a_prior_is_the_same_prior():
     assert as_prior(as_prior(ways[3], 3), 3).names == ("e3 >= 2*e2", "a tenth")
     assert as_prior(first, 3).names == as_prior("e3 >= 2*e2", 3).names == ("e3 >= 2*e2",)
     assert len(as_prior("0.1 <= e2 <= 0.5", 3).names) == 2
-    assert as_prior(([0, 1, 0], 0.1), 3).a.shape == (1, 3)  # one row needs no second pair of brackets
+    assert as_prior(([0, 1, 0], 0.1), 3).a.shape == (
+        1,
+        3,
+    )  # one row needs no second pair of brackets
 
 
 def test_no_inequality_is_no_prior():
@@ -277,7 +317,10 @@ def test_no_inequality_is_no_prior():
         ([Inequality([0, 1], 0, "x")], '"x" is about 2 levels, not k = 3'),
         (Inequality([0, 1], 0, "x"), '"x" is about 2 levels, not k = 3'),
         (["e4 >= 0.5"], 'no level is called "e4"'),
-        (Prior(np.zeros((2, 3)), np.zeros(2), ("x",)), "one name an inequality: 2 inequalities, 1 names"),
+        (
+            Prior(np.zeros((2, 3)), np.zeros(2), ("x",)),
+            "one name an inequality: 2 inequalities, 1 names",
+        ),
         (Prior(np.zeros((2, 4)), np.zeros(2), ("x", "y")), "the prior's A must have shape"),
     ],
 )
@@ -291,7 +334,10 @@ def test_the_comparators_program_takes_a_prior_as_it_takes_a_and_b():
     for named, plain in zip(prior_rows(prior, 4), prior_rows((prior.a, prior.b), 4), strict=True):
         assert named.tolist() == plain.tolist()
     comparator = PolytopeComparator(4, prior=prior)
-    twice, slack = [0.0, -2.0, 1.0, 0.0], [0.0, 0.0, 1.0, -0.75]  # e3 - 2 e2, and e3 - 3/4 e4 with e4 = 1
+    twice, slack = (
+        [0.0, -2.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0, -0.75],
+    )  # e3 - 2 e2, and e3 - 3/4 e4 with e4 = 1
     assert comparator.compare([twice, slack]).tolist() == [Verdict.BETTER, Verdict.BETTER]
     for nothing in (None, (np.empty((0, 4)), [])):
         plain = PolytopeComparator(4, prior=nothing)

@@ -1,4 +1,6 @@
-"""The cheap proofs one by one, in rationals, and what may be handed to ``compare`` and ``decide``."""
+"""The cheap proofs one by one, in rationals, and what may be handed to ``compare`` and
+``decide``.
+"""
 
 import math
 from collections import Counter
@@ -14,7 +16,16 @@ from hypothesis import strategies as st
 from elicit import Answers, PolytopeComparator, Verdict, decide
 from elicit.lp.dual_simplex import minimise_exactly
 from elicit.lp.primal_simplex import doubt_at
-from elicit.lp.sign_proofs import NOWHERE, lifting_row, lifts, settle, side_of, signs_at_points, signs_together, to_unit
+from elicit.lp.sign_proofs import (
+    NOWHERE,
+    lifting_row,
+    lifts,
+    settle,
+    side_of,
+    signs_at_points,
+    signs_together,
+    to_unit,
+)
 from elicit.lp.vertex_store import know_rows, start
 from elicit.lp.vertices import ROW, Known
 from elicit.model.scale import dominance, tail_sums
@@ -41,7 +52,9 @@ from tests.thoroughness import examples
 Floats = np.ndarray[Any, Any]
 Rng = np.random.Generator
 finite = st.floats(allow_nan=False, allow_infinity=False)
-wild = st.one_of(finite, st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1e300, 1e-300, 1.0]))
+wild = st.one_of(
+    finite, st.sampled_from([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1e300, 1e-300, 1.0])
+)
 vectors = st.lists(wild, min_size=2, max_size=9)
 
 
@@ -85,7 +98,9 @@ def test_scaling_loses_no_bit(numbers: list[float]) -> None:
     wanted = [x / Fraction(2) ** exponent for x in before]
     if largest > 0 and not 0.5 <= size < 1:  # left as it was, since some bit has no place
         assert exact(t) == before
-        assert any(Fraction(math.ldexp(x, -exponent)) != w for x, w in zip(numbers, wanted, strict=True))
+        assert any(
+            Fraction(math.ldexp(x, -exponent)) != w for x, w in zip(numbers, wanted, strict=True)
+        )
     else:
         assert exact(t) == wanted
 
@@ -114,7 +129,9 @@ def nothing_known(p: int) -> Known:
 
 def knowing(rows: Floats) -> Known:
     """With these known rows, and nothing else."""
-    known = nothing_known(rows.shape[1])._replace(rows=np.empty(rows.shape), lifted=np.empty(rows.shape))
+    known = nothing_known(rows.shape[1])._replace(
+        rows=np.empty(rows.shape), lifted=np.empty(rows.shape)
+    )
     known = known._replace(masks=np.empty(len(rows), np.uint64), counts=known.counts.copy())
     know_rows(known, rows, np.zeros(len(rows)))
     return known
@@ -151,7 +168,9 @@ def a_row(rng: Rng, p: int, tiny: bool = False) -> Floats:
 
 
 def near_a_multiple(rng: Rng, w: Floats) -> Floats:
-    """lambda w, with some entries raised a little, and some moved by the last bit or by next to nothing."""
+    """lambda w, with some entries raised a little, and some moved by the last bit or by next to
+    nothing.
+    """
     factor = float(rng.choice([1.0, 1.0, 2.0**-7, 3.0, rng.random(), 10.0 ** rng.uniform(-160, 0)]))
     with np.errstate(under="ignore"):
         t = factor * w
@@ -183,7 +202,11 @@ def test_a_row_is_lifted_only_if_it_is(seed: int) -> None:
         said += given
         missed += any(really) and not given
         for q, (w_q, mask) in enumerate(zip(known.rows, known.masks, strict=True)):
-            usable = mask != ~np.uint64(0) or not (w_q != 0).any() or np.abs(w_q[w_q != 0]).min() >= 2.0**-500
+            usable = (
+                mask != ~np.uint64(0)
+                or not (w_q != 0).any()
+                or np.abs(w_q[w_q != 0]).min() >= 2.0**-500
+            )
             assert really[q] or not usable or not lifts(t, side, q, known.rows, known.lifted)
             if (side * t == w_q).all() and usable:  # an answered pair met again
                 assert lifts(t, side, q, known.rows, known.lifted)
@@ -204,13 +227,17 @@ def test_a_multiple_of_a_known_row_is_found_whatever_its_place() -> None:
 
 
 def test_tiny_entries_prove_nothing_beyond_64_gaps() -> None:
-    """w = (1/2, 0, ..., -1/2, 2^-600) and t = lambda w without its last entry, which is too small to multiply."""
+    """w = (1/2, 0, ..., -1/2, 2^-600) and t = lambda w without its last entry, which is too small
+    to multiply.
+    """
     d, ask = np.zeros(71), np.zeros(71)
     d[[1, 68, 69, 70]] = 0.5, 0.5, -0.5, 2.0**-600
     ask[[1, 2, 3, 68, 69]] = 2.0**-491 * (1 + 2.0**-40), -0.75, 0.75, 2.0**-491, -(2.0**-491)
     least, greatest = Oracle(region_of(71, 0.0, None, d[None], [1])).range(exact(tails(ask)[0]))
     assert least < 0 < greatest
-    assert PolytopeComparator(71, margin=0.0).update(Answers([d], [1])).compare(ask).tolist() == [Verdict.UNKNOWN]
+    assert PolytopeComparator(71, margin=0.0).update(Answers([d], [1])).compare(ask).tolist() == [
+        Verdict.UNKNOWN
+    ]
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
@@ -222,9 +249,14 @@ def test_what_is_settled_is_settled_rightly(seed: int) -> None:
             seen[given] += 1
             if given != UNSETTLED:
                 least, greatest = minimise_exactly(s, r).value, -minimise_exactly(-s, r).value
-                ordered = given in (Verdict.BETTER, Verdict.WORSE)  # by order alone, where gaps may be closed
+                ordered = given in (
+                    Verdict.BETTER,
+                    Verdict.WORSE,
+                )  # by order alone, where gaps may be closed
                 wanted = verdict(least, greatest)
-                assert given == wanted or (ordered and wanted == 0 and by_dominance(s) == given), kind
+                assert given == wanted or (ordered and wanted == 0 and by_dominance(s) == given), (
+                    kind
+                )
     assert min(seen[-1], seen[1], seen[2], seen[UNSETTLED]) > 20
 
 
@@ -235,7 +267,10 @@ def test_huge_and_tiny_numbers_in_one_difference() -> None:
         truth = draw_truth(rng, k - 1)
         d = shares(rng, k, 5)
         y = answered(rng, d, truth)
-        c, oracle = PolytopeComparator(k).update(Answers(d, y)), Oracle(region_of(k, 1e-6, None, d, list(y)))
+        c, oracle = (
+            PolytopeComparator(k).update(Answers(d, y)),
+            Oracle(region_of(k, 1e-6, None, d, list(y))),
+        )
         sizes = np.array([1e300, 1.0, 1e-12, 1e-300, 5e-324, 0.0])
         ask = rng.choice(sizes, size=(4, k)) * rng.choice([-1, 1, 0.7], size=(4, k))
         for one, got in zip(ask, c.compare(ask), strict=True):
@@ -246,11 +281,15 @@ def test_huge_and_tiny_numbers_in_one_difference() -> None:
 
 
 def test_sums_of_huge_numbers_prove_nothing() -> None:
-    """0.1 has no place beside 2^1020 once that is scaled to 1, so tail sums stay huge; their sum is infinite."""
+    """0.1 has no place beside 2^1020 once that is scaled to 1, so tail sums stay huge; their sum is
+    infinite.
+    """
     known = from_tails([-1.0, 1.0, 0.0, 0.0, 2.0, -1.0, -2.0])
     t = np.array([3.0, 4.0, 4.0, 4.0, -1.0, 2.0]) * 2.0**1020
     ask = np.concatenate([[0.0], t[:-1] - t[1:], t[-1:], [0.1]])
-    least, greatest = Oracle(region_of(8, 2.0**-10, None, known[None], [-1])).range(exact(tails(ask)[0]))
+    least, greatest = Oracle(region_of(8, 2.0**-10, None, known[None], [-1])).range(
+        exact(tails(ask)[0])
+    )
     assert least < 0 < greatest
     c = PolytopeComparator(8, margin=2.0**-10).update(Answers([known], [-1]))
     assert c.compare(ask).tolist() == [Verdict.UNKNOWN]
@@ -270,7 +309,14 @@ def test_any_layout_and_number_type() -> None:
     frozen, wide = d.copy(), np.zeros((80, 12))
     frozen.flags.writeable = False
     wide[::2, ::2] = d
-    for same in (np.asfortranarray(d), frozen, wide[::2, ::2], d.astype(">f8"), d.tolist(), d.astype(object)):
+    for same in (
+        np.asfortranarray(d),
+        frozen,
+        wide[::2, ::2],
+        d.astype(">f8"),
+        d.tolist(),
+        d.astype(object),
+    ):
         assert (c.compare(same) == wanted).all()
     assert (frozen == d).all()
     assert c.compare(np.broadcast_to(d[0], (3, 6))).tolist() == [wanted[0]] * 3
@@ -278,13 +324,25 @@ def test_any_layout_and_number_type() -> None:
     wanted = PolytopeComparator(6).update(Answers(*told)).compare(d)
     wide = np.zeros((24, 12))
     wide[::2, ::2] = told[0]
-    for same in (np.asfortranarray(told[0]), wide[::2, ::2], told[0].astype(np.float32), told[0].tolist()):
-        assert (PolytopeComparator(6).update(Answers(same, told[1].astype(np.int64))).compare(d) == wanted).all()
+    for same in (
+        np.asfortranarray(told[0]),
+        wide[::2, ::2],
+        told[0].astype(np.float32),
+        told[0].tolist(),
+    ):
+        assert (
+            PolytopeComparator(6).update(Answers(same, told[1].astype(np.int64))).compare(d)
+            == wanted
+        ).all()
     short = d.astype(np.float32)
     assert (c.compare(short) == c.compare(short.astype(np.float64))).all()
     whole = np.round(8 * d).astype(np.int8)
     assert (c.compare(whole) == c.compare(whole.astype(np.float64))).all()
-    for zero in (np.zeros((0, 6)), np.zeros((0, 6), dtype=np.int32), np.asfortranarray(np.zeros((6, 0))).T):
+    for zero in (
+        np.zeros((0, 6)),
+        np.zeros((0, 6), dtype=np.int32),
+        np.asfortranarray(np.zeros((6, 0))).T,
+    ):
         decided = decide(c, zero)
         assert decided.verdicts.shape == decided.tiers.shape == (0,)
         assert decided.verdicts.dtype == np.int8
@@ -298,7 +356,10 @@ def test_a_whole_number_too_large_for_a_float() -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_signs_at_points_are_the_same_one_by_one_and_together(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    points, kind = rng.dirichlet(np.ones(5), size=12).T.copy(), rng.integers(0, 3, size=12).astype(np.int8)
+    points, kind = (
+        rng.dirichlet(np.ones(5), size=12).T.copy(),
+        rng.integers(0, 3, size=12).astype(np.int8),
+    )
     t, at = rng.normal(size=5) + rng.choice([-1.0, 0.0, 1.0]), np.empty((2, 9))
     for doubt in (1e-15, 0.5):
         for side in (-1, 0, 1):

@@ -1,4 +1,6 @@
-"""Bounds that hold for all differences at once, and draws of plausible scales: against other solvers and by hand."""
+"""Bounds that hold for all differences at once, and draws of plausible scales: against other
+solvers and by hand.
+"""
 
 import numpy as np
 import pytest
@@ -24,7 +26,13 @@ def greatest_by_highs(d, answers, margin):
     p = answers.k - 1
     cuts = -tail_sums(answers.d) * answers.y[:, None]
     found = linprog(
-        -tail_sums(d), cuts, np.zeros(len(cuts)), np.ones((1, p)), [1.0], [(margin, None)] * p, method="highs-ds"
+        -tail_sums(d),
+        cuts,
+        np.zeros(len(cuts)),
+        np.ones((1, p)),
+        [1.0],
+        [(margin, None)] * p,
+        method="highs-ds",
     )
     return -found.fun
 
@@ -44,7 +52,8 @@ def test_a_polytopes_bounds_are_the_optima_of_highs(k):
 
 
 def test_bounds_on_more_rows_than_corners_are_kept_need_no_other_solver():
-    # a row's corner may have made room for another's before anybody looks: that alone must not send it to Clarabel
+    # a row's corner may have made room for another's before anybody looks: that alone must not send
+    # it to Clarabel
     rng = np.random.default_rng(5)
     comparator = PolytopeComparator(10).update(truthful(rng, 20, 10))
     d = differences(rng, 3000, 10)
@@ -55,7 +64,8 @@ def test_bounds_on_more_rows_than_corners_are_kept_need_no_other_solver():
 
 
 def test_a_polytopes_bounds_hold_where_the_set_is_thin():
-    # answers in thousands leave a sliver, where corners are hard to invert: then another solver is asked
+    # answers in thousands leave a sliver, where corners are hard to invert: then another solver is
+    # asked
     rng = np.random.default_rng(3)
     comparator = PolytopeComparator(8).update(truthful(rng, 1500, 8))
     d = differences(rng, 40, 8)
@@ -86,7 +96,8 @@ def test_draws_from_a_polytope_satisfy_its_answers_and_spread(k):
 
 def test_draws_from_an_uncut_simplex_are_uniform():
     gaps = PolytopeComparator(3, margin=0.0).draws.gaps
-    # uniform on [0, 1], of which 256 independent draws have a Kolmogorov-Smirnov distance beyond .122 in one of 1,000
+    # uniform on [0, 1], of which 256 independent draws have a Kolmogorov-Smirnov distance beyond
+    # .122 in one of 1,000
     ranks = np.sort(gaps[0])
     assert np.abs(ranks - (np.arange(len(ranks)) + 0.5) / len(ranks)).max() < 0.122
 
@@ -104,7 +115,9 @@ def test_comparators_that_learn_nothing_bound_by_the_order_alone():
         high, confidence = simultaneous_bounds(comparator, d)
         np.testing.assert_allclose(high, tail_sums(d).max(axis=1))
         assert confidence == 1
-    high, confidence = simultaneous_bounds(Plain(), d)  # what it says row by row, where the order says no more
+    high, confidence = simultaneous_bounds(
+        Plain(), d
+    )  # what it says row by row, where the order says no more
     np.testing.assert_allclose(high[:-1], tail_sums(d[:-1]).max(axis=1))
     assert high[-1] == -0.25
     assert np.isnan(confidence)

@@ -1,4 +1,6 @@
-"""What is known of K_t stays true however long it is used: points, corners, rows, the inner point, the pruning."""
+"""What is known of K_t stays true however long it is used: points, corners, rows, the inner point,
+the pruning.
+"""
 
 import time
 
@@ -32,7 +34,9 @@ from tests.thoroughness import quick_first
 def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
     """All answers against the pruned set; and the same set, whatever the order they came in."""
     answers = rows = 0
-    for i, case in enumerate(cases([61, seed], 3 * len(KINDS), asks=3, most_levels=9, most_answers=60)):
+    for i, case in enumerate(
+        cases([61, seed], 3 * len(KINDS), asks=3, most_levels=9, most_answers=60)
+    ):
         rng = np.random.default_rng(i)
         c, other = case.known(), PolytopeComparator(case.k, case.margin, case.prior, case.tie)
         for part in np.array_split(rng.permutation(len(case.y)), min(5, len(case.y) or 1)):
@@ -45,11 +49,15 @@ def test_what_is_left_out_follows_from_what_is_kept(seed: int) -> None:
         low, high = c.bounds(case.ask)
         for mine, its in zip(other.bounds(case.ask), (low, high), strict=True):
             with np.errstate(all="ignore"):
-                assert ((np.abs(mine - its) <= 1e-9 * np.abs(case.ask).sum(axis=1)) | (mine == its)).all(), case.kind
+                assert (
+                    (np.abs(mine - its) <= 1e-9 * np.abs(case.ask).sum(axis=1)) | (mine == its)
+                ).all(), case.kind
     assert rows < answers - 300
 
 
-@pytest.mark.parametrize(("k", "checks"), [(2, 3), (3, 3), (8, 3), pytest.param(20, 1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("k", "checks"), [(2, 3), (3, 3), (8, 3), pytest.param(20, 1, marks=pytest.mark.slow)]
+)
 def test_five_thousand_comparisons_between_150_answers(k: int, checks: int) -> None:
     rng = np.random.default_rng(k)
     truth = draw_truth(rng, k - 1)
@@ -71,7 +79,8 @@ def test_five_thousand_comparisons_between_150_answers(k: int, checks: int) -> N
             ask = np.concatenate([questions(rng, c.answers.d, truth, 12), d[:4]])
             for row, got in zip(ask, c.compare(ask), strict=True):
                 assert got == verdict(*oracle.range(exact(tails(row)[0])))
-        # one that is not known yet, where there is one, as a learner would ask; none that makes K_t too thin
+        # one that is not known yet, where there is one, as a learner would ask; none that makes K_t
+        # too thin
         unknown = np.append(np.flatnonzero(~sure[10:]), 0)
         one = d[10 + unknown[0]][None]
         c = c.update(Answers(one, answered(rng, one, truth)))
@@ -84,7 +93,10 @@ def test_a_comparator_shares_nothing_that_changes_with_what_is_made_of_it() -> N
     rng = np.random.default_rng(1)
     truth = draw_truth(rng, 6)
     d, made = shares(rng, 7, 30), PolytopeComparator(7)
-    several = [made := made.update(Answers(part, answered(rng, part, truth))) for part in (d[:20], d[20:25], d[25:])]
+    several = [
+        made := made.update(Answers(part, answered(rng, part, truth)))
+        for part in (d[:20], d[20:25], d[25:])
+    ]
     ask = shares(rng, 7, 500)
     said = [(one.compare(ask), one.values, len(one.answers)) for one in several[::-1]][::-1]
     for one, (verdicts, values, told) in zip(several, said, strict=True):
@@ -131,9 +143,13 @@ def test_ten_thousand_times_the_same_answer() -> None:
     d, ask = from_tails([1.0, -2.0, 0.5, 0.25]), shares(np.random.default_rng(3), 5, 50)
     once = PolytopeComparator(5).update(Answers([d], [1]))
     begin = time.perf_counter()
-    often = PolytopeComparator(5).update(Answers(np.repeat(d[None], 10_000, axis=0), np.ones(10_000, int)))
+    often = PolytopeComparator(5).update(
+        Answers(np.repeat(d[None], 10_000, axis=0), np.ones(10_000, int))
+    )
     assert time.perf_counter() - begin < 10.0  # it takes a third of a second
     assert rows_kept(often) == 1
     assert (often.compare(ask) == once.compare(ask)).all()
-    torn = PolytopeComparator(5).update(Answers(np.repeat(d[None], 20, axis=0), np.tile([1, -1], 10)))
+    torn = PolytopeComparator(5).update(
+        Answers(np.repeat(d[None], 20, axis=0), np.tile([1, -1], 10))
+    )
     assert rows_kept(torn) == 2  # 1,000 such answers take six seconds

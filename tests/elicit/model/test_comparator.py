@@ -1,4 +1,6 @@
-"""The comparators that learn nothing, the one table of verdicts, and the conformance tests themselves."""
+"""The comparators that learn nothing, the one table of verdicts, and the conformance tests
+themselves.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +33,9 @@ from elicit.model.scale import as_vectors, dominance, dot, tail_sums
 from elicit.testing import check_comparator, sample_differences
 
 
-@pytest.mark.parametrize("comparator", [make(k) for make in (AlwaysAsk, Dominance) for k in (2, 3, 5, 12)], ids=repr)
+@pytest.mark.parametrize(
+    "comparator", [make(k) for make in (AlwaysAsk, Dominance) for k in (2, 3, 5, 12)], ids=repr
+)
 def test_both_conform(comparator):
     check_comparator(comparator)
     check_comparator(comparator, seed=5)
@@ -40,7 +44,15 @@ def test_both_conform(comparator):
 def test_the_table_of_signs():
     least = np.array([-2.0, -2, -2, 0, 0, 1, 0])
     greatest = np.array([-1.0, 0, 3, 0, 2, 2, 0])
-    wanted = [Verdict.WORSE, Verdict.WORSE, Verdict.UNKNOWN, Verdict.EQUAL, Verdict.BETTER, Verdict.BETTER, 0]
+    wanted = [
+        Verdict.WORSE,
+        Verdict.WORSE,
+        Verdict.UNKNOWN,
+        Verdict.EQUAL,
+        Verdict.BETTER,
+        Verdict.BETTER,
+        0,
+    ]
     assert verdicts_from(least, greatest).tolist() == wanted
     assert verdicts_from(least, greatest).dtype == np.int8
     assert verdicts_from(-greatest, -least).tolist() == [2 if v == 2 else -v for v in wanted]
@@ -52,7 +64,12 @@ def test_what_they_decide():
     assert AlwaysAsk(3).compare(d).tolist() == [0, 0, 2, 2, 2]
     verdicts, tiers = decide(AlwaysAsk(3), d)
     assert (verdicts.tolist(), tiers.tolist()[:2]) == ([0, 0, 2, 2, 2], [Tier.EQUAL, Tier.EQUAL])
-    assert decide(Dominance(3), d).tiers.tolist()[:4] == [Tier.EQUAL, Tier.EQUAL, Tier.DOMINANCE, Tier.DOMINANCE]
+    assert decide(Dominance(3), d).tiers.tolist()[:4] == [
+        Tier.EQUAL,
+        Tier.EQUAL,
+        Tier.DOMINANCE,
+        Tier.DOMINANCE,
+    ]
     for comparator in (Dominance(3), AlwaysAsk(3)):
         assert comparator.values.tolist() == [0, 0.5, 1]
         assert np.array(comparator.bounds(d)).tolist() == [[0, 0, 1, -1, -1], [0, 0, 1, 0, 1]]
@@ -78,7 +95,9 @@ def test_the_number_of_levels():
 
 @dataclass(frozen=True)
 class OneScale:
-    """Believes in one scale: a correct, if bold, comparator, from which the bad ones differ by one mistake."""
+    """Believes in one scale: a correct, if bold, comparator, from which the bad ones differ by one
+    mistake.
+    """
 
     k: int = 4
     told: int = 0
@@ -149,9 +168,15 @@ class Forgetful(OneScale):
         ({"compare": unless(lambda *_: True, np.abs)}, "dominance|-compare"),
         ({"compare": lambda self, d: OneScale.compare(self, d).astype(int)}, "int8"),
         # UNKNOWN below an absolute length
-        ({"compare": unless(lambda self, d, _: np.abs(self.product(d)) < 1e-3, unknown)}, "dominance|same sign"),
+        (
+            {"compare": unless(lambda self, d, _: np.abs(self.product(d)) < 1e-3, unknown)},
+            "dominance|same sign",
+        ),
         # shrinks from deciding a single row
-        ({"compare": unless(lambda self, d, v: left_open(self, d) & (len(v) == 1), unknown)}, "compared alone"),
+        (
+            {"compare": unless(lambda self, d, v: left_open(self, d) & (len(v) == 1), unknown)},
+            "compared alone",
+        ),
         (
             {"compare": lambda self, d: OneScale.compare(self, np.nan_to_num(np.atleast_2d(d)))},
             "must raise ValueError or TypeError",
@@ -159,13 +184,29 @@ class Forgetful(OneScale):
         ({"values": property(lambda self: np.linspace(0, 2, self.k))}, "from 0 to 1"),
         ({"compare": unless(lambda self, d, verdicts: verdicts == 0, unknown)}, "dominance"),
         (
-            {"compare": unless(lambda self, d, _: (as_vectors(d)[:, 0] > 0.9) & left_open(self, d), np.negative)},
+            {
+                "compare": unless(
+                    lambda self, d, _: (as_vectors(d)[:, 0] > 0.9) & left_open(self, d), np.negative
+                )
+            },
             r"level 1|-compare|same sign",
         ),
-        ({"bounds": lambda self, d: (self.product(d) - 0.01, self.product(d) - 0.02)}, "of two identical|lo <= hi"),
-        ({"bounds": lambda self, d: (-np.abs(self.product(d)), np.abs(self.product(d)))}, "BETTER goes with"),
-        ({"update": lambda self, answers: type(self)(self.k)}, "must raise ValueError or TypeError"),
-        ({"update": lambda self, answers: OneScale.update(self, answers) and None}, "must return a comparator"),
+        (
+            {"bounds": lambda self, d: (self.product(d) - 0.01, self.product(d) - 0.02)},
+            "of two identical|lo <= hi",
+        ),
+        (
+            {"bounds": lambda self, d: (-np.abs(self.product(d)), np.abs(self.product(d)))},
+            "BETTER goes with",
+        ),
+        (
+            {"update": lambda self, answers: type(self)(self.k)},
+            "must raise ValueError or TypeError",
+        ),
+        (
+            {"update": lambda self, answers: OneScale.update(self, answers) and None},
+            "must return a comparator",
+        ),
     ],
 )
 def test_bad_comparators_are_found_out(bad, complaint):
@@ -185,7 +226,9 @@ def test_what_bad_input_raises_may_be_either_kind_of_error():
     def breaks(self, d):
         return OneScale.compare(self, d) if np.shape(d)[-1] == self.k else d[99]
 
-    with pytest.raises(AssertionError, match=r"must raise ValueError or TypeError, not IndexError.*as_differences"):
+    with pytest.raises(
+        AssertionError, match=r"must raise ValueError or TypeError, not IndexError.*as_differences"
+    ):
         check_comparator(type("Bad", (OneScale,), {"compare": breaks})())
 
 
@@ -274,15 +317,30 @@ def drawn(change):
 @pytest.mark.parametrize(
     ("bad", "complaint"),
     [
-        ({"simultaneous_bounds": lambda self, d: self.product(d)}, r"Bad\.simultaneous_bounds\(d\) must return upper"),
-        ({"simultaneous_bounds": lambda self, d: (self.product(d)[:-1], 1.0)}, r"must return upper bounds \(n,\)"),
-        ({"simultaneous_bounds": lambda self, d: (self.product(d), 95)}, "confidence .* must be in 0..1, or nan"),
-        ({"simultaneous_bounds": lambda self, d: (self.product(d) - 0.1, 1.0)}, "leave room for some scale"),
+        (
+            {"simultaneous_bounds": lambda self, d: self.product(d)},
+            r"Bad\.simultaneous_bounds\(d\) must return upper",
+        ),
+        (
+            {"simultaneous_bounds": lambda self, d: (self.product(d)[:-1], 1.0)},
+            r"must return upper bounds \(n,\)",
+        ),
+        (
+            {"simultaneous_bounds": lambda self, d: (self.product(d), 95)},
+            "confidence .* must be in 0..1, or nan",
+        ),
+        (
+            {"simultaneous_bounds": lambda self, d: (self.product(d) - 0.1, 1.0)},
+            "leave room for some scale",
+        ),
         ({"level": 95, "draws": property(even)}, "level, .* must lie between 0 and 1, not 95"),
         ({"lapse": 1.5}, "lapse, .* not 1.5"),
         ({"tie": "1%"}, "tie, .* not '1%'"),
         ({"answers": [1]}, r"answers must be elicit\.Answers over k = 4 levels, not \[1\]"),
-        ({"probability": lambda self, d: np.full(len(d), 1.5)}, r"probability .* numbers in 0\.\.1"),
+        (
+            {"probability": lambda self, d: np.full(len(d), 1.5)},
+            r"probability .* numbers in 0\.\.1",
+        ),
         ({"probability": lambda self, d: np.full(len(d), 0.9)}, "total 1 at most"),
         ({"rule": 1, "compare": OneScale.compare}, "rule must be .*Rule, not int"),
         ({"draws": np.ones((3, 5))}, r"Bad\.draws must be None or a tuple.*, but it is ndarray"),
@@ -292,7 +350,10 @@ def drawn(change):
         (drawn(lambda g, w, c: (g, 2 * w, c)), "the weights range from .* and total 2"),
         (drawn(lambda g, w, c: (g, w, -c)), "the least precision is -10"),
         (drawn(lambda g, w, c: (g.astype(np.float32), w, c)), "their types are float32"),
-        (drawn(lambda g, w, c: (np.array([[2.0, 2, 2], [-1, -1, -1], [0, 0, 0]]), w, c)), "must not be negative"),
+        (
+            drawn(lambda g, w, c: (np.array([[2.0, 2, 2], [-1, -1, -1], [0, 0, 0]]), w, c)),
+            "must not be negative",
+        ),
     ],
 )
 def test_bad_optional_parts_are_found_out(bad, complaint):
@@ -318,7 +379,9 @@ BAD_PARTS = {
     "settle": {
         "rule": nothing(),
         "compare": lambda self, d: decide(self, d).verdicts,
-        "settle": lambda self, d: Decisions(np.full(len(d), 3, np.int8), np.full(len(d), 6, np.int8)),
+        "settle": lambda self, d: Decisions(
+            np.full(len(d), 3, np.int8), np.full(len(d), 6, np.int8)
+        ),
     },
 }
 
@@ -329,14 +392,20 @@ def test_each_optional_part_is_tried_out_and_listed(part):
         check_comparator(type("Bad", (OneScale,), BAD_PARTS[part.member])())
     assert f"    {part.signature:24}{part.gives[:30]}" in elicit.testing.__doc__
     row = f"| `{part.signature}` | {part.gives} | {part.use} |\n".replace("|d.e|", r"\|d.e\|")
-    assert row in (Path(__file__).parents[3] / "docs/your-own-comparator.md").read_text(encoding="utf-8")
+    assert row in (Path(__file__).parents[3] / "docs/your-own-comparator.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_the_table_of_optional_parts_is_that_of_the_protocols():
     declared = {}
     for module in (protocols, comparator_rule):
         for name, kind in vars(module).items():
-            if getattr(kind, "_is_protocol", False) and kind.__module__ == module.__name__ and name != "Comparator":
+            if (
+                getattr(kind, "_is_protocol", False)
+                and kind.__module__ == module.__name__
+                and name != "Comparator"
+            ):
                 declared[name] = [member for member in vars(kind) if not member.startswith("_")]
     assert declared == {part.protocol: [part.member] for part in OPTIONAL_PARTS}
     assert set(BAD_PARTS) == {part.member for part in OPTIONAL_PARTS}
@@ -363,8 +432,14 @@ def test_a_rule_that_leaves_differences_open_needs_settle():
 
     check_comparator(Ruled())
     for settle, complaint in (
-        (lambda self, d: Decisions(OneScale.compare(self, d), np.full(len(d), 99, np.int8)), "a tier, of elicit.Tier"),
-        (lambda self, d: Decisions(np.full(len(d), 3, np.int8), np.full(len(d), 6, np.int8)), "verdicts must be those"),
+        (
+            lambda self, d: Decisions(OneScale.compare(self, d), np.full(len(d), 99, np.int8)),
+            "a tier, of elicit.Tier",
+        ),
+        (
+            lambda self, d: Decisions(np.full(len(d), 3, np.int8), np.full(len(d), 6, np.int8)),
+            "verdicts must be those",
+        ),
     ):
         with pytest.raises(AssertionError, match=complaint):
             check_comparator(type("Bad", (Ruled,), {"settle": settle})())
@@ -376,7 +451,10 @@ def test_broken_parts_are_named_where_a_learner_meets_them():
         draws_in(bad)
     assert draws_in(OneScale()) is None
     bad = type("Mine", (OneScale,), {"simultaneous_bounds": lambda self, d: None})()
-    with pytest.raises(TypeError, match=r"Mine\.simultaneous_bounds\(d\) must return .* but of 1 differences .* None"):
+    with pytest.raises(
+        TypeError,
+        match=r"Mine\.simultaneous_bounds\(d\) must return .* but of 1 differences .* None",
+    ):
         simultaneous_bounds(bad, [1, -2, 1, 0])
 
 
@@ -384,7 +462,9 @@ def test_simultaneous_bounds_lie_within_those_of_the_order():
     d = np.array([[-1.0, 0, 0, 1], [1, -2, 1, 0], [0, 0, 0, 0], [1, 0, 0, -1]])
     for said in (np.inf, 1e300):
         loose = type(
-            "Mine", (OneScale,), {"simultaneous_bounds": lambda self, d, said=said: (np.full(len(d), said), 1.0)}
+            "Mine",
+            (OneScale,),
+            {"simultaneous_bounds": lambda self, d, said=said: (np.full(len(d), said), 1.0)},
         )
         high, confidence = simultaneous_bounds(loose(), d)
         assert high.tolist() == [1, 1, 0, -1]

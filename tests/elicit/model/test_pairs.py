@@ -31,7 +31,9 @@ def code(t: Floats) -> int:
 
 
 def round_sums(n: int, p: int, seed: int) -> Floats:
-    """Tail sums of differences of bags of twelve: multiples of a twelfth, where rounding does harm if anywhere."""
+    """Tail sums of differences of bags of twelve: multiples of a twelfth, where rounding does harm
+    if anywhere.
+    """
     rng = np.random.default_rng(seed)
     bags = rng.multinomial(12, np.full(p + 1, 1 / (p + 1)), size=(2, n)) / 12.0
     sums = tail_sums(bags[0] - bags[1])
@@ -45,7 +47,9 @@ def test_names_do_not_depend_on_direction_or_last_bits(p: int, seed: int, unit: 
     for t in unit * round_sums(12, p, seed):
         near = t + 1e-15 * unit * rng.standard_normal(p)
         assert way_round(t) == way_round(near) == -way_round(-t) == ways_round(t[None])[0]
-        if unit != 1e6:  # beyond order one a grain is a millionth of a twelfth of a million: not at its middle
+        if (
+            unit != 1e6
+        ):  # beyond order one a grain is a millionth of a twelfth of a million: not at its middle
             assert code(t) == code(near) == code(-t)
         assert same_pairs(t, np.stack([near, -near, t + 3 * nearness(t)])).tolist() == [1, -1, 0]
         assert near_to(t) == nearness(t) > 0
@@ -60,7 +64,9 @@ def test_different_pairs_have_different_codes_and_numbers() -> None:
     codes = np.array([code(row) for row in t], dtype=np.uint64)
     assert len(np.unique(codes)) == numbers.max() + 1 == len(np.unique(numbers)) > 60
     assert code(np.array([1.0, 2.0])) != code(np.array([2.0, 1.0]))
-    assert code(np.array([2.0, 4.0])) != code(np.array([4.0, 8.0]))  # of order one, they are the same
+    assert code(np.array([2.0, 4.0])) != code(
+        np.array([4.0, 8.0])
+    )  # of order one, they are the same
     with compiling():
         assert [code(row) for row in t] == codes.tolist()
 
@@ -112,7 +118,9 @@ def test_tiny_pairs_are_told_apart() -> None:
 
 
 def test_the_first_row_of_each_pair() -> None:
-    d = np.array([[0.5, -1, 0.5], [0.3, -1, 0.7], [-0.5, 1 + 1e-13, -0.5], [0.3, -1, 0.7], [0.1, 0.4, -0.5]])
+    d = np.array(
+        [[0.5, -1, 0.5], [0.3, -1, 0.7], [-0.5, 1 + 1e-13, -0.5], [0.3, -1, 0.7], [0.1, 0.4, -0.5]]
+    )
     assert first_of_each_pair(d, 9) == [0, 1, 4]
     assert first_of_each_pair(d, 2) == [0, 1]
 
@@ -122,5 +130,8 @@ def test_the_id_of_a_query_does_not_depend_on_its_last_bits() -> None:
     query = Query.make("problem", 3, left, right)
     assert query.id == Query.make("problem", 3, left * (1 + 1e-15), right - 1e-16).id
     others = [Query.make(*which, left, right).id for which in (("problem", 4), ("other", 3))]
-    others += [Query.make("problem", 3, right, left).id, Query.make("problem", 3, left + 1e-8, right).id]
+    others += [
+        Query.make("problem", 3, right, left).id,
+        Query.make("problem", 3, left + 1e-8, right).id,
+    ]
     assert len({query.id, *others}) == 5

@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict, match
+from elicit.model.query import (
+    Answer,
+    Answers,
+    InconsistentAnswers,
+    Query,
+    StaleAnswer,
+    Verdict,
+    match,
+)
 from tests.thoroughness import examples
 
 LEFT, RIGHT = [0.5, 0.25, 0.25], [0.25, 0.75, 0.0]
@@ -21,7 +29,12 @@ def parts(answers):
 
 
 def test_verdicts():
-    assert [int(v) for v in (Verdict.WORSE, Verdict.EQUAL, Verdict.BETTER, Verdict.UNKNOWN)] == [-1, 0, 1, 2]
+    assert [int(v) for v in (Verdict.WORSE, Verdict.EQUAL, Verdict.BETTER, Verdict.UNKNOWN)] == [
+        -1,
+        0,
+        1,
+        2,
+    ]
     assert Verdict.BETTER.flipped is Verdict.WORSE
     assert Verdict.EQUAL.flipped is Verdict.EQUAL
     assert Verdict.UNKNOWN.flipped is Verdict.UNKNOWN
@@ -73,11 +86,20 @@ def test_ids_depend_on_all_that_makes_a_query():
     numbers = {Query.make("problem", number, LEFT, RIGHT).id for number in (0, 1, 10)}
     others = [("other", 0, LEFT, RIGHT), ("problem", 0, RIGHT, LEFT), ("problem", 0, LEFT, LEFT)]
     assert len(numbers | {Query.make(*one).id for one in others}) == 6
-    assert Query.make("problem", 0, np.array(LEFT), np.array(RIGHT), "about", ["a", "b", "c"]).id in numbers
+    assert (
+        Query.make("problem", 0, np.array(LEFT), np.array(RIGHT), "about", ["a", "b", "c"]).id
+        in numbers
+    )
 
 
 def test_a_query_is_printed_as_a_person_would_read_it():
-    query = Query("q", [0.12, 0.5, 0.38], [0.0, 1.0, 0.0], "ward: operate or wait?", ["critical", "stable", "well"])
+    query = Query(
+        "q",
+        [0.12, 0.5, 0.38],
+        [0.0, 1.0, 0.0],
+        "ward: operate or wait?",
+        ["critical", "stable", "well"],
+    )
     assert str(query).splitlines() == [
         "ward: operate or wait?",
         "  left:  12% critical, 50% stable, 38% well",
@@ -115,7 +137,12 @@ def test_answers_to_one_query():
 
 def test_rows_of_answers():
     answers = Answers([[1, -1, 0], [0, 1, -1]], [1, -1], ["a", "b"])
-    assert (answers.k, len(answers), answers.d.dtype, answers.y.dtype) == (3, 2, np.float64, np.int8)
+    assert (answers.k, len(answers), answers.d.dtype, answers.y.dtype) == (
+        3,
+        2,
+        np.float64,
+        np.int8,
+    )
     assert Answers([1, -1, 0], 0).y.tolist() == [0]
     assert Answers([[1, -1, 0]], [1]).ids == ("0",)
     assert Answers([[1, -1, 0]], [1], [7]).ids == ("7",)
@@ -123,7 +150,10 @@ def test_rows_of_answers():
     assert parts(both) == (("a", "b", "b"), [1, -1, -1], [[1, -1, 0], [0, 1, -1], [0, 1, -1]])
     # of two sums that begin alike the second must not write into the first
     sums = [both + Answers([[2, -2, 0]], [y], [str(y)]) for y in (1, -1)]
-    assert [(one.ids[-1], one.y.tolist()) for one in sums] == [("1", [1, -1, -1, 1]), ("-1", [1, -1, -1, -1])]
+    assert [(one.ids[-1], one.y.tolist()) for one in sums] == [
+        ("1", [1, -1, -1, 1]),
+        ("-1", [1, -1, -1, -1]),
+    ]
     assert (len(Answers.none(4)), Answers.none(4).k) == (0, 4)
     with pytest.raises(ValueError, match="3 levels, not 4"):
         Answers.none(4) + answers
@@ -167,7 +197,11 @@ def test_answers_are_read_one_by_one():
 
 def test_gathering_answers_drops_the_undecided():
     queries = [Query(f"q{i}", LEFT, RIGHT) for i in range(3)]
-    told = [Answer(queries[0], Verdict.WORSE), Answer(queries[1], None), Answer(queries[2], Verdict.EQUAL)]
+    told = [
+        Answer(queries[0], Verdict.WORSE),
+        Answer(queries[1], None),
+        Answer(queries[2], Verdict.EQUAL),
+    ]
     answers = Answers.of(told, 3)
     assert parts(answers) == (("q0", "q2"), [-1, 0], [queries[0].d.tolist()] * 2)
     assert len(Answers.of([told[1]], 3)) == len(Answers.of([], 3)) == 0
@@ -176,10 +210,14 @@ def test_gathering_answers_drops_the_undecided():
 
 
 def test_leaving_answers_out():
-    answers = Answers([[1, -1, 0], [0, 1, -1], [2, -1, -1], [0, 1, -1]], [1, -1, 0, 1], ["a", "b", "c", "b"])
+    answers = Answers(
+        [[1, -1, 0], [0, 1, -1], [2, -1, -1], [0, 1, -1]], [1, -1, 0, 1], ["a", "b", "c", "b"]
+    )
     rest = answers.without(["b"])  # every row of that id
     assert parts(rest) == (("a", "c"), [1, 0], [[1, -1, 0], [2, -1, -1]])
-    assert answers.without([]).ids == answers.ids == ("a", "b", "c", "b"), "the answers themselves stay as they were"
+    assert answers.without([]).ids == answers.ids == ("a", "b", "c", "b"), (
+        "the answers themselves stay as they were"
+    )
     nothing = answers.without(name for name in "abcc")
     assert (len(nothing), nothing.k, nothing.ids) == (0, 3, ())
     assert len(Answers([[1, -1, 0]], [1], [7]).without([7])) == 0
@@ -224,7 +262,13 @@ numbers = st.floats(allow_nan=False, allow_infinity=False)
 
 
 @examples(100)
-@given(st.lists(st.tuples(st.tuples(numbers, numbers, numbers), st.sampled_from([-1, 0, 1]), st.text('a,"\n\r é '))))
+@given(
+    st.lists(
+        st.tuples(
+            st.tuples(numbers, numbers, numbers), st.sampled_from([-1, 0, 1]), st.text('a,"\n\r é ')
+        )
+    )
+)
 def test_a_csv_reads_back_to_the_last_bit(rows):
     d = np.array([row[0] for row in rows]).reshape(-1, 3)
     answers = Answers(d, [row[1] for row in rows], [row[2] for row in rows])
@@ -241,7 +285,10 @@ def test_a_csv_on_the_disk_reads_back(tmp_path):
     answers.to_csv(tmp_path / "a.csv")
     again = Answers.from_csv(tmp_path / "a.csv")
     assert parts(again) == parts(answers)
-    assert (tmp_path / "a.csv").read_text("utf-8").splitlines()[:2] == ["id,d_1,d_2,d_3,answer", "a,0.1,0.2,-0.3,1"]
+    assert (tmp_path / "a.csv").read_text("utf-8").splitlines()[:2] == [
+        "id,d_1,d_2,d_3,answer",
+        "a,0.1,0.2,-0.3,1",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -261,10 +308,19 @@ def test_a_csv_on_the_disk_reads_back(tmp_path):
         ("d_01,d_02,answer\n", "'d_01'"),
         ("d_1,d_2,D_1,answer\n", "names the column 'd_1' twice"),
         ("d_1,d_2,d_3,d_4,answer\n", "columns for 4 levels, not k = 3"),
-        ("d_1,d_2,d_3,answer\n1,0,-1,left\n\n1,x,-1,left\n", "line 4 of the file, column 'd_2': 'x' is no number"),
+        (
+            "d_1,d_2,d_3,answer\n1,0,-1,left\n\n1,x,-1,left\n",
+            "line 4 of the file, column 'd_2': 'x' is no number",
+        ),
         ("d_1,d_2,d_3,answer\n1,0,,left\n", "line 2 of the file, column 'd_3': '' is no number"),
-        ("d_1,d_2,d_3,answer\n1,0,inf,left\n", "line 2 of the file, column 'd_3': 'inf' is not finite"),
-        ("d_1,d_2,d_3,answer\n1,0,-1,2\n", "line 2 of the file, column 'answer': '2' is none of -1, 0, 1, left"),
+        (
+            "d_1,d_2,d_3,answer\n1,0,inf,left\n",
+            "line 2 of the file, column 'd_3': 'inf' is not finite",
+        ),
+        (
+            "d_1,d_2,d_3,answer\n1,0,-1,2\n",
+            "line 2 of the file, column 'answer': '2' is none of -1, 0, 1, left",
+        ),
         ("d_1,d_2,d_3,answer\n1,0,-1,links\n", "column 'answer': 'links'"),
         ("d_1,d_2,d_3,answer\n1,0,left\n", "line 2 of the file has 3 cells, but the header has 4"),
         ("d_1,d_2,d_3,answer\n1,0,-1,left,9\n", "line 2 of the file has 5 cells"),
@@ -273,7 +329,9 @@ def test_a_csv_on_the_disk_reads_back(tmp_path):
 )
 def test_bad_csv(text, complaint):
     with pytest.raises(ValueError, match=complaint):
-        Answers.from_csv(io.StringIO(text), k=3 if "d_3" in text and "d_1,d_3" not in text else None)
+        Answers.from_csv(
+            io.StringIO(text), k=3 if "d_3" in text and "d_1,d_3" not in text else None
+        )
 
 
 def test_a_csv_names_its_file(tmp_path):
@@ -290,7 +348,10 @@ def test_a_csv_names_its_file(tmp_path):
 
 def test_answers_are_matched_with_pending_queries():
     first, second = Query("1", LEFT, RIGHT), Query("2", RIGHT, LEFT)
-    told = [Answer(second, Verdict.BETTER), Answer(Query("1", LEFT, RIGHT), None)]  # any order; a copy will do
+    told = [
+        Answer(second, Verdict.BETTER),
+        Answer(Query("1", LEFT, RIGHT), None),
+    ]  # any order; a copy will do
     assert match(iter(told), [first, second]) == tuple(told)
     assert match([], [first]) == ()
     assert not issubclass(StaleAnswer, InconsistentAnswers)

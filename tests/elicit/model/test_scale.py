@@ -69,10 +69,14 @@ def test_the_two_coordinates_agree(d):
     e = np.concatenate([[0.0], np.cumsum(np.arange(1.0, len(d)))]) / 64
     g = np.diff(e)
     exact = sum(Fraction(x) * Fraction(v) for x, v in zip(d.tolist(), e.tolist(), strict=True))
-    assert float(dot(tail_sums(d), g)) == pytest.approx(float(exact), abs=1e-12 * (1 + np.abs(d).sum()))
+    assert float(dot(tail_sums(d), g)) == pytest.approx(
+        float(exact), abs=1e-12 * (1 + np.abs(d).sum())
+    )
 
 
-@pytest.mark.parametrize("d", [[0, 1e308, 1e308, -1e308], [0, -1.7e308, -1.7e308], [5, 1e308, 1e300]])
+@pytest.mark.parametrize(
+    "d", [[0, 1e308, 1e308, -1e308], [0, -1.7e308, -1.7e308], [5, 1e308, 1e300]]
+)
 def test_huge_entries_keep_their_signs(d):
     t = tail_sums(np.array(d))
     assert np.isfinite(t).all()
@@ -138,7 +142,9 @@ def test_normalise(steps, start):
     assert gaps(values).sum() == pytest.approx(1)
 
 
-@pytest.mark.parametrize("values", [[-1.7e308, 0, 1.7e308], [1e-300, 2e-300, 3e-300], [1e16, 1e16 + 2, 1e16 + 4]])
+@pytest.mark.parametrize(
+    "values", [[-1.7e308, 0, 1.7e308], [1e-300, 2e-300, 3e-300], [1e16, 1e16 + 2, 1e16 + 4]]
+)
 def test_normalise_extremes(values):
     assert normalise(values) == pytest.approx([0, 0.5, 1], abs=1e-15)
 

@@ -1,4 +1,6 @@
-"""A prior stated in cvxpy: it means to the bit what its text means, goes by its label, and must be linear."""
+"""A prior stated in cvxpy: it means to the bit what its text means, goes by its label, and must be
+linear.
+"""
 
 from __future__ import annotations
 
@@ -35,19 +37,24 @@ def test_it_stands_for_the_scale_and_needs_cvxpy_only_when_called():
         with pytest.raises(ValueError, match="k, the number of levels"):
             elicit.scale_variable(k)
     code = (
-        "import sys, elicit; elicit.PolytopeComparator(4, prior=['e3 >= 0.2']); from elicit import scale_variable; "
+        "import sys, elicit; elicit.PolytopeComparator(4, prior=['e3 >= 0.2']); from elicit import "
+        "scale_variable; "
         "assert 'cvxpy' not in sys.modules; scale_variable(3); assert 'cvxpy' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-decimals = st.sampled_from(["0.1", "0.2", "0.3", "0.05", "0.7", "1.1", "2", "3", "10", "1/3", "0.25", "12.34"])
+decimals = st.sampled_from(
+    ["0.1", "0.2", "0.3", "0.05", "0.7", "1.1", "2", "3", "10", "1/3", "0.25", "12.34"]
+)
 
 
 @st.composite
 def expressions(draw, depth=3):
     """An affine expression of e1..e4 that holds a level, in simple decimals."""
-    kind = draw(st.sampled_from(["level", "sum", "difference", "shift", "product", "quotient", "minus"]))
+    kind = draw(
+        st.sampled_from(["level", "sum", "difference", "shift", "product", "quotient", "minus"])
+    )
     if depth == 0 or kind == "level":
         return f"e{draw(st.integers(1, 4))}"
     inner = draw(expressions(depth - 1))
@@ -56,9 +63,11 @@ def expressions(draw, depth=3):
     if kind in ("sum", "difference"):
         return f"({inner}) {'+' if kind == 'sum' else '-'} ({draw(expressions(depth - 1))})"
     number = draw(decimals)
-    return {"shift": f"({inner}) + {number}", "product": f"{number}*({inner})", "quotient": f"({inner})/({number})"}[
-        kind
-    ]
+    return {
+        "shift": f"({inner}) + {number}",
+        "product": f"{number}*({inner})",
+        "quotient": f"({inner})/({number})",
+    }[kind]
 
 
 @examples(150)
@@ -129,7 +138,11 @@ def test_names_are_labels_or_what_cvxpy_prints():
             cp.diff(e)[:2] >= 0.05,
             (cp.diff(e)[:2] <= 0.5).set_label("no leap"),
             (e[1] == 0.25).set_label("known"),
-            np.full(4, 1 / 3) @ e + np.full(4, 1 / 7) @ e + np.full(4, 1 / 9) @ e + 0.123456789123 * e[1] >= 0.1,
+            np.full(4, 1 / 3) @ e
+            + np.full(4, 1 / 7) @ e
+            + np.full(4, 1 / 9) @ e
+            + 0.123456789123 * e[1]
+            >= 0.1,
         ],
         4,
     )
@@ -142,7 +155,8 @@ def test_names_are_labels_or_what_cvxpy_prints():
         "no leap: e3 - e2 <= 0.5",
         "known",
         "known",
-        "0.587302*e4 + 0.587302*e3 + 0.710758*e2 + 0.587302*e1 >= 0.1",  # shorter than what cvxpy prints
+        # shorter than what cvxpy prints
+        "0.587302*e4 + 0.587302*e3 + 0.710758*e2 + 0.587302*e1 >= 0.1",
     )
     assert prior.a[7:9].tolist() == [[0, 1, 0, 0], [0, -1, 0, 0]]
     assert prior.b[7:9].tolist() == [0.25, -0.25]
@@ -153,10 +167,15 @@ def test_that_the_scale_goes_from_0_to_1_may_be_said_and_adds_nothing():
     assert as_prior([e[0] == 0, e[3] == 1, e[0] >= -1, e[3] <= 2], 4) is None
     assert as_prior([e >= 0, e <= 1], 4).names == tuple(
         f"{side}: {row}"
-        for side, rows in (("0.0 <= e", ("e2 >= 0", "e3 >= 0")), ("e <= 1.0", ("e2 <= 1", "e3 <= 1")))
+        for side, rows in (
+            ("0.0 <= e", ("e2 >= 0", "e3 >= 0")),
+            ("e <= 1.0", ("e2 <= 1", "e3 <= 1")),
+        )
         for row in rows
     )
-    with pytest.raises(ValueError, match=re.escape("no scale with margin 1e-06 (and e_1 = 0, e_k = 1) satisfies")):
+    with pytest.raises(
+        ValueError, match=re.escape("no scale with margin 1e-06 (and e_1 = 0, e_k = 1) satisfies")
+    ):
         PolytopeComparator(4, prior=e[3] <= 0.9)
 
 
@@ -165,7 +184,11 @@ TEXTS = ["e5 - e4 >= 0.1", "e4 >= 2*e2 + 0.1", "e3 <= 0.7*e5 - e2/3", "3*(e4 - e
 
 @pytest.mark.parametrize(
     "make",
-    [PolytopeComparator, RelaxedPolytopeComparator, lambda k, prior: PosteriorComparator(k, particles=50, prior=prior)],
+    [
+        PolytopeComparator,
+        RelaxedPolytopeComparator,
+        lambda k, prior: PosteriorComparator(k, particles=50, prior=prior),
+    ],
     ids=["polytope", "relaxed", "posterior"],
 )
 def test_a_comparator_takes_it_as_it_takes_the_text(make):
@@ -200,14 +223,18 @@ def test_labels_are_in_explanations_and_in_the_error_for_an_empty_prior():
     said = PolytopeComparator(4, prior=[twice]).explain([0.0, -2.0, 0.0, 1.0])
     assert [used.name for used in said.prior] == ["well is twice poor"]
     assert '"well is twice poor"' in str(said)
-    with pytest.raises(ValueError, match=re.escape("together, well is twice poor; 0.6 <= e[1]: relax or drop")):
+    with pytest.raises(
+        ValueError, match=re.escape("together, well is twice poor; 0.6 <= e[1]: relax or drop")
+    ):
         PolytopeComparator(4, prior=[twice, e[1] >= 0.6])
 
 
 def test_a_parameter_counts_with_the_value_it_has_now():
     e, low = scale_variable(3), cp.Parameter(name="low")
     constraint = e[1] >= low
-    with pytest.raises(ValueError, match=re.escape('"low <= e[1]" has no value yet for low: set its .value first')):
+    with pytest.raises(
+        ValueError, match=re.escape('"low <= e[1]" has no value yet for low: set its .value first')
+    ):
         as_prior(constraint, 3)
     low.value = 0.3
     kept = PolytopeComparator(3, prior=constraint)
@@ -217,7 +244,10 @@ def test_a_parameter_counts_with_the_value_it_has_now():
 
 
 E4, WAY_OUT = scale_variable(4), "add it to the programs of comparator.problems(d)"
-NOT_LINEAR, NOT_CONVEX = ("is convex but not linear", WAY_OUT), ("is not convex by the rules of cvxpy (DCP)",)
+NOT_LINEAR, NOT_CONVEX = (
+    ("is convex but not linear", WAY_OUT),
+    ("is not convex by the rules of cvxpy (DCP)",),
+)
 
 
 @pytest.mark.parametrize(
@@ -232,19 +262,30 @@ NOT_LINEAR, NOT_CONVEX = ("is convex but not linear", WAY_OUT), ("is not convex 
         (E4[1] * E4[2] >= 0.1, NOT_CONVEX),
         (cp.square(E4[1]) == 0.25, NOT_CONVEX),
         (cp.FiniteSet(E4[1], [0.1, 0.2]), NOT_CONVEX),
-        (E4[1] >= cp.Variable(name="q"), ("is about q, but a prior is about the scale alone", WAY_OUT)),
+        (
+            E4[1] >= cp.Variable(name="q"),
+            ("is about q, but a prior is about the scale alone", WAY_OUT),
+        ),
         (cp.Variable(4, name="x")[1] >= 0.1, ("is about x,", "over e = elicit.scale_variable(4)")),
         (scale_variable(5)[1] >= 0.1, ("is about 5 levels, not k = 4",)),
         (E4[1] + scale_variable(4)[2] >= 0.1, ("mixes 2 scale variables: use one",)),
-        (cp.Variable(4, name="e", integer=True)[1] >= 0.1, ("declared integer", "elicit.scale_variable(4)")),
+        (
+            cp.Variable(4, name="e", integer=True)[1] >= 0.1,
+            ("declared integer", "elicit.scale_variable(4)"),
+        ),
         (cp.Variable(4, name="e", nonneg=True)[1] >= 0.1, ("declared nonneg",)),
-        (cp.Variable((4, 1), name="e")[1] >= 0.1, ("a variable of shape (4, 1)", "elicit.scale_variable(4)")),
+        (
+            cp.Variable((4, 1), name="e")[1] >= 0.1,
+            ("a variable of shape (4, 1)", "elicit.scale_variable(4)"),
+        ),
         (cp.Constant(1) >= 0, ("compares nothing: no level of the scale is in it",)),
         (E4[1] >= 1e400, ("holds numbers too large to compute with",)),
         (1e300 * E4[1] >= 0, ("holds numbers too large to compute with",)),
     ],
 )
-@pytest.mark.parametrize("make", [PolytopeComparator, RelaxedPolytopeComparator, PosteriorComparator])
+@pytest.mark.parametrize(
+    "make", [PolytopeComparator, RelaxedPolytopeComparator, PosteriorComparator]
+)
 def test_what_is_not_linear_in_the_scale_alone_is_refused_in_words(make, constraint, words):
     with pytest.raises(ValueError, match=re.escape(words[0])) as error:
         make(4, prior=[constraint])

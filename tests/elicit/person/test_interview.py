@@ -16,12 +16,25 @@ def choosing(known: Any) -> Any:
     "message",
     [
         *(None, 3, "state", ["do", "state"], [("do", "state")], {}),
-        *({"do": None}, {"do": "close"}, {"do": ["state"]}, {"do": "state", "id": "x"}, {"do": "state", 1: "x"}),
-        *({"do": "answer"}, {"do": "answer", "id": 1, "choice": "a"}, {"do": "answer", "id": "", "self": "a"}),
+        *(
+            {"do": None},
+            {"do": "close"},
+            {"do": ["state"]},
+            {"do": "state", "id": "x"},
+            {"do": "state", 1: "x"},
+        ),
+        *(
+            {"do": "answer"},
+            {"do": "answer", "id": 1, "choice": "a"},
+            {"do": "answer", "id": "", "self": "a"},
+        ),
     ],
 )
 def test_what_is_no_message_is_refused(message: Any) -> None:
-    with Session(choosing, AnswerLog()) as session, Interview(session, Subject(("x", "y", "z"))) as interview:
+    with (
+        Session(choosing, AnswerLog()) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
         screen = interview.handle({"do": "practised", "choice": "b"})
         with pytest.raises(ValueError, match="message"):
             interview.handle(message)
@@ -30,8 +43,13 @@ def test_what_is_no_message_is_refused(message: Any) -> None:
 
 def test_a_choice_that_there_is_not_is_refused() -> None:
     log = AnswerLog()
-    with Session(choosing, log) as session, Interview(session, Subject(("x", "y", "z"))) as interview:
+    with (
+        Session(choosing, log) as session,
+        Interview(session, Subject(("x", "y", "z"))) as interview,
+    ):
         screen = interview.handle({"do": "practised", "choice": "b"})
         with pytest.raises(ValueError, match="choice"):
-            interview.handle({"do": "answer", "id": screen["question"]["id"], "choice": "c" * 100_000})
+            interview.handle(
+                {"do": "answer", "id": screen["question"]["id"], "choice": "c" * 100_000}
+            )
         assert not len(log)

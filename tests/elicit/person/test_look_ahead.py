@@ -29,7 +29,9 @@ from tests.thoroughness import scaled
 
 K = 5
 LEVELS = tuple("abcde")
-VECTORS = np.random.default_rng(0).multinomial(20, np.ones(K) / K, 14).astype(float)  # whole numbers can be shown
+VECTORS = (
+    np.random.default_rng(0).multinomial(20, np.ones(K) / K, 14).astype(float)
+)  # whole numbers can be shown
 MDP = random_mdp(12, 3, K, discount=0.9, seed=3)[0]
 VALUES = [0, 10, 11, 40, 99]
 
@@ -53,7 +55,9 @@ def learning_by_the_posterior(known: Any) -> Any:
 
 def sweeping(known: Any) -> Any:
     comparator = PolytopeComparator(K)
-    return InteractiveValueIteration(MDP, comparator, tolerance=0.05, audit=0.3, max_audits=5, known=known, seed=1)
+    return InteractiveValueIteration(
+        MDP, comparator, tolerance=0.05, audit=0.3, max_audits=5, known=known, seed=1
+    )
 
 
 class Reluctant:
@@ -72,12 +76,14 @@ def tutor(rate: float) -> Callable[[Query], Answer]:
 
 
 def told(log: AnswerLog) -> list[Any]:
-    return [(e.answer.query.id, e.answer.verdict, e.answer.swapped, e.used, e.retracted) for e in log]
+    return [
+        (e.answer.query.id, e.answer.verdict, e.answer.swapped, e.used, e.retracted) for e in log
+    ]
 
 
 def answered(make: Any, rate: float, back: bool, ahead: int) -> tuple[list[Any], Any]:
-    """What is in the log after a session, and its result; some answers taken back, if ``back``. So many of the answers
-    that can be given are looked ahead to."""
+    """What is in the log after a session, and its result; some answers taken back, if ``back``. So
+    many of the answers that can be given are looked ahead to."""
     says, log = tutor(rate), AnswerLog()
     with Session(make, log) as session:
         for number in range(40):
@@ -98,7 +104,10 @@ def answered(make: Any, rate: float, back: bool, ahead: int) -> tuple[list[Any],
 
 @pytest.mark.parametrize(
     "back",
-    [pytest.param(False, id="straight", marks=pytest.mark.slow), pytest.param(True, id="undone and withdrawn")],
+    [
+        pytest.param(False, id="straight", marks=pytest.mark.slow),
+        pytest.param(True, id="undone and withdrawn"),
+    ],
 )
 @pytest.mark.parametrize(
     ("make", "rate"),
@@ -175,7 +184,11 @@ def choice_of(log: AnswerLog, query: Query, verdict: Verdict | None) -> str:
 def test_however_long_the_person_reads_an_interview_is_the_same() -> None:
     logs = [
         interviewed(make, reads)
-        for make, reads in ((Reluctant, reads_nothing), (choosing, reads_nothing), (choosing, reads_a_while))
+        for make, reads in (
+            (Reluctant, reads_nothing),
+            (choosing, reads_nothing),
+            (choosing, reads_a_while),
+        )
     ]
     assert len(logs[0]) > 8
     assert all(log == logs[0] for log in logs)
@@ -239,7 +252,9 @@ def test_an_answer_waits_for_what_is_being_computed_of_it_and_for_nothing_else()
                 time.sleep(0.001)
             query = session.question()
             assert query is not None
-            interview.handle({"do": "answer", "id": query.id, "choice": choice_of(session.log, query, verdict)})
+            interview.handle(
+                {"do": "answer", "id": query.id, "choice": choice_of(session.log, query, verdict)}
+            )
             # "better" was being computed, for both
             assert ((main, verdict) in Slow.told) == by_main
             assert len([name for name, _ in Slow.told if name != main]) <= 2
@@ -251,14 +266,17 @@ def test_an_asker_that_was_given_is_told_itself() -> None:
         screen = interview.handle({"do": "practised", "choice": "a"})
         for _ in range(3):
             reads_all(0)
-            screen = interview.handle({"do": "answer", "id": screen["question"]["id"], "choice": "a"})
+            screen = interview.handle(
+                {"do": "answer", "id": screen["question"]["id"], "choice": "a"}
+            )
         assert session.current_asker() is asker
         assert asker.result().asked == 3
 
 
 def test_a_program_that_ends_without_closing_ends_at_once() -> None:
     code = (
-        "import time\nfrom elicit import AnswerLog, Session\nfrom elicit.person.interview import Interview, Subject\n"
+        "import time\nfrom elicit import AnswerLog, Session\nfrom elicit.person.interview import "
+        "Interview, Subject\n"
         "from tests.elicit.person.test_look_ahead import LEVELS, Slow\n"
         "session = Session(Slow, AnswerLog())\nsession.current_asker().seconds = 1.0\n"
         "interview = Interview(session, Subject(LEVELS))\n"

@@ -35,7 +35,9 @@ MDP = random_mdp(8, 2, 5, discount=0.9, seed=3)[0]
 
 def bag(good: int, seed: int = 0) -> Any:
     """ "Of 10: 10 ill, or so many well and the others died?", as it is shown."""
-    return show(Query(f"{good}", [0, 1, 0], [1 - good / 10, 0, good / 10], labels=LEVELS), seed=seed)
+    return show(
+        Query(f"{good}", [0, 1, 0], [1 - good / 10, 0, good / 10], labels=LEVELS), seed=seed
+    )
 
 
 def learning(known: Any) -> Any:
@@ -44,7 +46,9 @@ def learning(known: Any) -> Any:
 
 def outlook_of(asker: Any, **more: Any) -> Outlook:
     query = asker.ask()[0]
-    found = Outlook(asker, show(query), query, lambda _: "Much.", lambda query: not show(query).exact, 0, **more)
+    found = Outlook(
+        asker, show(query), query, lambda _: "Much.", lambda query: not show(query).exact, 0, **more
+    )
     assert not found.ready
     for _ in found.steps():
         assert not found.ready
@@ -63,7 +67,10 @@ def to_its_end(asker: Any, values: Any) -> list[Verdict | None]:
 
 def test_why_names_what_is_open_in_whole_numbers_that_hold() -> None:
     knows = PolytopeComparator(3)
-    said = "It is still open how you weigh ill against a mixture of well and died: so far{} 1 ill counts for something "
+    said = (
+        "It is still open how you weigh ill against a mixture of well and died: so far{} 1 ill "
+        "counts for something "
+    )
     on_the_way = " on the way from died (0) to well (100)."
     assert what_is_open(bag(5), knows) == said.format("") + "between 0 and 100" + on_the_way
     d = np.array([[-0.667, 1, -0.333], [-0.2, 1, -0.8]])
@@ -86,10 +93,15 @@ def test_why_of_other_questions_is_in_terms_of_the_sides_shown() -> None:
         True: f"{start}40 more than B, or up to 30 less{measure}",
     }
     sure = show(Query("q", [0, 0, 0.1, 0.9], [0.5, 0.5, 0, 0], labels=labels))
-    assert what_is_open(sure, knows) == f"It is still open how far apart the two are: so far 50 to 100{measure}"
+    assert (
+        what_is_open(sure, knows)
+        == f"It is still open how far apart the two are: so far 50 to 100{measure}"
+    )
 
 
-def test_the_number_to_come_is_that_of_sessions_like_this_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_to_come_is_that_of_sessions_like_this_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("elicit.person.outlook._SECONDS", 600.0)  # on whatever machine
     asker = learning(())
     found = outlook_of(asker)
@@ -161,7 +173,9 @@ def test_nothing_is_said_of_what_nothing_tells() -> None:
     vectors = np.array([[1.0, 0, 1], [0, 2, 0]])
     asker = choose(vectors, AlwaysAsk(3))
     assert outlook_of(asker).to_come is None  # it names no plausible scales
-    assert outlook_of(SimpleNamespace(ask=asker.ask, tell=asker.tell, result=asker.result)).why == ("Much.",)
+    assert outlook_of(SimpleNamespace(ask=asker.ask, tell=asker.tell, result=asker.result)).why == (
+        "Much.",
+    )
 
 
 @pytest.mark.slow
@@ -187,4 +201,6 @@ def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
         id = screen["question"]["id"]
         while not interview.handle({"do": "outlook", "id": id})["ready"]:
             threading.Event().wait(0.01)
-        assert interview.handle({"do": "outlook", "id": id})["to_come"]  # also of an asker that was given
+        assert interview.handle({"do": "outlook", "id": id})[
+            "to_come"
+        ]  # also of an asker that was given

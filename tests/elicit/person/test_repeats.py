@@ -5,7 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AnswerLog, PolytopeComparator, Query, Session, TruthfulTutor, Verdict, choose, tutor_report
+from elicit import (
+    AnswerLog,
+    PolytopeComparator,
+    Query,
+    Session,
+    TruthfulTutor,
+    Verdict,
+    choose,
+    tutor_report,
+)
 from elicit.person.interview import Interview, Subject
 from elicit.tutors.answer_log import EXPECTED, REPEATS
 from elicit.tutors.merge_logs import merge_logs
@@ -24,7 +33,9 @@ def says(query: Query) -> Verdict | None:
 
 
 def answer(session: Session, most: int = 1000, other: bool = False) -> list[str]:
-    """The ids of so many questions, answered; those put again otherwise than before, if ``other``."""
+    """The ids of so many questions, answered; those put again otherwise than before, if
+    ``other``.
+    """
     ids: list[str] = []
     while len(ids) < most and (query := session.question()):
         waits = session.next_told()
@@ -38,7 +49,11 @@ def answer(session: Session, most: int = 1000, other: bool = False) -> list[str]
 
 
 def told(log: AnswerLog, repeats: bool = True) -> list[Any]:
-    return [(e.answer.query.id, e.answer.verdict, e.used) for e in log if not e.retracted and (repeats or not e.repeat)]
+    return [
+        (e.answer.query.id, e.answer.verdict, e.used)
+        for e in log
+        if not e.retracted and (repeats or not e.repeat)
+    ]
 
 
 @pytest.fixture
@@ -124,7 +139,10 @@ def test_programs_that_read_the_log_tell_them_apart(path, capsys):
     assert (report.unused, report.repeated, report.couples) == (0, repeats, repeats)
     assert report.consistency.value == 0.0
     assert main(["log", "check", str(path)]) == 0
-    assert f"{n + repeats} answers, 0 of them withdrawn, 0 unused, {repeats} repeats" in capsys.readouterr().out
+    assert (
+        f"{n + repeats} answers, 0 of them withdrawn, 0 unused, {repeats} repeats"
+        in capsys.readouterr().out
+    )
     assert main(["log", "show", str(path)]) == 0
     assert capsys.readouterr().out.count(", repeat ") == repeats
     merge_logs([AnswerLog.read(path)], path.with_suffix(".merged"))
@@ -135,7 +153,10 @@ def test_programs_that_read_the_log_tell_them_apart(path, capsys):
 
 def test_an_interview_says_only_afterwards_that_it_was_one():
     notes, numbers, log = [], [], AnswerLog()
-    with Session(make, log, audit=0.7, seed=1) as session, Interview(session, Subject(tuple("abcde"))) as interview:
+    with (
+        Session(make, log, audit=0.7, seed=1) as session,
+        Interview(session, Subject(tuple("abcde"))) as interview,
+    ):
         screen = interview.handle({"do": "practised", "choice": "a"})
         while screen["stage"] == "question":
             question = screen["question"]
@@ -155,10 +176,14 @@ def test_an_interview_says_only_afterwards_that_it_was_one():
                 assert screen["question"] == question
                 screen = interview.handle({"do": "answer", "id": query.id, "choice": choice})
         repeats = session.status().repeated
-        assert [note is not None for note in notes] == [entry.repeat for entry in log if not entry.retracted]
+        assert [note is not None for note in notes] == [
+            entry.repeat for entry in log if not entry.retracted
+        ]
         assert {*notes} == {None, notes[-1] or next(note for note in notes if note)}
         assert screen["answered"] == max(numbers) == len(notes) - repeats
-        assert screen["end"]["counts"]["repeated"] == screen["end"]["counts"]["alike"] == repeats >= 3
+        assert (
+            screen["end"]["counts"]["repeated"] == screen["end"]["counts"]["alike"] == repeats >= 3
+        )
         said = f"{repeats} of {repeats} repeated questions were answered as before."
         assert screen["end"]["statements"][-1] == said
         answers = interview.handle({"do": "answers"})["answers"]

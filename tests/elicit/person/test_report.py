@@ -35,7 +35,11 @@ class Parts(HTMLParser):
 
 def asked(path: Path, *choices: str) -> dict[str, Any]:
     """The report of a session of three questions, of which so many were answered so."""
-    subject = Subject(LABELS, Words("people", title="A <title>"), report=lambda _: ["It is", "  one <thing>", "All."])
+    subject = Subject(
+        LABELS,
+        Words("people", title="A <title>"),
+        report=lambda _: ["It is", "  one <thing>", "All."],
+    )
     with Session(lambda known: Listed(QUESTIONS[:3], known), path) as session:
         interview = Interview(session, subject)
         for choice in choices:
@@ -49,7 +53,9 @@ def test_a_report_holds_every_answer_and_nothing_that_runs_or_is_elsewhere(tmp_p
     reply = asked(tmp_path / "mine.jsonl", "equal", "cannot tell")
     page = Parts(reply["html"])
     assert not {"script", "i", "thing", "link", "img", "iframe", "a"} & set(page.tags)
-    assert not [name for name, _ in page.attributes if name in ("src", "href") or name.startswith("on")]
+    assert not [
+        name for name, _ in page.attributes if name in ("src", "href") or name.startswith("on")
+    ]
     assert "http" not in reply["html"]
     assert reply["name"].startswith("a-title-report-")
     assert "A <title>: a report" in page.text
@@ -79,22 +85,36 @@ def end() -> dict[str, Any]:
         "certainty": "if your answers are right",
         "statements": ["It is", "  one", "  two", "All.", "  three"],
         "counts": {"answered": 3, "equal": 0, "cannot tell": 0, "unused": 1, "withdrawn": 1},
-        "conflicts": [[{"id": "x", "sentence": "x rather than y"}, {"id": "y", "sentence": "y rather than x"}]],
+        "conflicts": [
+            [{"id": "x", "sentence": "x rather than y"}, {"id": "y", "sentence": "y rather than x"}]
+        ],
     }
 
 
-def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(end: dict[str, Any]) -> None:
-    one = {"verdict": 1, "time": "2026-01-02T03:04:05.678+00:00", "withdrawn": False, "used": True, "repeat": False}
+def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(
+    end: dict[str, Any],
+) -> None:
+    one = {
+        "verdict": 1,
+        "time": "2026-01-02T03:04:05.678+00:00",
+        "withdrawn": False,
+        "used": True,
+        "repeat": False,
+    }
     answers = [
         {**one, "id": "x", "sentence": "x rather than y", "used": False},
         {**one, "id": "z", "sentence": "z rather than y", "withdrawn": True, "used": False},
         {**one, "id": "y", "sentence": "y rather than x", "repeat": True, "time": None},
     ]
     page = Parts(report_page("", "today", end, answers, waiting=False))
-    assert "1 x rather than y 2026-01-02 03:04 does not go together with others, not used 2 " in page.text
+    assert (
+        "1 x rather than y 2026-01-02 03:04 does not go together with others, not used 2 "
+        in page.text
+    )
     assert "2 z rather than y 2026-01-02 03:04 taken back 3 " in page.text
     assert page.text.endswith(
-        "3 y rather than x does not go together with others, asked again, to see how steady answers are"
+        "3 y rather than x does not go together with others, asked again, to see how steady "
+        "answers are"
     )
     assert page.tags.count("s") == 1
     assert "These 2 answers do not go together" in page.text
@@ -102,12 +122,24 @@ def test_a_report_marks_what_was_taken_back_repeated_or_does_not_go_together(end
 
 
 def test_the_scale_of_a_report_is_drawn_to_its_numbers(end: dict[str, Any]) -> None:
-    page = Parts(report_page("Mine", "today", end, [], waiting=False, preamble="Of <patients> alike."))
+    page = Parts(
+        report_page("Mine", "today", end, [], waiting=False, preamble="Of <patients> alike.")
+    )
     assert "Of <patients> alike." in page.text
     assert "well 100 fixed ill 40 31 to 55 died 0 fixed" in page.text
-    placed = [(name, value) for name, value in page.attributes if name in ("x", "width", "cx") and value != "100%"]
+    placed = [
+        (name, value)
+        for name, value in page.attributes
+        if name in ("x", "width", "cx") and value != "100%"
+    ]
     assert ("x", "31.0%") in placed
     assert ("width", "24.0%") in placed
     assert ("cx", "40.40%") in placed
-    assert [page.tags.count(tag) for tag in ("svg", "rect", "circle", "ul", "li")] == [4, 3, 3, 3, 5]
+    assert [page.tags.count(tag) for tag in ("svg", "rect", "circle", "ul", "li")] == [
+        4,
+        3,
+        3,
+        3,
+        5,
+    ]
     assert "The answers are kept" not in page.text

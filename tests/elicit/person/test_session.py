@@ -74,8 +74,14 @@ def path(tmp_path):
 
 def same(one: Any, other: Any) -> bool:
     """Whether two choices, and all that they rest on, are the same."""
-    parts = [(c.order, c.status, c.asked, c.decided, c.answers.ids, c.answers.d.tobytes()) for c in (one, other)]
-    return bool(parts[0] == parts[1] and one.comparator.values.tobytes() == other.comparator.values.tobytes())
+    parts = [
+        (c.order, c.status, c.asked, c.decided, c.answers.ids, c.answers.d.tobytes())
+        for c in (one, other)
+    ]
+    return bool(
+        parts[0] == parts[1]
+        and one.comparator.values.tobytes() == other.comparator.values.tobytes()
+    )
 
 
 @pytest.mark.parametrize("asker", [make, None], ids=["function", "object"])
@@ -145,7 +151,9 @@ def test_after_taking_back_the_fourth_of_nine_the_later_ones_are_used(path):
     session.withdraw(ids[3], why="typo")
     used = session.result().answers.ids
     assert used == (*ids[:3], *ids[4:])
-    assert [entry.retraction["why"] for entry in session.log if entry.retraction is not None] == ["typo"]
+    assert [entry.retraction["why"] for entry in session.log if entry.retraction is not None] == [
+        "typo"
+    ]
     after = answer(session)
     assert not set(after) & set(ids[:3] + ids[4:])
     result = session.result()
@@ -162,7 +170,9 @@ def test_after_taking_back_the_fourth_of_nine_the_later_ones_are_used(path):
 
 @pytest.mark.parametrize("steps", quick_first(range(8), 4))
 def test_any_history_is_the_same_after_a_restart(path, steps):
-    """Answers, undone and withdrawn ones: what goes on in the process, and what is read from the file."""
+    """Answers, undone and withdrawn ones: what goes on in the process, and what is read from the
+    file.
+    """
     chance = np.random.default_rng(steps)
     session = Session(make, path)
     for _ in range(10):
@@ -229,11 +239,13 @@ def test_what_is_no_asker(wrong, path):
 
 
 class Ring:
-    """An asker with the three members, and no more: asks about three pairs that may go round in a ring, each an audit
-    of those before."""
+    """An asker with the three members, and no more: asks about three pairs that may go round in a
+    ring, each an audit of those before."""
 
     def __init__(self, known: Any = ()) -> None:
-        a, b, c = (np.array(x, float) for x in ([0.5, 0, 0, 0.5], [0.2, 0.3, 0.4, 0.1], [0, 0.9, 0.1, 0]))
+        a, b, c = (
+            np.array(x, float) for x in ([0.5, 0, 0, 0.5], [0.2, 0.3, 0.4, 0.1], [0, 0.9, 0.1, 0])
+        )
         self.elicitation = Elicitation(PolytopeComparator(4), "ring", known=known)
         self.pairs = [Pair(x, y, "") for x, y in ((a, b), (b, c), (c, a))]
 
@@ -258,13 +270,19 @@ def test_what_does_not_go_together_is_said_and_can_be_mended(path):
     while query := session.question():  # a over b over c over a
         session.answer(query.id, Verdict.BETTER)
         ids.append(query.id)
-    assert [row[1:] for row in told(session.log)] == [(1, True, False), (1, True, False), (1, False, False)]
+    assert [row[1:] for row in told(session.log)] == [
+        (1, True, False),
+        (1, True, False),
+        (1, False, False),
+    ]
     *_, last = session.log
     assert set(last.metadata[CONTRADICTS]) == set(ids[:2])
     ((*ring,),) = session.conflicts()
     assert {entry.answer.query.id for entry in ring} == set(ids)
     with pytest.raises(InconsistentAnswers):
-        PolytopeComparator(4).update(Session(Ring, AnswerLog()).result().answers + _all_answers(ring))
+        PolytopeComparator(4).update(
+            Session(Ring, AnswerLog()).result().answers + _all_answers(ring)
+        )
     assert session.status().unused == 1
     session.withdraw(ids[0])
     assert session.conflicts() == ()
@@ -300,7 +318,9 @@ def test_interrupted_where_an_answer_contradicts_it_is_marked_once(tmp_path):
 
     third = two_told().question()
     folders = ("elicit/person", "elicit/tutors", "elicit/asking")
-    for session in interrupted_at_each_line(two_told, lambda one: one.answer(third.id, Verdict.BETTER), folders):
+    for session in interrupted_at_each_line(
+        two_told, lambda one: one.answer(third.id, Verdict.BETTER), folders
+    ):
         session.answer(third.id, Verdict.BETTER)
         assert session.question() is None
         assert [row[2] for row in told(session.log)] == [True, True, False]
@@ -314,7 +334,9 @@ def test_interrupted_where_an_answer_contradicts_it_is_marked_once(tmp_path):
 
 def test_interrupted_an_answer_was_taken_back_or_stands():
     def three_told() -> Session:
-        session = Session(lambda known: choose(VECTORS[:6], PolytopeComparator(K), True, known=known), AnswerLog())
+        session = Session(
+            lambda known: choose(VECTORS[:6], PolytopeComparator(K), True, known=known), AnswerLog()
+        )
         assert len(answer(session, 3)) == 3
         return session
 
@@ -322,7 +344,9 @@ def test_interrupted_an_answer_was_taken_back_or_stands():
     before = undisturbed.question().id
     undisturbed.undo()
     after, outcomes = undisturbed.question().id, set()
-    for session in interrupted_at_each_line(three_told, Session.undo, ("elicit/person", "elicit/tutors")):
+    for session in interrupted_at_each_line(
+        three_told, Session.undo, ("elicit/person", "elicit/tutors")
+    ):
         back = session.log[-1].retracted
         outcomes.add(back)
         assert session.question().id == (after if back else before)
@@ -374,7 +398,11 @@ def test_what_was_shown_and_when_is_logged_and_a_clock_may_go_backwards(path):
     log = AnswerLog.read(path)
     assert [e.answer.query.id for e in log] == [first.id, second.id, third.id] == by_hand()[0][:3]
     (asked,) = log.asked
-    assert (asked.query.id, asked.swapped, asked.metadata["words"]) == (first.id, True, ["12 of 100", "30 of 100"])
+    assert (asked.query.id, asked.swapped, asked.metadata["words"]) == (
+        first.id,
+        True,
+        ["12 of 100", "30 of 100"],
+    )
     when = [datetime.fromisoformat(e.metadata["time"]).timestamp() for e in log]
     assert when == [2e9, 5e8, 4e8]
     assert all(0 <= e.metadata["latency"] < 60 and e.metadata["who"] == "nurse" for e in log)
@@ -501,7 +529,9 @@ def test_a_session_has_its_log_for_itself(path):
     log = AnswerLog(path)
     with Session(make, log) as session:
         answer(session, 1)
-    log.append(Answer(Query("q", VECTORS[0], VECTORS[1]), None))  # it did not close what it did not open
+    log.append(
+        Answer(Query("q", VECTORS[0], VECTORS[1]), None)
+    )  # it did not close what it did not open
     assert len(log) == 4
 
 
@@ -558,7 +588,13 @@ def test_a_class_in_place_of_an_asker_is_refused():
 
         ask = tell = result = __init__
 
-    for wrong in (Asks, type("One", (Asks,), {"__init__": lambda self, problem: None}), type("None", (), {})):
-        with pytest.raises(TypeError, match=f"but {wrong.__name__} is a class: make one, {wrong.__name__}"):
+    for wrong in (
+        Asks,
+        type("One", (Asks,), {"__init__": lambda self, problem: None}),
+        type("None", (), {}),
+    ):
+        with pytest.raises(
+            TypeError, match=f"but {wrong.__name__} is a class: make one, {wrong.__name__}"
+        ):
             Session(wrong, AnswerLog())
     assert Session(Ring, AnswerLog()).question() is not None  # which takes what is known

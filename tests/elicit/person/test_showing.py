@@ -17,7 +17,9 @@ PATIENTS = Words("patients", "fare")
 
 @st.composite
 def queries(draw: Any) -> tuple[Query, int]:
-    """Two vectors of k levels that are counts of one total divided by a number, which comes with them."""
+    """Two vectors of k levels that are counts of one total divided by a number, which comes with
+    them.
+    """
     k, total = draw(st.integers(2, 7)), draw(st.sampled_from([1, 7, 10, 37, 100, 999, 1000]))
     ends = st.lists(st.integers(0, total), min_size=k - 1, max_size=k - 1).map(sorted)
     counts = [np.diff([0, *draw(ends), total]) for _ in range(2)]
@@ -26,7 +28,9 @@ def queries(draw: Any) -> tuple[Query, int]:
 
 
 def read_back(text: str, k: int) -> list[list[int]]:
-    """The counts of side A and of side B that a text says, whatever its width, of levels named level 1, ... level k."""
+    """The counts of side A and of side B that a text says, whatever its width, of levels named
+    level 1, ... level k.
+    """
     said, table = text.split("\n\n")
     counts = np.zeros((2, k), dtype=int)
     common = re.search(r" the same in both groups: (.*?)\.", " ".join(said.split()))
@@ -37,7 +41,10 @@ def read_back(text: str, k: int) -> list[list[int]]:
         if line in ("A", "B"):
             side = "AB".index(line)
         elif found := re.match(r"  level (\d+) ", line):
-            numbers = [int(n.replace(",", "")) for n in re.findall(r"(?<= )\d[\d,]*", line[found.end() - 1 :])]
+            numbers = [
+                int(n.replace(",", ""))
+                for n in re.findall(r"(?<= )\d[\d,]*", line[found.end() - 1 :])
+            ]
             sides = [0, 1] if side is None else [side]
             assert len(numbers) == len(sides)
             counts[sides, int(found[1]) - 1] += numbers
@@ -45,7 +52,9 @@ def read_back(text: str, k: int) -> list[list[int]]:
 
 
 @given(queries(), st.integers(NARROWEST, 120), st.integers(0, 3))
-def test_what_is_shown_reads_back_to_the_vectors_of_the_query(asked: tuple[Query, int], width: int, seed: int) -> None:
+def test_what_is_shown_reads_back_to_the_vectors_of_the_query(
+    asked: tuple[Query, int], width: int, seed: int
+) -> None:
     query, _ = asked
     shown = show(query, seed=seed)
     assert shown.exact
@@ -53,8 +62,14 @@ def test_what_is_shown_reads_back_to_the_vectors_of_the_query(asked: tuple[Query
     assert max(map(len, text.splitlines())) <= width
     sides = read_back(text, len(query.left))
     left, right = reversed(sides) if shown.swapped else sides
-    assert (np.array(left) / shown.scale).tolist() == query.left.tolist() == shown.vectors[0].tolist()
-    assert (np.array(right) / shown.scale).tolist() == query.right.tolist() == shown.vectors[1].tolist()
+    assert (
+        (np.array(left) / shown.scale).tolist() == query.left.tolist() == shown.vectors[0].tolist()
+    )
+    assert (
+        (np.array(right) / shown.scale).tolist()
+        == query.right.tolist()
+        == shown.vectors[1].tolist()
+    )
     icons = text.split("\n\n")[1].count
     if max([0, *(n for row in shown.rows for n in (row.a, row.b))]) <= 50:
         assert icons("+") + icons("x") + icons("o") == 2 * (shown.of - sum(shown.common))
@@ -70,7 +85,10 @@ def test_every_bag_question_is_shown_in_its_own_counts() -> None:
         assert not sum(shown.common)
 
 
-@given(st.lists(st.floats(1e-3, 1), min_size=6, max_size=6), st.lists(st.floats(1e-3, 1), min_size=6, max_size=6))
+@given(
+    st.lists(st.floats(1e-3, 1), min_size=6, max_size=6),
+    st.lists(st.floats(1e-3, 1), min_size=6, max_size=6),
+)
 def test_what_is_rounded_says_so_and_keeps_its_total_and_the_signs_of_what_differs(
     a: list[float], b: list[float]
 ) -> None:
@@ -95,7 +113,10 @@ def test_a_difference_does_not_change_its_sign_by_rounding() -> None:
 def test_what_cannot_be_told_apart_in_counts_says_so() -> None:
     shown = show(Query("a", [0.5 + 1e-9, 0.5 - 1e-9], [0.5, 0.5]))
     assert not shown.exact
-    assert "The two groups differ by less than 1 in 1,000,000: which would you rather have?" in shown.text()
+    assert (
+        "The two groups differ by less than 1 in 1,000,000: which would you rather have?"
+        in shown.text()
+    )
 
 
 def test_a_bag_question_in_80_columns_and_in_39() -> None:
@@ -120,7 +141,8 @@ def test_what_fares_the_same_is_said_in_a_line_and_not_drawn() -> None:
     shown = show(Query("a", np.array(left) / 1000, np.array(right) / 1000, labels=LABELS), PATIENTS)
     same, asked = shown.sentences()
     assert same == (
-        "975 of 1,000 patients fare the same in both groups: 788 recovered, 33 mild, 26 moderate, 40 severe, "
+        "975 of 1,000 patients fare the same in both groups: 788 recovered, 33 mild, 26 moderate, "
+        "40 severe, "
         "14 critical, 74 died. The other 25 are shown."
     )
     assert asked == "Two groups of 1,000 patients: which would you rather have?"
@@ -129,7 +151,11 @@ def test_what_fares_the_same_is_said_in_a_line_and_not_drawn() -> None:
 
 
 def test_long_names_are_wrapped_and_cannot_steer_the_terminal() -> None:
-    labels = ("dead\x1b[2J\n", "a very long name of a level with many words", "Supercalifragilisticexpialidocious")
+    labels = (
+        "dead\x1b[2J\n",
+        "a very long name of a level with many words",
+        "Supercalifragilisticexpialidocious",
+    )
     shown = show(Query("a", [0.3, 0.4, 0.3], [0.1, 0.8, 0.1], labels=labels))
     for width in (NARROWEST, 39, 80):
         text = shown.text(width)
@@ -139,7 +165,9 @@ def test_long_names_are_wrapped_and_cannot_steer_the_terminal() -> None:
 
 def test_sides_are_swapped_at_random_by_the_seed_and_the_answer_turned_back() -> None:
     asked = [Query(f"{i}", [0, 1], [1, 0]) for i in range(200)]
-    first, again, other = ([show(query, seed=seed).swapped for query in asked] for seed in (0, 0, 1))
+    first, again, other = (
+        [show(query, seed=seed).swapped for query in asked] for seed in (0, 0, 1)
+    )
     assert first == again != other
     assert 70 < sum(first) < 130
     for query in asked[:20]:
@@ -154,7 +182,10 @@ def test_sides_are_swapped_at_random_by_the_seed_and_the_answer_turned_back() ->
 
 def test_the_practice_question_has_an_obvious_answer() -> None:
     shown = practice(LABELS, PATIENTS)
-    assert [(row.label, {row.a, row.b}) for row in shown.rows] == [("recovered", {0, 10}), ("died", {0, 10})]
+    assert [(row.label, {row.a, row.b}) for row in shown.rows] == [
+        ("recovered", {0, 10}),
+        ("died", {0, 10}),
+    ]
     assert shown.verdict("a" if shown.rows[0].a else "b") is Verdict.BETTER
 
 

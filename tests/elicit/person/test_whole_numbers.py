@@ -66,7 +66,9 @@ def test_killed_before_and_after_every_answer_and_undone_it_is_the_same(tmp_path
             log.append(entry.answer)  # and was killed before the asker was made anew
         with Session(make, path) as session, Interview(session, SUBJECT) as interview:
             screen = interview.handle({"do": "state"})
-            assert (screen["question"] and screen["question"]["id"]) == (ids[i + 1] if i + 1 < len(ids) else None)
+            assert (screen["question"] and screen["question"]["id"]) == (
+                ids[i + 1] if i + 1 < len(ids) else None
+            )
             screen = interview.handle({"do": "undo", "id": ids[i]})
             assert screen["question"]["id"] == ids[i]
             assert screen["question"]["rows"] == _rows(interview)
@@ -91,7 +93,11 @@ def test_those_near_another_are_shown_exactly_and_differ_by_a_tenth_at_most():
         for one in near:
             assert show(one).exact
             assert np.abs(one.d - query.d).max() <= 0.1 * np.abs(query.d).max()
-    for left, right in (([0.3, 0.7], [0.3 + 1e-9, 0.7 - 1e-9]), ([0.3, 19.7], [10.1, 9.9]), ([-0.1, 1.1], [0.5, 0.5])):
+    for left, right in (
+        ([0.3, 0.7], [0.3 + 1e-9, 0.7 - 1e-9]),
+        ([0.3, 19.7], [10.1, 9.9]),
+        ([-0.1, 1.1], [0.5, 0.5]),
+    ):
         assert not [*near_in_whole_numbers(Query("q", left, right))]
 
 
@@ -114,7 +120,10 @@ def test_where_every_number_was_asked_the_session_ends():
             return None
 
     log = AnswerLog()
-    with Session(Stubborn, log) as session, Interview(session, Subject(("bad", "good"))) as interview:
+    with (
+        Session(Stubborn, log) as session,
+        Interview(session, Subject(("bad", "good"))) as interview,
+    ):
         screen = interview.handle({"do": "practised", "choice": "a"})
         while screen["stage"] == "question":
             screen = answer_one(interview, screen, [0, 1])

@@ -41,8 +41,18 @@ def parts(log):
 
 def told(**changes):
     """The line of an answer, with other fields; ... takes one out."""
-    fields = {"id": "e", "left": LEFT, "right": RIGHT, "verdict": 1, "swapped": False, "about": "", "used": True}
-    return json.dumps({name: value for name, value in {**fields, **changes}.items() if value is not ...})
+    fields = {
+        "id": "e",
+        "left": LEFT,
+        "right": RIGHT,
+        "verdict": 1,
+        "swapped": False,
+        "about": "",
+        "used": True,
+    }
+    return json.dumps(
+        {name: value for name, value in {**fields, **changes}.items() if value is not ...}
+    )
 
 
 HEADER = '{"format": "elicit answers", "version": 2, "k": 3}'
@@ -82,9 +92,17 @@ def test_what_went_in_comes_out(path, on_disk):
     first = next(iter(log))
     assert isinstance(first.answer.verdict, Verdict)
     assert [e.answer.verdict for e in log] == [1, None, 0]
-    assert [(e.used, e.answer.swapped) for e in log] == [(True, False), (False, False), (True, True)]
+    assert [(e.used, e.answer.swapped) for e in log] == [
+        (True, False),
+        (False, False),
+        (True, True),
+    ]
     assert first.answer.query.about == "ward 3 or ward 4?\nünïcödé \u2028"
-    assert [e.metadata for e in log] == [{"time": "2024-05-01T12:00:00Z"}, {}, {"who": {"nurse": [1, 2.5, None]}}]
+    assert [e.metadata for e in log] == [
+        {"time": "2024-05-01T12:00:00Z"},
+        {},
+        {"who": {"nurse": [1, 2.5, None]}},
+    ]
     if path is not None:
         log.close()
         assert parts(AnswerLog.read(path)) == parts(AnswerLog(path)) == parts(log)
@@ -93,7 +111,12 @@ def test_what_went_in_comes_out(path, on_disk):
 def test_answers_are_the_used_and_decided_ones():
     log = AnswerLog(k=3)
     assert (len(log.answers()), log.answers().k) == (0, 3)
-    for one, used in ((answer("a", -1), True), (answer("b", None), True), (answer("c"), False), (answer("d", 0), True)):
+    for one, used in (
+        (answer("a", -1), True),
+        (answer("b", None), True),
+        (answer("c"), False),
+        (answer("d", 0), True),
+    ):
         log.append(one, used=used)
     told = log.answers()
     assert (told.ids, told.y.tolist()) == (("a", "d"), [-1, 0])
@@ -121,7 +144,12 @@ def test_an_existing_file_of_plain_json_lines_is_continued(path):
     before = path.read_bytes()
     lines = [json.loads(line) for line in before.decode("ascii").splitlines()]
     assert all(len(line.pop("check")) == 16 for line in lines)
-    assert lines[0] == {"format": "elicit answers", "version": 2, "k": 3, "levels": ["bad", "fair", "good"]}
+    assert lines[0] == {
+        "format": "elicit answers",
+        "version": 2,
+        "k": 3,
+        "levels": ["bad", "fair", "good"],
+    }
     expected = json.loads(told(id="c", verdict=0, swapped=True))
     assert lines[3] == {"event": "answered", **expected, "who": {"nurse": [1, 2.5, None]}}
     log = AnswerLog(path, k=3, header={"levels": ("bad", "fair", "good")})
@@ -236,7 +264,9 @@ def test_a_failed_write_changes_nothing(path, monkeypatch, fails, write):
             failing = pytest.raises(OSError, match="disk full")
         else:
             failing = pytest.raises(OSError, match="No space left")
-            patch.setattr(os, "fsync", MagicMock(side_effect=OSError(28, "No space left on device")))
+            patch.setattr(
+                os, "fsync", MagicMock(side_effect=OSError(28, "No space left on device"))
+            )
             file.write.side_effect = None
             file.write.side_effect = lambda data: os.write(file.fileno(), data)
         if fails == "fsync and truncate":
@@ -308,7 +338,9 @@ sys.stdin.read()
 
 def test_another_process_is_named_and_its_death_frees_the_log(path):
     filled(path)
-    with subprocess.Popen([sys.executable, "-c", HOLDS, path], stdin=PIPE, stdout=PIPE, text=True) as other:
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDS, path], stdin=PIPE, stdout=PIPE, text=True
+    ) as other:
         assert other.stdout.readline() == "held\n"
         before = path.read_bytes()
         who = f"process {other.pid}" if sys.platform == "linux" else "another program"
@@ -325,7 +357,11 @@ def test_another_process_is_named_and_its_death_frees_the_log(path):
 @pytest.mark.skipif(os.name != "posix", reason="permission bits and pipes are POSIX")
 def test_only_regular_files_and_new_ones_are_private(tmp_path, path):
     os.mkfifo(tmp_path / "pipe")
-    for place, kind in (("/dev/full", "a device"), (tmp_path, "a directory"), (tmp_path / "pipe", "a pipe")):
+    for place, kind in (
+        ("/dev/full", "a device"),
+        (tmp_path, "a directory"),
+        (tmp_path / "pipe", "a pipe"),
+    ):
         for open_log in (AnswerLog, AnswerLog.read):
             with pytest.raises(BadLog, match=f"is {kind}: an answer log is a regular file"):
                 open_log(place)
@@ -370,14 +406,17 @@ def test_every_event_comes_out(path):
     log = everything(path)
     for found in (log, AnswerLog.read(path), AnswerLog(path)):
         assert parts(found) == parts(log)
-        assert [(one.query.id, one.metadata) for one in found.asked] == [("d", {"words": "of 100 days"})]
+        assert [(one.query.id, one.metadata) for one in found.asked] == [
+            ("d", {"words": "of 100 days"})
+        ]
         assert all(isinstance(one, Asked) and one.swapped for one in found.asked)
         assert found.restarted == 4
         assert [entry.used for entry in found] == [False, False, True, False, True]
         assert [entry.metadata for entry in found][3] == {"latency": 2.5, "why": "contradicts"}
         assert found.header == {"format": "elicit answers", "version": 2, "k": 3, "unit": "days"}
     assert [json.loads(line).get("event") for line in path.read_text().splitlines()] == [
-        None, *["answered"] * 3, "asked", "answered", "unused", "withdrawn", "restarted", "answered",
+        None, *["answered"] * 3, "asked", "answered", "unused", "withdrawn", "restarted",
+        "answered",
     ]  # fmt: skip
 
 
@@ -432,14 +471,19 @@ def test_what_stands_before_the_damage_can_be_read(path):
         faults = []
         found = AnswerLog.read(path, faults)
         assert [fault.line for fault in faults] == [i + 1]
-        assert ids(found) == [entry.answer.query.id for entry in whole[: min(i - 1, 3) if i < 6 else 4]]
+        assert ids(found) == [
+            entry.answer.query.id for entry in whole[: min(i - 1, 3) if i < 6 else 4]
+        ]
         for open_log in (AnswerLog, AnswerLog.read):
             with pytest.raises(BadLog) as caught:
                 open_log(path)
             assert caught.value.line == i + 1
             said = str(caught.value)
             assert f"line {i + 1} of {path} is damaged" in said
-            assert f"or save the {i - 1} events before it: qlearn log merge --salvage --out NEW {path}" in said
+            assert (
+                f"or save the {i - 1} events before it: qlearn log merge --salvage --out NEW {path}"
+                in said
+            )
 
 
 @pytest.mark.parametrize("open_log", [AnswerLog, AnswerLog.read])
@@ -447,7 +491,9 @@ def test_a_log_of_version_1_is_refused_in_one_sentence(path, open_log):
     path.write_text('{"format": "elicit answers", "version": 1, "k": 3}\n' + told(id="a") + "\n")
     with pytest.raises(BadLog) as caught:
         open_log(path)
-    said = f"{path} is a log of version 1, which no release has written: this program reads version 2"
+    said = (
+        f"{path} is a log of version 1, which no release has written: this program reads version 2"
+    )
     assert str(caught.value) == said
 
 
@@ -471,7 +517,10 @@ def test_a_retracted_answer_stays_in_the_log_but_teaches_nothing(path, on_disk):
         assert path.read_bytes().startswith(before)
         lines = [json.loads(line) for line in path.read_bytes()[len(before) :].splitlines()]
         assert all(line.pop("check") for line in lines)
-        assert lines == [{"event": "withdrawn", "id": "a", **reason}, {"event": "withdrawn", "id": "b"}]
+        assert lines == [
+            {"event": "withdrawn", "id": "a", **reason},
+            {"event": "withdrawn", "id": "b"},
+        ]
         assert parts(AnswerLog.read(path)) == parts(AnswerLog(path)) == parts(log)
 
 
@@ -493,7 +542,11 @@ def test_what_cannot_be_retracted(path):
     assert log.answers().ids == ("c",)
 
 
-@given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from([-1, 0, 1, None, "retract"])), max_size=12))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from("abc"), st.sampled_from([-1, 0, 1, None, "retract"])), max_size=12
+    )
+)
 @examples(60)
 def test_retractions_against_a_list(tmp_path_factory, history):
     """Any history, also after a restart at each step, against the plain list of what stands."""
@@ -513,9 +566,13 @@ def test_retractions_against_a_list(tmp_path_factory, history):
                 log.retract(name)
         log.close()
         for found in (log, AnswerLog(path, k=3)):
-            assert [(e.answer.query.id, e.answer.verdict) for e in found if not e.retracted] == stands
+            assert [
+                (e.answer.query.id, e.answer.verdict) for e in found if not e.retracted
+            ] == stands
             told = found.answers()
-            assert list(zip(told.ids, told.y.tolist(), strict=True)) == [s for s in stands if s[1] is not None]
+            assert list(zip(told.ids, told.y.tolist(), strict=True)) == [
+                s for s in stands if s[1] is not None
+            ]
         del found
 
 
@@ -524,7 +581,10 @@ def test_reading_does_not_write(tmp_path, path):
     log = AnswerLog.read(path)
     with pytest.raises(ValueError, match="opened for reading"):
         log.append(answer("d"))
-    for open_log, missing in ((AnswerLog.read, tmp_path / "none"), (AnswerLog, tmp_path / "none" / "log.jsonl")):
+    for open_log, missing in (
+        (AnswerLog.read, tmp_path / "none"),
+        (AnswerLog, tmp_path / "none" / "log.jsonl"),
+    ):
         with pytest.raises(FileNotFoundError):
             open_log(missing)
     assert not (tmp_path / "none").exists()
@@ -540,11 +600,20 @@ def test_reading_does_not_write(tmp_path, path):
         ("hello\n", "no answer log"),
         ("[1, 2]\n", "no answer log"),
         ('{"format": "other"}\n', "no answer log"),
-        ('{"format": "elicit answers", "version": 3, "k": 3}\n', "log of version 3: this program reads version 2"),
-        ('{"format": "elicit answers", "version": true, "k": 3}\n', "log of version True: this program reads"),
+        (
+            '{"format": "elicit answers", "version": 3, "k": 3}\n',
+            "log of version 3: this program reads version 2",
+        ),
+        (
+            '{"format": "elicit answers", "version": true, "k": 3}\n',
+            "log of version True: this program reads",
+        ),
         ('{"format": "elicit answers", "version": 2, "k": 3}\n', "checksum does not fit"),
         (with_check(b'{"format": "elicit answers", "version": 2}', "")[0].decode(), "k = None"),
-        (with_check(b'{"format": "elicit answers", "version": 2, "k": "3"}', "")[0].decode(), "k = '3'"),
+        (
+            with_check(b'{"format": "elicit answers", "version": 2, "k": "3"}', "")[0].decode(),
+            "k = '3'",
+        ),
     ],
 )
 @pytest.mark.parametrize("open_log", [AnswerLog, AnswerLog.read])
@@ -589,7 +658,10 @@ def event(kind, **changes):
         (event("forgotten"), "no such event: 'forgotten'; was the file written by a newer program"),
         (told(), "no field 'event'"),
         ('{"event": "withdrawn", "id": "x"}', "'x' cannot be retracted"),
-        ('{"event": "withdrawn", "id": "b"}', "'b' cannot be retracted"),  # only what was told before
+        (
+            '{"event": "withdrawn", "id": "b"}',
+            "'b' cannot be retracted",
+        ),  # only what was told before
         ('{"event": "withdrawn", "id": null}', "None"),
         ('{"event": "withdrawn", "id": ["a"]}', "cannot be retracted"),
         ('{"event": "withdrawn", "about": "x"}', "no field 'id'"),
@@ -619,17 +691,23 @@ def test_another_log_than_the_one_expected(path):
 
 @pytest.mark.parametrize("open_log", [AnswerLog, AnswerLog.read])
 def test_what_is_no_path_is_refused_by_name(open_log):
-    with pytest.raises(TypeError, match=r"path must be the name of a file, .* not 4: the number of levels is k=4"):
+    with pytest.raises(
+        TypeError, match=r"path must be the name of a file, .* not 4: the number of levels is k=4"
+    ):
         open_log(4)
     for other in (["log.jsonl"], 4.5, True):
         with pytest.raises(
-            TypeError, match=f"path must be the name of a file, or None .*not {re.escape(repr(other))}$"
+            TypeError,
+            match=f"path must be the name of a file, or None .*not {re.escape(repr(other))}$",
         ):
             open_log(other)
 
 
 def test_bad_arguments():
-    for header, complaint in (({"k": 3}, "not free fields"), ({"levels": {1, 2}}, "header must be plain JSON")):
+    for header, complaint in (
+        ({"k": 3}, "not free fields"),
+        ({"levels": {1, 2}}, "header must be plain JSON"),
+    ):
         with pytest.raises(ValueError, match=complaint):
             AnswerLog(header=header)
     log = AnswerLog()
@@ -660,7 +738,10 @@ def test_a_log_is_read_like_a_list(path):
 
 def test_interrupted_when_the_line_was_on_the_disk_the_log_goes_on(tmp_path, monkeypatch):
     """As by Ctrl+C in a notebook, whose session stays."""
-    path, answers = tmp_path / "log.jsonl", [Answer(Query(f"q{i}", [0, 1], [1, 0]), 1) for i in range(3)]
+    path, answers = (
+        tmp_path / "log.jsonl",
+        [Answer(Query(f"q{i}", [0, 1], [1, 0]), 1) for i in range(3)],
+    )
     append = log_file.LogFile.append
 
     def interrupted(self, data):

@@ -18,7 +18,10 @@ def log_of(path, who, verdicts, header=None):
 
 
 def told(log):
-    return [(e.answer.query.id, e.answer.verdict, e.metadata.get("who"), e.used, e.retraction) for e in log]
+    return [
+        (e.answer.query.id, e.answer.verdict, e.metadata.get("who"), e.used, e.retraction)
+        for e in log
+    ]
 
 
 def test_what_one_withdrew_another_said_still_stands(tmp_path):
@@ -43,7 +46,9 @@ def test_what_one_withdrew_another_said_still_stands(tmp_path):
         merge_logs(logs, tmp_path / "all")
 
 
-@pytest.mark.parametrize("header", [{"unit": "patients"}, {"unit": "days", "discount": 0.9}, {"labels": ["a"]}])
+@pytest.mark.parametrize(
+    "header", [{"unit": "patients"}, {"unit": "days", "discount": 0.9}, {"labels": ["a"]}]
+)
 def test_logs_of_other_problems_are_not_merged(tmp_path, header):
     log_of(tmp_path / "a", "ann", {"q": 1})
     log_of(tmp_path / "b", "bob", {"q": 1}, header)

@@ -32,9 +32,13 @@ def test_a_log_replays_by_id_and_by_pair():
     for answer in answers:
         log.append(answer)
     replay = ReplayTutor(log)
-    assert [replay(a.query).verdict for a in reversed(answers)] == [a.verdict for a in reversed(answers)]
+    assert [replay(a.query).verdict for a in reversed(answers)] == [
+        a.verdict for a in reversed(answers)
+    ]
     by_pair = ReplayTutor(log)
-    assert [by_pair(query(row, f"other {i}")).verdict for i, row in enumerate(d)] == [a.verdict for a in answers]
+    assert [by_pair(query(row, f"other {i}")).verdict for i, row in enumerate(d)] == [
+        a.verdict for a in answers
+    ]
     mirrored = ReplayTutor(answers)
     found = [mirrored(query(-row, f"other {i}")) for i, row in enumerate(d)]
     assert [a.verdict for a in found] == [a.verdict.flipped for a in answers]
@@ -48,7 +52,9 @@ def test_repeated_pairs_replay_in_order_and_a_repeated_id_stays():
     log = [Answer(query(d, f"q{i}"), v) for i, v in enumerate(verdicts)]
     replay = ReplayTutor(log)
     assert [replay(query(d, f"r{i}")).verdict for i in range(4)] == verdicts
-    assert [replay(query(d, f"r{i}")).verdict for i in (3, 0, 2)] == [verdicts[i] for i in (3, 0, 2)]
+    assert [replay(query(d, f"r{i}")).verdict for i in (3, 0, 2)] == [
+        verdicts[i] for i in (3, 0, 2)
+    ]
     with pytest.raises(LookupError, match="all 4 answers"):
         replay(query(d, "r4"))
     # an id takes its own answer out of the queue of its pair
@@ -58,13 +64,21 @@ def test_repeated_pairs_replay_in_order_and_a_repeated_id_stays():
     assert mixed(query(d, "q0")).verdict is Verdict.BETTER
     # and it has its own answer even where another query of the same pair came first
     taken = ReplayTutor(log[:1])
-    assert [taken(query(d, name)).verdict for name in ("x", "q0", "q0", "x")] == [Verdict.BETTER] * 4
+    assert [taken(query(d, name)).verdict for name in ("x", "q0", "q0", "x")] == [
+        Verdict.BETTER
+    ] * 4
 
 
 def test_an_id_answered_twice_replays_twice():
     d = [0.5, -1, 0, 0, 0.5]
-    replay = ReplayTutor([Answer(query(d, "q"), Verdict.BETTER), Answer(query(d, "q"), Verdict.WORSE)])
-    assert [replay(query(d, "q")).verdict for _ in range(3)] == [Verdict.BETTER, Verdict.WORSE, Verdict.WORSE]
+    replay = ReplayTutor(
+        [Answer(query(d, "q"), Verdict.BETTER), Answer(query(d, "q"), Verdict.WORSE)]
+    )
+    assert [replay(query(d, "q")).verdict for _ in range(3)] == [
+        Verdict.BETTER,
+        Verdict.WORSE,
+        Verdict.WORSE,
+    ]
 
 
 def test_signed_zeros_and_unused_entries_are_found():

@@ -32,7 +32,10 @@ def by_fractions(d, values):
     return (total > 0) - (total < 0)
 
 
-NOISY = [lambda seed: FlippingTutor(HIDDEN, 0.3, seed), lambda seed: BradleyTerryTutor(HIDDEN, 4.0, seed)]
+NOISY = [
+    lambda seed: FlippingTutor(HIDDEN, 0.3, seed),
+    lambda seed: BradleyTerryTutor(HIDDEN, 4.0, seed),
+]
 
 
 @pytest.mark.parametrize("k", [3, 5, 10, 25])
@@ -47,7 +50,9 @@ def test_the_truthful_tutor_is_exact_next_to_a_tie(k):
     rows[:, 1] += np.tile(range(-2, 3), 60) * np.spacing(rows[:, 1])
     wanted = [by_fractions(row, values) for row in rows]
     assert len(set(wanted)) > 1
-    assert (np.sign(tail_sums(rows) @ g) != wanted).any(), "these cases do not need exact arithmetic"
+    assert (np.sign(tail_sums(rows) @ g) != wanted).any(), (
+        "these cases do not need exact arithmetic"
+    )
     assert TruthfulTutor(values).signs(rows).tolist() == wanted
 
 
@@ -78,7 +83,11 @@ def test_values_are_normalised_and_their_unit_does_not_matter():
     assert (TruthfulTutor(HIDDEN * 7.0 - 5).signs(d) == tutor.signs(d)).all()
 
 
-MAKERS = [TruthfulTutor, lambda values: FlippingTutor(values, 0.1), lambda values: BradleyTerryTutor(values, 1.0)]
+MAKERS = [
+    TruthfulTutor,
+    lambda values: FlippingTutor(values, 0.1),
+    lambda values: BradleyTerryTutor(values, 1.0),
+]
 
 
 @pytest.mark.parametrize("values", [[0, 0, 1], [1, 0], [0], [0, np.nan], [[0, 1]]])
@@ -118,7 +127,11 @@ def test_errors_do_not_depend_on_the_order_of_asking(make):
     shuffled = np.random.default_rng(2).permutation(100)
     assert (make(5).signs(d)[shuffled] == make(5).signs(d[shuffled])).all()
     late = make(5)
-    asked = [late.signs(d), late.signs(differences(np.random.default_rng(3), 5, 1500)), late.signs(d)]
+    asked = [
+        late.signs(d),
+        late.signs(differences(np.random.default_rng(3), 5, 1500)),
+        late.signs(d),
+    ]
     together = make(5).signs(np.concatenate([d, d])).tolist()
     assert [*asked[0], *asked[2]] == together, "however many others are in between"
 
@@ -137,7 +150,9 @@ def test_seeds(make):
     d = differences(np.random.default_rng(1), 5, 200)
     assert (make(5).signs(d) == make(5).signs(d)).all()
     assert (make(5).signs(d) != make(6).signs(d)).any()
-    assert (make(np.random.default_rng(4)).signs(d) == make(np.random.default_rng(4)).signs(d)).all()
+    assert (
+        make(np.random.default_rng(4)).signs(d) == make(np.random.default_rng(4)).signs(d)
+    ).all()
     with pytest.raises(TypeError, match="seed"):
         make(-5)
 
@@ -151,7 +166,9 @@ def test_asking_again_draws_again_and_signed_zeros_are_one_pair(make):
 
 
 def test_errors_grow_with_the_error_rate():
-    """A pair answered wrongly by a careful tutor is answered wrongly by a careless one of the same seed."""
+    """A pair answered wrongly by a careful tutor is answered wrongly by a careless one of the same
+    seed.
+    """
     d = differences(np.random.default_rng(1), 5, 2000)
     truth = TruthfulTutor(HIDDEN).signs(d)
     for make, careless in ((FlippingTutor, (0.05, 0.1, 0.3)), (BradleyTerryTutor, (30, 10, 2))):
@@ -190,7 +207,9 @@ def test_exact_ties():
 
 
 def test_a_tie_in_floats_that_is_none_can_be_answered_wrongly():
-    """Where float sums say 0 but the exact product does not, there is a wrong answer, and it is counted."""
+    """Where float sums say 0 but the exact product does not, there is a wrong answer, and it is
+    counted.
+    """
     values = [0.0, 0.1, 0.3, 0.6, 1.0]
     g = gaps(values)
     d = differences(np.random.default_rng(0), 5, 4000)
@@ -267,7 +286,9 @@ def test_the_expected_error_rate_is_the_one_asked_for(k, rate):
 def test_the_length_of_the_reference_sets_the_precision(scale):
     reference = differences(np.random.default_rng(8), 5, 300)
     plain = BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference).precision
-    assert BradleyTerryTutor.from_error_rate(HIDDEN, 0.1, reference * scale).precision * scale == pytest.approx(plain)
+    assert BradleyTerryTutor.from_error_rate(
+        HIDDEN, 0.1, reference * scale
+    ).precision * scale == pytest.approx(plain)
 
 
 def test_ties_in_the_reference_are_no_errors():

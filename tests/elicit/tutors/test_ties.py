@@ -27,7 +27,10 @@ def test_a_truthful_tutor_calls_equal_what_lies_within_the_tie_and_nothing_else(
 def test_a_flipping_tutor_flips_what_lies_beyond_the_tie():
     d = differences(np.random.default_rng(2), 4, 4000)
     near = np.abs(tail_sums(d) @ np.diff(VALUES)) <= 0.05
-    said, sharp = FlippingTutor(VALUES, 0.2, 3, tie=0.05).signs(d), FlippingTutor(VALUES, 0.2, 3).signs(d)
+    said, sharp = (
+        FlippingTutor(VALUES, 0.2, 3, tie=0.05).signs(d),
+        FlippingTutor(VALUES, 0.2, 3).signs(d),
+    )
     assert (said[near] == 0).all()
     assert (said[~near] == sharp[~near]).all()
 
@@ -39,12 +42,17 @@ def test_a_bradley_terry_tutor_ties_as_rao_and_kupper_have_it():
         said = BradleyTerryTutor(VALUES, precision, 5, tie=tie).signs(np.tile(d, (n, 1)))
         better, worse = expit(precision * (x - tie)), expit(precision * (-x - tie))
         for code, chance in ((1, better), (-1, worse), (0, 1 - better - worse)):
-            assert np.mean(said == code) == pytest.approx(chance, abs=4 * np.sqrt(chance * (1 - chance) / n) + 1e-9)
+            assert np.mean(said == code) == pytest.approx(
+                chance, abs=4 * np.sqrt(chance * (1 - chance) / n) + 1e-9
+            )
 
 
 def test_without_a_tie_nothing_has_changed():
     d = differences(np.random.default_rng(3), 4, 500)
-    assert (BradleyTerryTutor(VALUES, 9.0, 1, tie=0.0).signs(d) == BradleyTerryTutor(VALUES, 9.0, 1).signs(d)).all()
+    assert (
+        BradleyTerryTutor(VALUES, 9.0, 1, tie=0.0).signs(d)
+        == BradleyTerryTutor(VALUES, 9.0, 1).signs(d)
+    ).all()
 
 
 @pytest.mark.parametrize("tie", [-0.1, 1.0, float("nan"), "x", None])

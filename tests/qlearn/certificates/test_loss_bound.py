@@ -29,7 +29,9 @@ from tests.thoroughness import examples
 
 
 def solve(mdp, comparator, tutor, **settings):
-    return drive(InteractivePolicyIteration(mdp, comparator, **{"tolerance": 0.005, **settings}), tutor)
+    return drive(
+        InteractivePolicyIteration(mdp, comparator, **{"tolerance": 0.005, **settings}), tutor
+    )
 
 
 def test_a_bound_can_be_had_for_any_policy():
@@ -38,41 +40,60 @@ def test_a_bound_can_be_had_for_any_policy():
     found = loss_bound(mdp, worst, PolytopeComparator(4))
     assert policy_loss(mdp, worst, values).max() <= found.loss_bound <= 1
     assert found.confidence == 1
-    learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), strategy=most_even_cut, tolerance=1e-3)
+    learner = InteractivePolicyIteration(
+        mdp, PolytopeComparator(4), strategy=most_even_cut, tolerance=1e-3
+    )
     known = drive(learner, TruthfulTutor(values)).comparator
     assert loss_bound(mdp, worst, known).loss_bound <= found.loss_bound
 
 
-@pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=60)])
+@pytest.mark.parametrize(
+    "comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=60)]
+)
 def test_an_error_in_the_values_counts_in_every_step(comparator):
     mdp, values = random_mdp(15, 3, 4, discount=0.9, rng=8)
     over = advantages(mdp, value_iteration(mdp, values)[1])
     assert over.doubt < 1e-12
-    exact, rough = (guarantee(mdp, over._replace(doubt=doubt), comparator).loss_bound for doubt in (over.doubt, 0.002))
+    exact, rough = (
+        guarantee(mdp, over._replace(doubt=doubt), comparator).loss_bound
+        for doubt in (over.doubt, 0.002)
+    )
     assert 0 < exact < 0.9
     assert rough - exact == pytest.approx(0.002 / (1 - 0.9), abs=1e-9)
 
 
-@pytest.mark.parametrize("comparator", [PolytopeComparator(3), PosteriorComparator(3, particles=60)])
+@pytest.mark.parametrize(
+    "comparator", [PolytopeComparator(3), PosteriorComparator(3, particles=60)]
+)
 @pytest.mark.parametrize("wrong", [0.0, 0.01, 0.3])
 def test_the_bound_holds_for_values_made_wrong_on_purpose(comparator, wrong):
     for seed in range(6):
-        mdp = (random_mdp(15, 3, 3, discount=0.9, rng=seed) if seed % 2 else messy_mdp(seed, k=3))[0]
+        mdp = (random_mdp(15, 3, 3, discount=0.9, rng=seed) if seed % 2 else messy_mdp(seed, k=3))[
+            0
+        ]
         live = ~mdp.terminal
         rng = np.random.default_rng(seed)
         policy = np.where(rng.random(mdp.n_states) < 0.7, value_iteration(mdp, [0, 1, 2])[1], 0)
-        policy = np.where(mdp.admissible[np.arange(mdp.n_states), policy], policy, np.argmax(mdp.admissible, axis=1))
+        policy = np.where(
+            mdp.admissible[np.arange(mdp.n_states), policy],
+            policy,
+            np.argmax(mdp.admissible, axis=1),
+        )
         v = evaluate_policy(mdp, policy)
         v[live] = (1 - wrong) * v[live] + wrong * rng.dirichlet(np.ones(3), int(live.sum()))
         bound = guarantee(mdp, advantages(mdp, policy, v), comparator).loss_bound
-        gaps = PolytopeComparator(3).draws.gaps if drawn_set(comparator) is None else comparator.draws.gaps
+        gaps = (
+            PolytopeComparator(3).draws.gaps
+            if drawn_set(comparator) is None
+            else comparator.draws.gaps
+        )
         losses = losses_under(mdp, policy, gaps[:, ::8])
         assert np.quantile(losses, 1.0 if drawn_set(comparator) is None else 0.9) <= bound + 1e-9
 
 
 def test_an_error_counts_where_it_flatters_the_policy_and_where_it_belittles_the_rest():
-    # state 0 stays at the worst level or moves on to state 1, which stays at the best: to stay loses all but one step;
-    # a value of a half for both hides that, half of it in each
+    # state 0 stays at the worst level or moves on to state 1, which stays at the best: to stay
+    # loses all but one step; a value of a half for both hides that, half of it in each
     successors, levels = [[[0], [1]], [[1], [1]]], [[0, 0], [1, 1]]
     ways = [[True, True], [True, False]]
     mdp = OrdinalMDP(successors, np.ones((2, 2, 1)), levels, 0.9, ("bad", "good"), admissible=ways)
@@ -92,9 +113,16 @@ def test_bounds_of_many_are_bounds_and_tight_where_they_are_positive(seed, k, ti
     pairs = rng.dirichlet(np.ones(k), (20, 2))
     tutor = TruthfulTutor(values)
     answers = Answers(pairs[:, 0] - pairs[:, 1], tutor.signs(pairs[:, 0] - pairs[:, 1]))
-    d = np.concatenate([np.diff(rng.dirichlet(np.ones(k), (80, 2)), axis=1)[:, 0], np.zeros((2, k))])
-    for comparator in (PolytopeComparator(k, tie=tie).update(answers), RelaxedPolytopeComparator(k).update(answers)):
-        tight, confidence = simultaneous_bounds(comparator, d)  # which are not tight where they are negative
+    d = np.concatenate(
+        [np.diff(rng.dirichlet(np.ones(k), (80, 2)), axis=1)[:, 0], np.zeros((2, k))]
+    )
+    for comparator in (
+        PolytopeComparator(k, tie=tie).update(answers),
+        RelaxedPolytopeComparator(k).update(answers),
+    ):
+        tight, confidence = simultaneous_bounds(
+            comparator, d
+        )  # which are not tight where they are negative
         high, same = bounds_of_many(comparator, d)
         assert same == confidence == 1
         assert (high >= np.minimum(comparator.bounds(d)[1], tight) - 1e-9).all()

@@ -13,7 +13,11 @@ LEFT, RIGHT = [0.1, 0.2, 0.7], [0.3, 0.3, 0.4]
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     with AnswerLog(tmp_path / "log.jsonl", header={"unit": "days"}) as log:
-        log.append(Answer(Query("a", LEFT, RIGHT, "ward 3\nor 4?"), 1, swapped=True), who="ann", latency=2.5)  # type: ignore[arg-type]
+        log.append(
+            Answer(Query("a", LEFT, RIGHT, "ward 3\nor 4?"), 1, swapped=True),
+            who="ann",
+            latency=2.5,
+        )  # type: ignore[arg-type]
         log.append(Answer(Query("b", RIGHT, LEFT), None), who="bob")
         log.append(Answer(Query("c", LEFT, RIGHT), -1), used=False)  # type: ignore[arg-type]
         log.append(Answer(Query("d", LEFT, RIGHT), 0))  # type: ignore[arg-type]
@@ -49,7 +53,12 @@ def test_check(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert cli.main(["log", "check", str(old)]) == 1
     assert "is a log of version 1, which no release has written" in capsys.readouterr().err
     before = damage(path).read_bytes()
-    assert cli.main(["log", "check", str(path), str(damage(path)), str(tmp_path), str(tmp_path / "none")]) == 1
+    assert (
+        cli.main(
+            ["log", "check", str(path), str(damage(path)), str(tmp_path), str(tmp_path / "none")]
+        )
+        == 1
+    )
     out, err = capsys.readouterr()
     assert out.startswith(f"{path}: whole")
     assert out.count("\n") == 1
@@ -63,7 +72,13 @@ def test_merge(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     with AnswerLog(tmp_path / "other", header={"unit": "days"}) as log:
         log.append(Answer(Query("e", LEFT, RIGHT), 1))  # type: ignore[arg-type]
     assert cli.main(["log", "merge", str(path), str(tmp_path / "other"), "--out", str(new)]) == 0
-    assert sorted(entry.answer.query.id for entry in AnswerLog.read(new)) == ["a", "b", "c", "d", "e"]
+    assert sorted(entry.answer.query.id for entry in AnswerLog.read(new)) == [
+        "a",
+        "b",
+        "c",
+        "d",
+        "e",
+    ]
     assert AnswerLog.read(new).header["unit"] == "days"
     assert cli.main(["log", "merge", str(path), "--out", str(new)]) == 1
     assert "name a new file" in capsys.readouterr().err
@@ -72,7 +87,10 @@ def test_merge(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert not saved.exists()
     assert "line 3" in capsys.readouterr().err
     assert cli.main(["log", "merge", "--salvage", str(damage(path)), "--out", str(saved)]) == 1
-    assert "1 answers of 1 logs; what stood behind the damage is not among them" in capsys.readouterr().out
+    assert (
+        "1 answers of 1 logs; what stood behind the damage is not among them"
+        in capsys.readouterr().out
+    )
     assert [entry.answer.query.id for entry in AnswerLog.read(saved)] == ["a"]
     with pytest.raises(SystemExit):
         cli.main(["log", "merge", str(path)])

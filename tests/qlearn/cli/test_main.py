@@ -19,7 +19,9 @@ from qlearn.paper import figure_runs as series
 from tests.interpreter import ROOT, run
 
 
-@pytest.mark.parametrize(("command", "settings"), [("ablate", AblationSettings), ("figures", FiguresSettings)])
+@pytest.mark.parametrize(
+    ("command", "settings"), [("ablate", AblationSettings), ("figures", FiguresSettings)]
+)
 def test_the_help_says_every_option_with_its_default(
     command: str, settings: type[Settings], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -32,7 +34,8 @@ def test_the_help_says_every_option_with_its_default(
     for name in names:
         default = said[name].default
         stated = [
-            f"{x:g}" if isinstance(x, float) else str(x) for x in (default if isinstance(default, tuple) else [default])
+            f"{x:g}" if isinstance(x, float) else str(x)
+            for x in (default if isinstance(default, tuple) else [default])
         ]
         text = said[name].metadata["help"] + f"[{''.join(stated)}]"
         assert f"--{name.replace('_', '-')}" in shown
@@ -48,8 +51,10 @@ def test_it_says_its_version(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
-        "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['ablate', '--help'])\nexcept SystemExit:\n"
-        "    print('heavy:', sorted({'numpy', 'scipy', 'pandas', 'matplotlib', 'joblib'} & set(sys.modules)))"
+        "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['ablate', "
+        "'--help'])\nexcept SystemExit:\n"
+        "    print('heavy:', sorted({'numpy', 'scipy', 'pandas', 'matplotlib', 'joblib'} & "
+        "set(sys.modules)))"
     )
     *shown, heavy = run(code)
     assert "--max-queries" in "".join(shown)
@@ -72,7 +77,10 @@ def test_help_imports_nothing_heavy() -> None:
             "--problems: 'tests.own_cases:missing': module tests.own_cases has",
         ),
         ("ablate --learners tests.own_cases:NUMBER", "is no factory: 5 cannot be called"),
-        ("ablate --tutors flip", "invalid choice: 'flip' (choose from or your own, as package.module:factory)"),
+        (
+            "ablate --tutors flip",
+            "invalid choice: 'flip' (choose from or your own, as package.module:factory)",
+        ),
         ("ablate --comparators", "expected at least one argument"),
         ("ablate --colour red", "--colour"),
         ("ablate --quick --paper", "not allowed with"),
@@ -82,7 +90,9 @@ def test_help_imports_nothing_heavy() -> None:
         ("figures --comparators always", "invalid choice: 'always'"),
     ],
 )
-def test_bad_options_end_in_2_and_say_the_value(options: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_options_end_in_2_and_say_the_value(
+    options: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as caught:
         cli.main(options.split())
     assert caught.value.code == 2
@@ -91,7 +101,9 @@ def test_bad_options_end_in_2_and_say_the_value(options: str, said: str, capsys:
 
 def test_no_comparator_need_be_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[FiguresSettings] = []
-    monkeypatch.setattr("qlearn.cli.figures.run", lambda settings, **how: seen.append(settings) or 0)
+    monkeypatch.setattr(
+        "qlearn.cli.figures.run", lambda settings, **how: seen.append(settings) or 0
+    )
     assert cli.main(["figures", "--thinned"]) == 0
     assert cli.main(["figures", "--thinned", "box"]) == 0
     assert [settings.thinned for settings in seen] == [(), ("box",)]
@@ -99,19 +111,32 @@ def test_no_comparator_need_be_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
         cli.main(["figures", "--levels"])
 
 
-ABLATE = "ablate --quick --seeds 1 --learners q-learning --comparators polytope --audit 0.05 --steps 60"
+ABLATE = (
+    "ablate --quick --seeds 1 --learners q-learning --comparators polytope --audit 0.05 --steps 60"
+)
 FIGURES = (
-    "figures --levels 3 4 --at-states 6 --states 6 9 --at-levels 4 --actions 2 --seeds 2 --steps 60 --n-boot 5 "
+    "figures --levels 3 4 --at-states 6 --states 6 9 --at-levels 4 --actions 2 --seeds 2 --steps "
+    "60 --n-boot 5 "
     "--particles 20 --tutors 10% --thinned polytope"
 )
-FIGURE_FILES = ["claims.csv", "claims.md", *(f"figure{i}.{kind}" for i in (2, 3, 4) for kind in ("png", "svg"))]
+FIGURE_FILES = [
+    "claims.csv",
+    "claims.md",
+    *(f"figure{i}.{kind}" for i in (2, 3, 4) for kind in ("png", "svg")),
+]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "files", "keys", "rows", "said"),
     [
-        (ABLATE, ["ablation.png"], KEYS, 5, "random MDP (10 states, 3 actions, 5 levels), Q-learning"),
+        (
+            ABLATE,
+            ["ablation.png"],
+            KEYS,
+            5,
+            "random MDP (10 states, 3 actions, 5 levels), Q-learning",
+        ),
         pytest.param(FIGURES, FIGURE_FILES, series.KEYS, 28, "| holds (", marks=pytest.mark.slow),
     ],
     ids=["ablate", "figures"],
@@ -158,8 +183,25 @@ def test_options_override_the_preset_and_the_preset_the_defaults(
         raise ValueError("enough")
 
     monkeypatch.setattr(ablation, "ablate", fake)
-    assert cli.main(["ablate", "--paper", "--steps", "7", "--error-rates", "0", ".2", "--out", str(tmp_path)]) == 1
-    settings = AblationSettings(seeds=20, n_boot=200, refit_growth=0.0, steps=7, error_rates=(0.0, 0.2))
+    assert (
+        cli.main(
+            [
+                "ablate",
+                "--paper",
+                "--steps",
+                "7",
+                "--error-rates",
+                "0",
+                ".2",
+                "--out",
+                str(tmp_path),
+            ]
+        )
+        == 1
+    )
+    settings = AblationSettings(
+        seeds=20, n_boot=200, refit_growth=0.0, steps=7, error_rates=(0.0, 0.2)
+    )
     assert seen == [(settings, {"jobs": -1, "fresh": False, "journal": tmp_path / "journal.jsonl"})]
 
 
@@ -167,14 +209,20 @@ def test_options_override_the_preset_and_the_preset_the_defaults(
     ("error", "said"),
     [
         (ValueError("this cannot be"), "this cannot be"),
-        (ImportError("the tables are not installed: pip install x"), "the tables are not installed: pip install x"),
+        (ImportError("the tables are not installed: pip install x"), "the tables are not "
+                                                                     "installed: pip install x"),
         (BlockingIOError("another process is writing to it"), "another process is writing to it"),
-        (BrokenExecutor(), "a process that computed a run died (killed, or out of memory?); the runs that had finished "
+        (BrokenExecutor(), "a process that computed a run died (killed, or out of memory?); the "
+                           "runs that had finished "
          "are kept: start again to compute the rest, or with --jobs 1"),
     ],
 )  # fmt: skip
 def test_errors_of_the_library_are_one_line(
-    error: Exception, said: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    error: Exception,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     def fake(*settings: Any, **how: Any) -> pd.DataFrame:
         raise error
@@ -228,7 +276,13 @@ def test_a_partial_table_and_picture_say_what_is_incomplete(
 
     monkeypatch.setattr(ablation, "ablate", stopped)
     monkeypatch.setattr(Figure, "savefig", drawn)
-    command = [*ABLATE.replace("--seeds 1", "--seeds 3").split(), "--jobs", "1", "--out", str(tmp_path)]
+    command = [
+        *ABLATE.replace("--seeds 1", "--seeds 3").split(),
+        "--jobs",
+        "1",
+        "--out",
+        str(tmp_path),
+    ]
     assert cli.main(command) == 130
     lines = capsys.readouterr().out.splitlines()
     (oracle,) = (line for line in lines if line.startswith("always"))
@@ -249,16 +303,22 @@ def test_a_partial_table_and_picture_say_what_is_incomplete(
 @pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_parts_of_the_users_go_in_from_the_current_directory(jobs: int, tmp_path: Path) -> None:
-    (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef exact(k, seed):\n"
+    (tmp_path / "my_models.py").write_text("from tests.own_cases import Exact, tiny\n\ndef "
+                                           "exact(k, seed):\n"
                                            "    return Exact(tiny(seed)[1])\n")  # fmt: skip
-    options = "ablate --learners value-iteration certified=tests.own_cases:certified --error-rates 0"
+    options = (
+        "ablate --learners value-iteration certified=tests.own_cases:certified --error-rates 0"
+    )
     options += " --tutors tests.own_cases:careless"
-    options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1"
+    options += " --comparators polytope exact=my_models:exact --problems box=tests.own_cases:tiny --seeds 1"  # noqa: E501
     options += f" --jobs {jobs}"
     options += " --tolerance 0.05 --audit 0"
     start = "import sys; sys.path = [p for p in sys.path if p]; from qlearn.cli.main import main; "
     lines = run(
-        f"{start}raise SystemExit(main({options.split()!r}))", tmp_path, PYTHONPATH=str(ROOT), PYTHONWARNINGS="ignore"
+        f"{start}raise SystemExit(main({options.split()!r}))",
+        tmp_path,
+        PYTHONPATH=str(ROOT),
+        PYTHONWARNINGS="ignore",
     )
     heads = [line for line in lines if line.startswith("box, ")]
     assert heads == ["box, value iteration", "box, certified"]
@@ -275,26 +335,48 @@ def test_parts_of_the_users_go_in_from_the_current_directory(jobs: int, tmp_path
         assert rows.realised_error_rate[learner, "polytope", careless] > 0.9
 
 
-def test_what_a_factory_returned_is_said_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_a_factory_returned_is_said_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name, said in (
-        ("three", "returned no comparator: a comparator is wanted, such as PolytopeComparator(k=5), not 3"),
+        (
+            "three",
+            "returned no comparator: a comparator is wanted, such as PolytopeComparator(k=5), not 3",  # noqa: E501
+        ),
         ("two", "returned a comparator of k = 2: it must be made for 5"),
     ):
-        options = [*ABLATE.split(), "--comparators", f"mine=tests.own_cases:{name}", "--out", str(tmp_path)]
+        options = [
+            *ABLATE.split(),
+            "--comparators",
+            f"mine=tests.own_cases:{name}",
+            "--out",
+            str(tmp_path),
+        ]
         assert cli.main(options) == 1
-        assert f"qlearn: 'mine': the factory, called with k = 5, seed = 0, {said}" in capsys.readouterr().err
+        assert (
+            f"qlearn: 'mine': the factory, called with k = 5, seed = 0, {said}"
+            in capsys.readouterr().err
+        )
 
 
 @pytest.mark.slow
-def test_quick_has_enough_seeds_for_its_picture_to_tell_the_comparators_apart(tmp_path: Path) -> None:
+def test_quick_has_enough_seeds_for_its_picture_to_tell_the_comparators_apart(
+    tmp_path: Path,
+) -> None:
     assert cli.main(["ablate", "--quick", "--jobs", "1", "--out", str(tmp_path)]) == 0
     times = pd.read_csv(tmp_path / "times.csv")
-    assert times.seconds.sum() < 60  # some 3 seconds where nothing has to be compiled, and nobody else computes
+    assert (
+        times.seconds.sum() < 60
+    )  # some 3 seconds where nothing has to be compiled, and nobody else computes
     cells = pd.read_csv(tmp_path / "summary.csv").set_index(["learner", "comparator", "error_rate"])
     assert (cells.runs >= 8).all()
     for learner in ("q-learning", "value-iteration"):
         here = cells.loc[learner]
-        for name in ("polytope", "posterior", "ensemble"):  # all ask far less than always, beyond their intervals
+        for name in (
+            "polytope",
+            "posterior",
+            "ensemble",
+        ):  # all ask far less than always, beyond their intervals
             few, most = here.loc[name, 0.0], here.loc["always", 0.0]
             assert few.asked + few.asked_half < most.asked - most.asked_half
             assert few.excess_loss <= 0.001

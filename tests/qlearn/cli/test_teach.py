@@ -15,7 +15,14 @@ import pytest
 from elicit import AnswerLog, Bags, PolytopeComparator, Session, Verdict
 from elicit.person.interview import Interview
 from elicit.person.showing import Words
-from qlearn import InteractivePolicyIteration, OrdinalMDP, draw_values, icu_sepsis, policy_loss, random_mdp
+from qlearn import (
+    InteractivePolicyIteration,
+    OrdinalMDP,
+    draw_values,
+    icu_sepsis,
+    policy_loss,
+    random_mdp,
+)
 from qlearn.cli.main import main
 from qlearn.cli.teach_subjects import read_alternatives, taught_by
 from qlearn.problems import FAMILIES
@@ -30,7 +37,9 @@ ILL = {"died": 0.0, "ill": 0.3, "well": 1.0}
 
 def own(seed: int) -> tuple[OrdinalMDP, Words]:
     """A problem of a user, with his words."""
-    return random_mdp(6, 2, 3, discount=0.8, seed=seed)[0], Words("weeks", "go", "Mine", "What matters to me.")
+    return random_mdp(6, 2, 3, discount=0.8, seed=seed)[0], Words(
+        "weeks", "go", "Mine", "What matters to me."
+    )
 
 
 def number(seed: int) -> int:
@@ -39,9 +48,15 @@ def number(seed: int) -> int:
 
 
 def taught(
-    typed: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *options: str, columns: int = 80
+    typed: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    *options: str,
+    columns: int = 80,
 ) -> tuple[int, str, str]:
-    """The exit code, output and errors of the command in this process, with these lines for input."""
+    """The exit code, output and errors of the command in this process, with these lines for
+    input.
+    """
     monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
     monkeypatch.setenv("COLUMNS", f"{columns}")
     code = main(["teach", *options])
@@ -53,7 +68,9 @@ def taught(
 def lets_answer(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., str]:
-    """Let a truthful person answer the command, run in this process in a folder of its own; returns what it showed."""
+    """Let a truthful person answer the command, run in this process in a folder of its own; returns
+    what it showed.
+    """
 
     def answered(values: dict[str, float], *options: str) -> str:
         typing = Typing(lambda: capsys.readouterr().out, values)
@@ -85,7 +102,9 @@ def told(log: Path) -> list[tuple[str, Verdict | None]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("comparator", ["polytope", pytest.param("posterior", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "comparator", ["polytope", pytest.param("posterior", marks=pytest.mark.slow)]
+)
 def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: Path) -> None:
     with Teach(tmp_path, "--problem", "random", "--comparator", comparator, "--seed", "3") as teach:
         keys = answer_all(teach, VALUES)
@@ -96,7 +115,12 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
     log = AnswerLog.read(tmp_path / "answers-random.jsonl")
     mdp, _ = random_mdp(30, 3, 5, 0.9, seed=3)
     assert log.header["problem"] == mdp.fingerprint
-    assert (log.k, log.header["labels"], log.header["unit"], log.header["discount"]) == (5, LEVELS, "days", 0.9)
+    assert (log.k, log.header["labels"], log.header["unit"], log.header["discount"]) == (
+        5,
+        LEVELS,
+        "days",
+        0.9,
+    )
     values = np.array([*VALUES.values()])
     assert len(log) == len(keys) - 1  # but for practice
     for entry, key in zip(log, keys[1:], strict=True):
@@ -112,12 +136,21 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
         assert key == {0: "e", 1: left, -1: right}[entry.answer.verdict]
     said = report(teach.shown)
     sure = "if your answers are right" if comparator == "polytope" else "with 95% probability"
-    loss = rf"falls short of your best plan by at most ([\d.]+)% \({sure}\); 100% is from all level 1 to all level 5"
+    loss = (
+        rf"falls short of your best plan by at most ([\d.]+)% \({sure}\); 100% is from all level 1 "
+        r"to all level 5"
+    )
     bound = re.search(loss, " ".join(said.split()))
     assert bound
     assert float(bound[1]) < 1
-    policy = InteractivePolicyIteration(mdp, PolytopeComparator(5), bags=Bags(10), known=log).result().policy
-    assert comparator == "posterior" or policy_loss(mdp, policy, values).max() <= float(bound[1]) / 100
+    policy = (
+        InteractivePolicyIteration(mdp, PolytopeComparator(5), bags=Bags(10), known=log)
+        .result()
+        .policy
+    )
+    assert (
+        comparator == "posterior" or policy_loss(mdp, policy, values).max() <= float(bound[1]) / 100
+    )
     for name, value in VALUES.items():
         interval = re.search(rf"  {name} +\d+  (?:(\d+) to (\d+))?", said)
         assert interval
@@ -130,8 +163,12 @@ def test_a_truthful_person_teaches_a_random_problem(comparator: str, tmp_path: P
 
 
 def differing(shown: str) -> list[tuple[str, str, str]]:
-    """Return the states in which the policy is said to differ from that of equal gaps, with both actions."""
-    found = re.search(r"In (\d+) of 30 states it acts otherwise than if the steps", " ".join(shown.split()))
+    """Return the states in which the policy is said to differ from that of equal gaps, with both
+    actions.
+    """
+    found = re.search(
+        r"In (\d+) of 30 states it acts otherwise than if the steps", " ".join(shown.split())
+    )
     listed = re.findall(r"  state (\d+): action (\d), not (\d)", shown)
     assert len(listed) == min(12, int(found[1]) if found else 0)
     return listed
@@ -140,7 +177,9 @@ def differing(shown: str) -> list[tuple[str, str, str]]:
 def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(
     lets_answer: Callable[..., str], tmp_path: Path
 ) -> None:
-    said = " ".join(lets_answer(VALUES, "--problem", "random", "--seed", "3", "--tolerance", "0.001").split())
+    said = " ".join(
+        lets_answer(VALUES, "--problem", "random", "--seed", "3", "--tolerance", "0.001").split()
+    )
     assert "There are no more questions. " in said
     assert "(Rounded" not in said  # else what is certified could be untrue
     bound = re.search(r"falls short of your best plan by at most ([\d.]+)%", said)
@@ -153,15 +192,28 @@ def test_where_no_bags_tell_more_whole_numbers_near_the_shares_go_on(
     values = np.array([*VALUES.values()])
     assert all(entry.answer.verdict == np.sign(entry.answer.query.d @ values) for entry in near)
     mdp, _ = random_mdp(30, 3, 5, 0.9, seed=3)
-    policy = InteractivePolicyIteration(mdp, PolytopeComparator(5), bags=Bags(10), known=log).result().policy
+    policy = (
+        InteractivePolicyIteration(mdp, PolytopeComparator(5), bags=Bags(10), known=log)
+        .result()
+        .policy
+    )
     assert policy_loss(mdp, policy, values).max() <= float(bound[1]) / 100
 
 
-def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(lets_answer: Callable[..., str], tmp_path: Path) -> None:
+def test_a_smaller_tolerance_goes_on_where_a_greater_one_ended(
+    lets_answer: Callable[..., str], tmp_path: Path
+) -> None:
     answered, bounds = [0], []
     for tolerance in ("0.05", "0.005"):
-        said = " ".join(lets_answer(VALUES, "--problem", "random", "--tolerance", tolerance, "--audit", "0").split())
-        assert f"start again with --tolerance {float(tolerance) / 10:g}: what you answered stays." in said
+        said = " ".join(
+            lets_answer(
+                VALUES, "--problem", "random", "--tolerance", tolerance, "--audit", "0"
+            ).split()
+        )
+        assert (
+            f"start again with --tolerance {float(tolerance) / 10:g}: what you answered stays."
+            in said
+        )
         assert (f"Going on after {answered[-1]} answer" in said) == (answered[-1] > 0)
         bounds += [float(found) / 100 for found in re.findall(r"by at most ([\d.]+)%", said)]
         assert bounds[-1] <= float(tolerance)
@@ -181,9 +233,13 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(tmp_pa
             first = teach.prompted()
             assert (f"Going on after {kept - repeats} answer" in first) == (kept > 0)
             practised = int(not kept)
-            acknowledged = kept + len(answer_all(teach, VALUES, practised + chance.randint(0, 2))) - practised
+            acknowledged = (
+                kept + len(answer_all(teach, VALUES, practised + chance.randint(0, 2))) - practised
+            )
             assert teach.process.stdin is not None
-            teach.process.stdin.write(f"{truthful(teach.since, VALUES)}\n".encode())  # perhaps kept, perhaps not
+            teach.process.stdin.write(
+                f"{truthful(teach.since, VALUES)}\n".encode()
+            )  # perhaps kept, perhaps not
             teach.process.stdin.flush()
             time.sleep(chance.uniform(0, 0.1))
         kept = len(told(log))
@@ -202,16 +258,26 @@ def test_a_choice_from_a_csv(lets_answer: Callable[..., str], tmp_path: Path) ->
     (tmp_path / "care.csv").write_text(TABLE)
     shown = lets_answer(ILL, "--problem", "care.csv", "--unit", "patients")
     assert "Two groups of 10 patients: which would you rather have?" in shown
-    assert re.search(r"of 10 patients are the same in both groups: [1-9] (well|ill|died)", " ".join(shown.split()))
+    assert re.search(
+        r"of 10 patients are the same in both groups: [1-9] (well|ill|died)",
+        " ".join(shown.split()),
+    )
     assert "Your choice: new.\nFinished: " in shown  # 6.3, and the others 5.9 and 3.4
     assert "(Rounded" not in shown
     assert AnswerLog.read(tmp_path / "answers-care.jsonl").header["unit"] == "patients"
 
 
 @pytest.mark.parametrize("total", [100, 0.5])
-def test_a_bound_on_a_choice_holds_per_outcome_whatever_the_total(tmp_path: Path, total: float) -> None:
+def test_a_bound_on_a_choice_holds_per_outcome_whatever_the_total(
+    tmp_path: Path, total: float
+) -> None:
     """Of a person who calls equal what is less than .01 of the value range apart."""
-    shares = np.array([[10, 21, 32, 3, 34], [13, 26, 21, 5, 35], [10, 27, 24, 7, 32], [6, 25, 33, 7, 29]]) / 100
+    shares = (
+        np.array(
+            [[10, 21, 32, 3, 34], [13, 26, 21, 5, 35], [10, 27, 24, 7, 32], [6, 25, 33, 7, 29]]
+        )
+        / 100
+    )
     rows = [",".join(["it", *map(str, row)]) for row in (shares * total).round(9).tolist()]
     (tmp_path / "care.csv").write_text("\n".join(["name,a,b,c,d,e", *rows]))
     values = np.array([0, 0.31, 0.34, 0.86, 1])
@@ -219,7 +285,10 @@ def test_a_bound_on_a_choice_holds_per_outcome_whatever_the_total(tmp_path: Path
     with Session(care.make, log) as session, Interview(session, care.subject) as interview:
         screen = interview.handle({"do": "practised", "choice": "a"})
         while question := screen["question"]:
-            apart = sum((row["a"] - row["b"]) * values[row["level"]] for row in question["rows"]) / question["of"]
+            apart = (
+                sum((row["a"] - row["b"]) * values[row["level"]] for row in question["rows"])
+                / question["of"]
+            )
             choice = "equal" if abs(apart) <= 0.01 else "a" if apart > 0 else "b"
             screen = interview.handle({"do": "answer", "id": question["id"], "choice": choice})
         assert screen["end"]["open"] is None
@@ -236,7 +305,13 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         rows = ((0.5, 0.0, 0.5), (0.1, 0.8, 0.1))
         path.write_text(
             "\n".join(
-                ["care,died,ill,well", *(f"{i},{','.join(f'{unit * x:g}' for x in row)}" for i, row in enumerate(rows))]
+                [
+                    "care,died,ill,well",
+                    *(
+                        f"{i},{','.join(f'{unit * x:g}' for x in row)}"
+                        for i, row in enumerate(rows)
+                    ),
+                ]
             )
         )
         course = taught_by(str(path), "polytope", 10, None, 0, 0.01)
@@ -245,7 +320,9 @@ def test_what_a_choice_can_lose_is_the_same_of_counts_and_of_shares(tmp_path: Pa
         result = asker.result()
         said.append((course.subject.stakes(result), course.subject.report(result)[-1]))
     assert said[0] == said[1]
-    lost = re.search(r"better by up to ([\d.]+)%; 100% is from all died to all well", str(said[0][0]))
+    lost = re.search(
+        r"better by up to ([\d.]+)%; 100% is from all died to all well", str(said[0][0])
+    )
     assert lost
     assert float(lost[1]) == pytest.approx(40, abs=0.011)  # what ill is worth is open: from 0 to 1
 
@@ -256,8 +333,9 @@ def test_words_for_keys_undo_and_quit(
     typed = "LEFT\n\nwhat\n=\nu\nu\n?\nright\nundo\nquit\nnever read\n"
     code, shown, _ = taught(typed, monkeypatch, capsys, table, "--comparator", "posterior")
     assert code == 0
-    assert "'what' is no answer here. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: quit" in " ".join(
-        shown.split()
+    assert (
+        "'what' is no answer here. a or b: that one; e: equal; ?: cannot tell; u: undo; w: why; q: "
+        "quit" in " ".join(shown.split())
     )
     assert shown.count("Taken back.") == 2
     assert shown.count("There is no answer to undo.") == 1
@@ -289,7 +367,9 @@ MORE = r"Question \d+ \((about \d+( to \d+)? more|perhaps the last one)\)"
 @pytest.mark.slow
 def test_why_a_question_is_asked_and_how_many_come_after_it(tmp_path: Path) -> None:
     numbers = []
-    with Teach(tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.005", "--audit", "0") as teach:
+    with Teach(
+        tmp_path, "--problem", "random", "--seed", "3", "--tolerance", "0.005", "--audit", "0"
+    ) as teach:
         teach.prompted()
         assert "To try the keys." in teach.say("w")
         text = teach.say("a")
@@ -322,7 +402,9 @@ def test_the_end_of_the_input_quits_and_at_the_end_tells_what_was_learned(
     assert "Kept: 0 answers. To go on:" in shown
     code, shown, _ = taught("a\n" * 2, monkeypatch, capsys, table, columns=39)
     assert "Kept: 1 answer." in shown
-    assert max(len(line) for line in shown.splitlines() if not line.startswith("  qlearn teach")) <= 39
+    assert (
+        max(len(line) for line in shown.splitlines() if not line.startswith("  qlearn teach")) <= 39
+    )
     code, shown, _ = taught("a\na\na\na\na\n", monkeypatch, capsys, table)
     assert "First one to practise" not in shown
     assert "Going on after 1 answer." in shown
@@ -338,7 +420,13 @@ def test_the_practice_question_says_what_most_would_say(
 ) -> None:
     said = [taught(f"{key}\n", monkeypatch, capsys, table)[1] for key in "ab"]
     assert sum("Just so. Now the questions that count." in text for text in said) == 1
-    assert sum(bool(re.search("Most would say [AB]: all there are at the best level", text)) for text in said) == 1
+    assert (
+        sum(
+            bool(re.search("Most would say [AB]: all there are at the best level", text))
+            for text in said
+        )
+        == 1
+    )
     assert not told(Path("answers-care.jsonl"))
 
 
@@ -362,7 +450,17 @@ def test_answers_that_do_not_go_together_are_said_and_change_with_the_comparator
 ) -> None:
     monkeypatch.chdir(tmp_path)
     careless = "".join(f"{key}\n" for key in random.Random(2).choices("ab", k=40))
-    taught(careless, monkeypatch, capsys, "--problem", "random", "--comparator", "posterior", "--audit", "0")
+    taught(
+        careless,
+        monkeypatch,
+        capsys,
+        "--problem",
+        "random",
+        "--comparator",
+        "posterior",
+        "--audit",
+        "0",
+    )
     given = told(Path("answers-random.jsonl"))
     assert all(entry.used for entry in AnswerLog.read("answers-random.jsonl"))
     code, shown, _ = taught("a\n" * 60, monkeypatch, capsys, "--problem", "random", "--audit", "0")
@@ -384,7 +482,9 @@ def test_names_in_a_file_cannot_steer_the_terminal(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("x.csv").write_text(TABLE.replace("ill", "i\x1b[2Jll").replace("new", "\x1b]0;new"))
-    code, shown, errors = taught("a\n" * 9, monkeypatch, capsys, "--problem", "x.csv", "--unit", "\x1bmen")
+    code, shown, errors = taught(
+        "a\n" * 9, monkeypatch, capsys, "--problem", "x.csv", "--unit", "\x1bmen"
+    )
     assert code == 0
     assert "Your choice: " in shown
     assert "\x1b" not in shown + errors
@@ -394,7 +494,9 @@ def test_a_problem_and_its_words_of_the_users(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, shown, _ = taught("a\n", monkeypatch, capsys, "--problem", f"{__name__}:own", "--days", "5")
+    code, shown, _ = taught(
+        "a\n", monkeypatch, capsys, "--problem", f"{__name__}:own", "--days", "5"
+    )
     assert code == 0
     assert shown.startswith("Mine\nWhat matters to me.\n")
     assert "Two groups of 5 weeks: which would you rather have?" in shown
@@ -402,7 +504,10 @@ def test_a_problem_and_its_words_of_the_users(
     assert f" --problem my={__name__}:own " in shown  # with which it goes on
     code, _, errors = taught("", monkeypatch, capsys, "--problem", f"{__name__}:number")
     assert code == 1
-    assert "called with seed = 0, must return an OrdinalMDP, or a tuple (mdp, elicit.Words), not 0" in errors
+    assert (
+        "called with seed = 0, must return an OrdinalMDP, or a tuple (mdp, elicit.Words), not 0"
+        in errors
+    )
 
 
 def test_another_problems_log_a_log_in_use_and_no_log_are_said(
@@ -434,7 +539,10 @@ def test_a_full_disk_is_said_and_what_was_kept_stays(
     monkeypatch.setattr(AnswerLog, "append", full)
     code, _, errors = taught("a\n", monkeypatch, capsys, table)
     assert code == 1
-    assert "stopped: [Errno 28] No space left on device. What was answered before is kept; to go on: qlearn" in errors
+    assert (
+        "stopped: [Errno 28] No space left on device. What was answered before is kept; to go on: "
+        "qlearn" in errors
+    )
     assert told(Path("answers-care.jsonl")) == before
 
 
@@ -445,7 +553,10 @@ def test_a_missing_extra_is_named(
     monkeypatch.setattr("qlearn.problems.icu_sepsis.find_spec", lambda name: None)
     code, _, errors = taught("", monkeypatch, capsys)
     assert code == 1
-    assert errors == "qlearn: the ICU-Sepsis tables are not installed: pip install 'elicit-qlearn[icu]'\n"
+    assert (
+        errors
+        == "qlearn: the ICU-Sepsis tables are not installed: pip install 'elicit-qlearn[icu]'\n"
+    )
     assert not [*tmp_path.iterdir()]
 
 
@@ -463,20 +574,31 @@ def test_icu_sepsis_is_asked_about_patients(
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "the first line of {} must name a column of names and then at least two levels, worst first"),
+        (
+            "",
+            "the first line of {} must name a column of names and then at least two levels, worst "
+            "first",
+        ),
         ("name,died\na,1\n", "it is 'name,died'"),
         ("name,died,well\n", "{} names levels, but no alternative to choose from"),
         ("name,died,well\na,1,2\nb,1\n", "line 3 of {} has 2 cells, but the header has 3"),
         ("name,died,well\n\na,1,x\n", "line 3 of {}: 'x' is no number of at least 0"),
         ("name,died,well\na,-1,2\n", "line 2 of {}: '-1' is no number of at least 0"),
-        ("name,died,well\na,1,2\nb,1,3\n", "line 3 of {} has the total 4, and the first alternative 3: give all the"),
+        (
+            "name,died,well\na,1,2\nb,1,3\n",
+            "line 3 of {} has the total 4, and the first alternative 3: give all the",
+        ),
         ("name,died,well\na,0,0\n", "line 2 of {} has the total 0"),
         ("name,died,died\na,1,2\n", "the first line of {} names the level 'died' twice"),
         ('name,died,well\n"a,1,2\n', "{} is no CSV"),
     ],
 )
 def test_what_is_wrong_with_a_csv_is_said(
-    text: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    text: str,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("x.csv").write_text(text)
@@ -502,7 +624,10 @@ def test_a_csv_with_a_byte_order_mark_is_read_and_one_that_is_not_there_is_said(
 
 def test_bad_options_end_in_2(capsys: pytest.CaptureFixture[str]) -> None:
     for options, said in (
-        ("--problem nothing", "invalid choice: 'nothing' (choose from 'random', 'icu-sepsis', 'rover', 'hazards', "),
+        (
+            "--problem nothing",
+            "invalid choice: 'nothing' (choose from 'random', 'icu-sepsis', 'rover', 'hazards', ",
+        ),
         ("--problem nowhere:f", "there is no module 'nowhere'"),
         ("--days 1", "'1' is not a whole number of at least 2"),
         ("--comparator box", "invalid choice: 'box'"),
@@ -515,7 +640,8 @@ def test_bad_options_end_in_2(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_help_imports_nothing_heavy() -> None:
     code = (
-        "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['teach', '--help'])\nexcept SystemExit:\n"
+        "import sys\nfrom qlearn.cli.main import main\ntry:\n    main(['teach', '--help'])\nexcept "
+        "SystemExit:\n"
         "    print('heavy:', sorted({'numpy', 'scipy', 'numba', 'cvxpy'} & set(sys.modules)))"
     )
     *shown, heavy = run(code)
@@ -530,7 +656,11 @@ def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
     shown = lets_answer(hidden, "--problem", "career", "--seed", "4", "--log", "log.jsonl")
     mdp = FAMILIES["career"](4)
     header = AnswerLog.read(tmp_path / "log.jsonl").header
-    assert (header["problem"], header["unit"], header["labels"]) == (mdp.fingerprint, "years", [*mdp.labels])
+    assert (header["problem"], header["unit"], header["labels"]) == (
+        mdp.fingerprint,
+        "years",
+        [*mdp.labels],
+    )
     assert "A steady post or a venture" in shown
     assert "Two groups of 10 years" in shown
     assert "falls short of your best plan by at most" in report(shown)

@@ -1,4 +1,6 @@
-"""``qlearn teach --web`` as it runs: killed, without room, beside another one; and nothing that was taken is lost."""
+"""``qlearn teach --web`` as it runs: killed, without room, beside another one; and nothing that was
+taken is lost.
+"""
 
 import errno
 import random
@@ -41,8 +43,8 @@ def policy_of(log: Path) -> list[int]:
 
 @dataclass(frozen=True)
 class Undisturbed:
-    """A session that nothing happens to: its answers, its policy, its end, and how long it took to start and to
-    answer."""
+    """A session that nothing happens to: its answers, its policy, its end, and how long it took to
+    start and to answer."""
 
     told: list[tuple[Any, ...]]
     policy: list[int]
@@ -65,8 +67,8 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Undisturbed:
 
 
 def killed(folder: Path, expected: Undisturbed, kills: int, seed: int) -> int:
-    """Kill so many servers at random moments while a person answers, and go on each time. Returns how many sessions
-    came to their end."""
+    """Kill so many servers at random moments while a person answers, and go on each time. Returns
+    how many sessions came to their end."""
     chance, done, ended = random.Random(seed), 0, 0
     while done < kills:
         log, acknowledged, before, screen = folder / f"{ended}.jsonl", [], 0, None
@@ -76,7 +78,9 @@ def killed(folder: Path, expected: Undisturbed, kills: int, seed: int) -> int:
                     time.sleep(chance.uniform(0, 1.2 * expected.starting))
                 done += 1
             with TeachWeb(folder, *FINE, "--log", log.name) as teach:
-                timer = threading.Timer(chance.uniform(0, 1.2 * expected.answering), teach.process.kill)
+                timer = threading.Timer(
+                    chance.uniform(0, 1.2 * expected.answering), teach.process.kill
+                )
                 if done < kills:
                     timer.start()
                 try:
@@ -112,14 +116,18 @@ def test_killed_at_random_moments_nothing_is_lost_and_the_end_is_the_same(
 
 
 @pytest.mark.slow
-def test_killed_fifty_times_nothing_is_lost_and_the_end_is_the_same(tmp_path: Path, undisturbed: Undisturbed) -> None:
+def test_killed_fifty_times_nothing_is_lost_and_the_end_is_the_same(
+    tmp_path: Path, undisturbed: Undisturbed
+) -> None:
     assert killed(tmp_path, undisturbed, 50, seed=2)
 
 
 @pytest.mark.slow
 def test_an_address_a_second_browser_and_the_command_that_goes_on(tmp_path: Path) -> None:
     with TeachWeb(tmp_path, "--problem", "random", "--tolerance", "0.05") as teach:
-        assert re.fullmatch(r"http://127\.0\.0\.1:\d+", teach.visitor.at.scheme + "://" + teach.visitor.at.netloc)
+        assert re.fullmatch(
+            r"http://127\.0\.0\.1:\d+", teach.visitor.at.scheme + "://" + teach.visitor.at.netloc
+        )
         screen = answer_all(teach.visitor, VALUES, most=2)
         assert teach.process.stdin is not None
         teach.process.stdin.write(b"\n")
@@ -128,12 +136,16 @@ def test_an_address_a_second_browser_and_the_command_that_goes_on(tmp_path: Path
         assert phone.screen() == screen
         with ThreadPoolExecutor(2) as pool:
             id = screen["question"]["id"]
-            both = [pool.submit(who.post, {"do": "answer", "id": id, "choice": "a"}) for who in (phone, teach.visitor)]
+            both = [
+                pool.submit(who.post, {"do": "answer", "id": id, "choice": "a"})
+                for who in (phone, teach.visitor)
+            ]
             assert {reply.result()[1]["answered"] for reply in both} == {2}
         code, rest, errors = teach.interrupt()
     assert code == 0
     assert rest == (
-        "Kept: 2 answers. To go on:\n  qlearn teach --problem random --comparator polytope --log answers-random.jsonl "
+        "Kept: 2 answers. To go on:\n  qlearn teach --problem random --comparator polytope --log "
+        "answers-random.jsonl "
         "--days 10 --seed 0 --tolerance 0.05 --web\n"
     )
     assert "it works once. Enter: another one. Ctrl+C: stop." in errors
@@ -142,8 +154,12 @@ def test_an_address_a_second_browser_and_the_command_that_goes_on(tmp_path: Path
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the files of another process")
-def test_without_room_it_says_so_and_goes_on_once_there_is_some(tmp_path: Path, undisturbed: Undisturbed) -> None:
+@pytest.mark.skipif(
+    sys.platform != "linux", reason="only Linux limits the files of another process"
+)
+def test_without_room_it_says_so_and_goes_on_once_there_is_some(
+    tmp_path: Path, undisturbed: Undisturbed
+) -> None:
     import resource
 
     log = tmp_path / "answers-random.jsonl"
@@ -154,7 +170,9 @@ def test_without_room_it_says_so_and_goes_on_once_there_is_some(tmp_path: Path, 
         _, most = resource.prlimit(teach.process.pid, resource.RLIMIT_FSIZE)
         resource.prlimit(teach.process.pid, resource.RLIMIT_FSIZE, (log.stat().st_size + 50, most))
         for _ in range(3):
-            status, reply = visitor.post({"do": "answer", "id": screen["question"]["id"], "choice": "a"})
+            status, reply = visitor.post(
+                {"do": "answer", "id": screen["question"]["id"], "choice": "a"}
+            )
             assert (status, reply.keys()) == (507, {"error"})
             assert "could not be saved" in reply["error"]
             assert told(log) == kept
@@ -204,5 +222,8 @@ def test_what_lets_others_in_must_be_said(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     said = refused(capsys, "--host", "192.0.2.1")
-    assert "192.0.2.1 can be reached by other machines, and what is sent there is not encrypted" in said
+    assert (
+        "192.0.2.1 can be reached by other machines, and what is sent there is not encrypted"
+        in said
+    )
     assert "cannot listen on 192.0.2.1" in refused(capsys, "--host", "192.0.2.1", "--let-others-in")

@@ -1,4 +1,6 @@
-"""Rewards by levels: the discounted return is the share vector times the values, whatever comes after the end."""
+"""Rewards by levels: the discounted return is the share vector times the values, whatever comes
+after the end.
+"""
 
 import copy
 import pickle
@@ -19,7 +21,11 @@ from tests.interpreter import run
 
 VALUES = np.array([-3.0, 0.0, 1.5, 7.0])
 DISCOUNT = 0.9
-LEVELS = ["level", {0.0: 0, 10.0: 1, 20.0: 2, 30.0: 3}, lambda observation, reward, info: int(observation[0])]
+LEVELS = [
+    "level",
+    {0.0: 0, 10.0: 1, 20.0: 2, 30.0: 3},
+    lambda observation, reward, info: int(observation[0]),
+]
 
 
 def episode(env, seed, most=10_000):
@@ -90,7 +96,9 @@ def test_plain_level_vectors_are_one_hot_and_nobody_elses():
 def test_gymnasium_has_nothing_to_say_against_it(wrapped):
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*different from the unwrapped version.*")
-        warnings.filterwarnings("ignore", message=".*not within the observation space.*", category=DeprecationWarning)
+        warnings.filterwarnings(
+            "ignore", message=".*not within the observation space.*", category=DeprecationWarning
+        )
         warnings.filterwarnings("ignore", message=".*not created with `gymnasium.make`.*")
         warnings.filterwarnings("ignore", message=".*spec=None.*")
         check_env(wrapped, skip_render_check=True)
@@ -100,7 +108,9 @@ def test_values_come_from_a_comparator_and_may_change_while_it_runs():
     comparator = PolytopeComparator(4)
     env = OrdinalReward(Walk(), comparator, after="last", discount=DISCOUNT)
     assert env.values == pytest.approx(comparator.values)
-    knows = comparator.update(Answers([[0.0, 1.0, -1.0, 0.0]], [-1])).update(Answers([[-0.5, 1.0, 0.0, -0.5]], [1]))
+    knows = comparator.update(Answers([[0.0, 1.0, -1.0, 0.0]], [-1])).update(
+        Answers([[-0.5, 1.0, 0.0, -0.5]], [1])
+    )
     env.values = knows
     assert env.values == pytest.approx(knows.values)
     rewards, levels = episode(env, 4)
@@ -112,7 +122,9 @@ def test_values_come_from_a_comparator_and_may_change_while_it_runs():
 def test_several_environments_at_once_have_the_rewards_that_each_has_alone(mode, after):
     many = SyncVectorEnv([Walk, Walk, Walk], autoreset_mode=mode)
     env = OrdinalReward(many, VALUES, after=after, discount=DISCOUNT)
-    vectors = LevelVector(SyncVectorEnv([Walk] * 3, autoreset_mode=mode), 4, after=after, discount=DISCOUNT)
+    vectors = LevelVector(
+        SyncVectorEnv([Walk] * 3, autoreset_mode=mode), 4, after=after, discount=DISCOUNT
+    )
     rng = np.random.default_rng(0)
     env.reset(seed=7)
     vectors.reset(seed=7)
@@ -145,7 +157,10 @@ def test_several_environments_at_once_have_the_rewards_that_each_has_alone(mode,
 
 
 def test_vectorised_environments_read_levels_from_rewards_and_functions_too():
-    each = [{0.0: 0, 10.0: 1, 20.0: 2, 30.0: 3}, lambda observations, rewards, infos: observations[:, 0].astype(int)]
+    each = [
+        {0.0: 0, 10.0: 1, 20.0: 2, 30.0: 3},
+        lambda observations, rewards, infos: observations[:, 0].astype(int),
+    ]
     for level in each:
         env = OrdinalReward(SyncVectorEnv([Walk, Walk]), VALUES, level, "last", discount=DISCOUNT)
         env.reset(seed=1)
@@ -160,7 +175,11 @@ def test_levels_come_from_rewards_also_where_an_episode_starts_anew_in_the_step_
     mapping = {0.0: 0, 10.0: 1, 20.0: 2, 30.0: 3}
     both = [
         OrdinalReward(
-            SyncVectorEnv([Walk, Walk], autoreset_mode=AutoresetMode.SAME_STEP), VALUES, level, 1, discount=DISCOUNT
+            SyncVectorEnv([Walk, Walk], autoreset_mode=AutoresetMode.SAME_STEP),
+            VALUES,
+            level,
+            1,
+            discount=DISCOUNT,
         )
         for level in ("level", mapping)
     ]
@@ -193,16 +212,25 @@ def test_values_that_are_no_comparator_are_numbers_and_a_comparator_has_as_many_
 
 
 def test_an_error_in_a_function_of_levels_is_its_own():
-    env = OrdinalReward(Walk(), VALUES, lambda observation, reward, info: {}["mine"], discount=DISCOUNT)
+    env = OrdinalReward(
+        Walk(), VALUES, lambda observation, reward, info: {}["mine"], discount=DISCOUNT
+    )
     with pytest.raises(KeyError, match="mine"):
         episode(env, 0)
-    many = OrdinalReward(SyncVectorEnv([Walk, Walk]), VALUES, lambda *_: [0, 0, 0], discount=DISCOUNT)
+    many = OrdinalReward(
+        SyncVectorEnv([Walk, Walk]), VALUES, lambda *_: [0, 0, 0], discount=DISCOUNT
+    )
     with pytest.raises(ValueError, match="one level for each of 2 environments"):
         up_for_long(many)
 
 
 def test_a_reward_without_a_level_is_told_to_its_last_digit():
-    env = OrdinalReward(TransformReward(Walk(), lambda r: float(np.float32(0.1))), VALUES, {0.1: 0}, discount=DISCOUNT)
+    env = OrdinalReward(
+        TransformReward(Walk(), lambda r: float(np.float32(0.1))),
+        VALUES,
+        {0.1: 0},
+        discount=DISCOUNT,
+    )
     with pytest.raises(ValueError, match=r"no level is given for the reward 0\.10000000149"):
         episode(env, 0)
 
@@ -228,7 +256,9 @@ def test_what_is_wrong_is_said():
         env = OrdinalReward(Walk(chance=0.0), np.arange(k), level, discount=DISCOUNT)
         with pytest.raises(ValueError, match=message):
             episode(env, 0, 50)
-        many = OrdinalReward(SyncVectorEnv([lambda: Walk(chance=0.0)] * 2), np.arange(k), level, discount=DISCOUNT)
+        many = OrdinalReward(
+            SyncVectorEnv([lambda: Walk(chance=0.0)] * 2), np.arange(k), level, discount=DISCOUNT
+        )
         with pytest.raises(ValueError, match=r"level|info"):
             up_for_long(many)
     env = OrdinalReward(Walk(chance=1.0), VALUES, discount=DISCOUNT)
@@ -246,6 +276,8 @@ def test_without_gymnasium_it_says_what_installs_it():
 
 
 def test_it_is_found_in_the_stack_of_wrappers():
-    env = gym.wrappers.RecordEpisodeStatistics(OrdinalReward(Walk(), VALUES, after=0, discount=DISCOUNT))
+    env = gym.wrappers.RecordEpisodeStatistics(
+        OrdinalReward(Walk(), VALUES, after=0, discount=DISCOUNT)
+    )
     env.reset(seed=0)
     assert env.get_wrapper_attr("values") == pytest.approx(VALUES)

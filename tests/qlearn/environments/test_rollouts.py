@@ -82,7 +82,9 @@ def test_whatever_predicts_is_a_policy():
 
 def test_what_is_missing_is_said():
     env = OrdinalReward(Walk(), VALUES, after=0, discount=DISCOUNT)
-    with pytest.raises(ValueError, match="k must be given for an environment that is not in an OrdinalReward"):
+    with pytest.raises(
+        ValueError, match="k must be given for an environment that is not in an OrdinalReward"
+    ):
         rollout_shares(Walk(), up, DISCOUNT)
     with pytest.raises(ValueError, match="discount must be"):
         rollout_shares(Walk(), up, k=4)
@@ -96,14 +98,18 @@ def test_what_is_missing_is_said():
         rollout_shares(Walk(), up, DISCOUNT, k=4)
     with pytest.raises(ValueError, match="k must be left out, or that of the rewards, 4, not 3"):
         rollout_shares(env, up, k=3)
-    with pytest.raises(ValueError, match="after must be left out, or that of the rewards, 0, not 'last'"):
+    with pytest.raises(
+        ValueError, match="after must be left out, or that of the rewards, 0, not 'last'"
+    ):
         rollout_shares(env, up, after="last")
     with pytest.raises(TypeError, match="give one environment, not the 2 of"):
         rollout_shares(SyncVectorEnv([Walk, Walk]), up, DISCOUNT, k=4)
 
 
 def test_of_vectors_that_do_not_say_what_comes_after_it_can_be_said_later():
-    wanted = rollout_shares(OrdinalReward(Walk(), VALUES, after=2, discount=DISCOUNT), up, episodes=20)
+    wanted = rollout_shares(
+        OrdinalReward(Walk(), VALUES, after=2, discount=DISCOUNT), up, episodes=20
+    )
     found = rollout_shares(LevelVector(Walk(), 4), up, DISCOUNT, episodes=20, after=2)
     assert found.shares == pytest.approx(wanted.shares)
 
@@ -114,4 +120,6 @@ def test_equal_episodes_do_not_make_shares_certain():
         found = rollout_shares(env, lambda observation: 1, episodes=episodes)
         assert found.shares.tolist() == [0, 0, 1]
         assert found.errors == pytest.approx(left_open / STANDARD_ERRORS, rel=0.01)
-        assert (1 - STANDARD_ERRORS * found.errors[0]) ** episodes == pytest.approx(0.0027, rel=0.01)
+        assert (1 - STANDARD_ERRORS * found.errors[0]) ** episodes == pytest.approx(
+            0.0027, rel=0.01
+        )

@@ -1,4 +1,6 @@
-"""Pictures held to what can be measured in them: all that was measured is drawn, and nothing where no value can be."""
+"""Pictures held to what can be measured in them: all that was measured is drawn, and nothing where
+no value can be.
+"""
 
 from itertools import combinations
 from pathlib import Path
@@ -37,7 +39,10 @@ def test_the_ablation_shows_every_mean_beside_its_error_rate(summary: pd.DataFra
     plain = summary[summary.audit == 0]
     figure = plot_ablation(summary, max_queries=2000, names={"random": "ten levels"})
     grid = np.array(figure.axes).reshape(-1, 2, 2)  # problems; questions, loss; learners
-    assert [axes.get_title() for axes in grid[0, 0]] == ["ten levels: Q-learning", "ten levels: value iteration"]
+    assert [axes.get_title() for axes in grid[0, 0]] == [
+        "ten levels: Q-learning",
+        "ten levels: value iteration",
+    ]
     for i, problem in enumerate(plain.problem.unique()):
         for j, learner in enumerate(plain.learner.unique()):
             part = plain[(plain.problem == problem) & (plain.learner == learner)]
@@ -53,9 +58,13 @@ def test_the_ablation_shows_every_mean_beside_its_error_rate(summary: pd.DataFra
 
 
 def test_a_line_joins_error_rates_and_no_tutors_by_name(summary: pd.DataFrame) -> None:
-    one = summary[(summary.learner == "q-learning") & (summary.problem == "random") & (summary.audit == 0)]
+    one = summary[
+        (summary.learner == "q-learning") & (summary.problem == "random") & (summary.audit == 0)
+    ]
     named = one[one.error_rate == 0].assign(error_rate="nurse")
-    figure = plot_ablation(pd.concat([one.astype({"error_rate": object}), named], ignore_index=True))
+    figure = plot_ablation(
+        pd.concat([one.astype({"error_rate": object}), named], ignore_index=True)
+    )
     rates = one.error_rate.nunique()
     for axes in figure.axes:
         joined = [line.get_xdata() for line in axes.lines if line.get_linestyle() != "None"]
@@ -65,7 +74,9 @@ def test_a_line_joins_error_rates_and_no_tutors_by_name(summary: pd.DataFrame) -
 
 
 @pytest.mark.slow
-def test_nothing_of_the_ablations_picture_lies_on_other_parts_or_outside(summary: pd.DataFrame) -> None:
+def test_nothing_of_the_ablations_picture_lies_on_other_parts_or_outside(
+    summary: pd.DataFrame,
+) -> None:
     one = summary[(summary.learner == "value-iteration") & (summary.problem == "random")]
     for part, budget in ((summary, 2000), (one, None)):
         figure = plot_ablation(part, max_queries=budget)
@@ -73,8 +84,13 @@ def test_nothing_of_the_ablations_picture_lies_on_other_parts_or_outside(summary
         legend = figure.legends[0]
         texts = [figure._suptitle, legend, *(axes.title for axes in figure.axes)]
         boxes = [text.get_window_extent() for text in texts if text is legend or text.get_text()]
-        assert not any(a.overlaps(b) for a, b in combinations([*boxes, *(axes.bbox for axes in figure.axes)], 2))
-        assert all(figure.bbox.padded(1).contains(*corner) for box in boxes for corner in box.corners())
+        assert not any(
+            a.overlaps(b)
+            for a, b in combinations([*boxes, *(axes.bbox for axes in figure.axes)], 2)
+        )
+        assert all(
+            figure.bbox.padded(1).contains(*corner) for box in boxes for corner in box.corners()
+        )
         named = [text.get_text() for text in legend.get_texts()]
         drawn = {NAMES[name] for name in part.comparator[part.audit == 0]}
         assert {*named} == drawn | {"hollow: budget spent"} | ({"budget"} if budget else set())
@@ -93,5 +109,7 @@ def test_long_names_are_not_cut_off_in_the_legend(summary: pd.DataFrame) -> None
     figure = plot_ablation(pd.concat([one, named], ignore_index=True))
     figure.draw_without_rendering()
     legend = figure.legends[0]
-    assert all(figure.bbox.padded(1).contains(*corner) for corner in legend.get_window_extent().corners())
+    assert all(
+        figure.bbox.padded(1).contains(*corner) for corner in legend.get_window_extent().corners()
+    )
     assert min(axes.bbox.height for axes in figure.axes) > 0.15 * figure.bbox.height

@@ -1,4 +1,6 @@
-"""A function of today is told from that of yesterday, and taken for the same where nothing has changed."""
+"""A function of today is told from that of yesterday, and taken for the same where nothing has
+changed.
+"""
 
 import functools
 import sys
@@ -69,7 +71,10 @@ def factory(k, seed, more=4):
     Square().area()
     return (lambda: Mine(cached(k), tail_sums(np.zeros(3)), np.random.default_rng(seed)))()
 """
-HELPERS = "def shift(x):\n    return unused(x) + 1\n\n\ndef unused(x):\n    return x\n\n\ndef far(x):\n    return x\n"
+HELPERS = (
+    "def shift(x):\n    return unused(x) + 1\n\n\ndef unused(x):\n    return x\n\n\ndef far(x):\n  "
+    "  return x\n"
+)
 
 
 def written(folder: Path, source: str = SOURCE, helpers: str = HELPERS) -> Path:
@@ -82,7 +87,8 @@ def written(folder: Path, source: str = SOURCE, helpers: str = HELPERS) -> Path:
 def identity_in_a_process(folder: Path) -> str:
     code = (
         f"import sys; sys.path.insert(0, {str(folder)!r})\n"
-        "import own_module; from qlearn.experiments.code_identity import identity; print(identity(own_module.factory))"
+        "import own_module; from qlearn.experiments.code_identity import identity; "
+        "print(identity(own_module.factory))"
     )
     (line,) = run(code)
     return line
@@ -101,7 +107,9 @@ def identity_here(folder: Path) -> str:
 
 def test_the_same_code_is_the_same_in_every_process_and_other_code_is_not(tmp_path: Path) -> None:
     first = identity_here(written(tmp_path / "one"))
-    assert identity_in_a_process(tmp_path / "one") == first  # compiled there, and with other hashes of strings
+    assert (
+        identity_in_a_process(tmp_path / "one") == first
+    )  # compiled there, and with other hashes of strings
     assert identity_in_a_process(tmp_path / "one") == first  # read back
     moved = "# a comment\n\n" + SOURCE.replace("def factory", "\n\ndef factory")
     unrelated = HELPERS.replace("def far(x):\n    return x", "")
@@ -125,7 +133,9 @@ def test_the_same_code_is_the_same_in_every_process_and_other_code_is_not(tmp_pa
         ("class Mine(Base)", "class Mine(Base, Exception)"),
     ],
 )
-def test_a_change_anywhere_that_the_factory_reaches_shows(old: str, new: str, tmp_path: Path) -> None:
+def test_a_change_anywhere_that_the_factory_reaches_shows(
+    old: str, new: str, tmp_path: Path
+) -> None:
     assert SOURCE.count(old) == 1
     changed = written(tmp_path / "changed", SOURCE.replace(old, new))
     assert identity_here(changed) != identity_here(written(tmp_path / "as it was"))
@@ -151,11 +161,24 @@ def test_what_a_function_holds_counts() -> None:
     one = identity(closing_over(mdp, np.arange(3)))
     assert mdp.rewards([0, 1, 2]).shape == (4, 2)  # used meanwhile, which changes nothing
     assert identity(closing_over(mdp, np.arange(3))) == one
-    assert len({one, identity(closing_over(other, np.arange(3))), identity(closing_over(mdp, np.arange(4)))}) == 3
+    assert (
+        len(
+            {
+                one,
+                identity(closing_over(other, np.arange(3))),
+                identity(closing_over(mdp, np.arange(4))),
+            }
+        )
+        == 3
+    )
     assert identity(both(None, 1)) != identity(both(1, None))
     assert identity(both([1], [1])) == identity(both([1], [1])) != identity(both([1], [2]))
     partial = functools.partial(both, second=2)
-    assert identity(partial) == identity(functools.partial(both, second=2)) != identity(functools.partial(both, 2))
+    assert (
+        identity(partial)
+        == identity(functools.partial(both, second=2))
+        != identity(functools.partial(both, 2))
+    )
     assert identity(PolytopeComparator) == identity(PolytopeComparator) != identity(np.sign)
     assert identity(sys.maxsize) != identity(float(sys.maxsize))
 

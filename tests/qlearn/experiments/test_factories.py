@@ -25,7 +25,10 @@ def test_a_text_names_a_factory_and_perhaps_what_to_call_it() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("nowhere:f", "'nowhere:f': there is no module 'nowhere' in the current directory or installed"),
+        (
+            "nowhere:f",
+            "'nowhere:f': there is no module 'nowhere' in the current directory or installed",
+        ),
         ("tests.nowhere.at:f", "there is no module 'tests.nowhere'"),
         ("tests.own_cases:missing", "module tests.own_cases has no 'missing'"),
         ("tests.own_cases:exact.missing", "module tests.own_cases has no 'exact.missing'"),
@@ -50,30 +53,53 @@ def test_what_is_wrong_with_a_text_is_said(
 
 def test_a_mapping_names_ours_by_themselves_and_yours_by_their_factories() -> None:
     given = {"mine": exact, "polytope": "polytope", "always": ..., "other": "tests.own_cases:exact"}
-    settings = AblationSettings(comparators=given, problems={"box": tiny, "icu-sepsis": "icu-sepsis"})
+    settings = AblationSettings(
+        comparators=given, problems={"box": tiny, "icu-sepsis": "icu-sepsis"}
+    )
     assert settings.names("comparators") == ("mine", "polytope", "always", "other")
-    assert settings.own()["comparator"] == {"mine": Own("mine", exact), "other": Own("other", exact)}
+    assert settings.own()["comparator"] == {
+        "mine": Own("mine", exact),
+        "other": Own("other", exact),
+    }
     assert settings.names("problems") == ("box", "icu-sepsis")
-    assert settings == AblationSettings(comparators=given, problems={"box": tiny, "icu-sepsis": ...})
-    assert settings != AblationSettings(comparators=given | {"mine": tiny}, problems={"box": tiny, "icu-sepsis": ...})
+    assert settings == AblationSettings(
+        comparators=given, problems={"box": tiny, "icu-sepsis": ...}
+    )
+    assert settings != AblationSettings(
+        comparators=given | {"mine": tiny}, problems={"box": tiny, "icu-sepsis": ...}
+    )
     assert settings.of_a_run() == AblationSettings().of_a_run()
 
 
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"comparators": {"mine": "polytope"}}, "comparators must each be one of always, .*, not 'mine': 'polytope'"),
+        (
+            {"comparators": {"mine": "polytope"}},
+            "comparators must each be one of always, .*, not 'mine': 'polytope'",
+        ),
         ({"comparators": {"mine": 3}}, r"\(k, seed\) returns a Comparator, not 'mine': 3"),
         ({"comparators": [exact]}, r"or of a mapping \{name: factory\}.*, not <function exact"),
         ({"comparators": {1: exact}}, "not 1: <function exact"),
         ({"problems": {"": tiny}}, "not '': <function tiny"),
-        ({"tutors": ["flip"]}, "tutors must each be \"package.module:factory\", or of a mapping .*, not 'flip'"),
-        ({"comparators": {"always": exact}}, "comparators: 'always' already means something: name your own otherwise"),
-        ({"comparators": ["a=tests.own_cases:exact", "a=tests.own_cases:two"]}, "'a' already means something"),
+        (
+            {"tutors": ["flip"]},
+            "tutors must each be \"package.module:factory\", or of a mapping .*, not 'flip'",
+        ),
+        (
+            {"comparators": {"always": exact}},
+            "comparators: 'always' already means something: name your own otherwise",
+        ),
+        (
+            {"comparators": ["a=tests.own_cases:exact", "a=tests.own_cases:two"]},
+            "'a' already means something",
+        ),
         ({"noise": {"flip": exact}}, "noise must be one of flip, logistic"),
     ],
 )
-def test_what_cannot_be_a_part_is_refused_by_its_setting(settings: dict[str, Any], said: str) -> None:
+def test_what_cannot_be_a_part_is_refused_by_its_setting(
+    settings: dict[str, Any], said: str
+) -> None:
     with pytest.raises(ValueError, match=said):
         AblationSettings(**settings)
 
@@ -81,13 +107,34 @@ def test_what_cannot_be_a_part_is_refused_by_its_setting(settings: dict[str, Any
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"comparators": {"mine": lambda k, seed: 3}}, "'mine': .* k = 4, seed = 0, returned no comparator: .* not 3"),
-        ({"comparators": ["tests.own_cases:two"]}, "'tests.own_cases:two': .* of k = 2: it must be made for 4"),
-        ({"comparators": ["tests.own_cases:broken"]}, "factory raised TypeError: broken.. takes 1 positional argument"),
-        ({"problems": ["x=tests.own_cases:three"]}, r"'x': .* seed = 0, must return \(mdp, values\), .* not 3"),
-        ({"problems": {"x": lambda seed: (tiny(0)[0], [1, 0, 2, 3])}}, "'x': .* returned values that are no scale: "),
-        ({"problems": {"x": lambda seed: (tiny(0)[0], [0, 1])}}, "'x': .* 2 values for an MDP of 4 levels"),
-        ({"tutors": ["x=tests.own_cases:three"]}, "'x': .* must return a tutor, which takes a query, not 3"),
+        (
+            {"comparators": {"mine": lambda k, seed: 3}},
+            "'mine': .* k = 4, seed = 0, returned no comparator: .* not 3",
+        ),
+        (
+            {"comparators": ["tests.own_cases:two"]},
+            "'tests.own_cases:two': .* of k = 2: it must be made for 4",
+        ),
+        (
+            {"comparators": ["tests.own_cases:broken"]},
+            "factory raised TypeError: broken.. takes 1 positional argument",
+        ),
+        (
+            {"problems": ["x=tests.own_cases:three"]},
+            r"'x': .* seed = 0, must return \(mdp, values\), .* not 3",
+        ),
+        (
+            {"problems": {"x": lambda seed: (tiny(0)[0], [1, 0, 2, 3])}},
+            "'x': .* returned values that are no scale: ",
+        ),
+        (
+            {"problems": {"x": lambda seed: (tiny(0)[0], [0, 1])}},
+            "'x': .* 2 values for an MDP of 4 levels",
+        ),
+        (
+            {"tutors": ["x=tests.own_cases:three"]},
+            "'x': .* must return a tutor, which takes a query, not 3",
+        ),
         ({"learners": ["x=tests.own_cases:three"]}, "'x': .* must return a qlearn.Learner, not 3"),
     ],
 )
@@ -110,12 +157,18 @@ def test_yours_come_after_ours_in_the_order_given_and_are_not_audited() -> None:
     plan = plan_of(settings)
     assert list(dict.fromkeys(cell["problem"] for cell in plan)) == ["random", "box"]
     assert list(dict.fromkeys(cell["learner"] for cell in plan)) == ["value-iteration", "mine"]
-    assert list(dict.fromkeys(cell["comparator"] for cell in plan if cell["learner"] == "value-iteration")) == [
+    assert list(dict.fromkeys(cell["comparator"] for cell in plan if cell["learner"] == "value-iteration")) == [  # noqa: E501
         "always", "polytope", "posterior-close", "z", "a"
     ]  # fmt: skip
-    of_z = [cell["error_rate"] for cell in plan if cell["comparator"] == "z" and cell["learner"] == "value-iteration"]
+    of_z = [
+        cell["error_rate"]
+        for cell in plan
+        if cell["comparator"] == "z" and cell["learner"] == "value-iteration"
+    ]
     assert of_z == [0.0, 0.15, "nurse"] * 2
     assert {(cell["comparator"], cell["learner"]) for cell in plan if cell["audit"]} == {
         ("polytope", "value-iteration")
     }
-    assert "always" not in {cell["comparator"] for cell in plan if cell["learner"] == "mine"}  # it has no oracle
+    assert "always" not in {
+        cell["comparator"] for cell in plan if cell["learner"] == "mine"
+    }  # it has no oracle

@@ -49,7 +49,10 @@ TIE = np.array([[0.75, -1.0, 0.25]])  # d.e is .25 * 1 - 1 * .25 = 0
         (DIFFERENCES, [1, -1, 1], 0.01, Tier.MODEL, (2, 0)),  # the third is within the indifference
         (TIE, [1], 0.0, Tier.MODEL, (0, 0)),
         (DIFFERENCES, [Verdict.EQUAL, Verdict.UNKNOWN, Verdict.BETTER], 0.0, Tier.LP, (1, 1)),
-        *((DIFFERENCES, [-1, 1, 1], 0.0, tier, (3, 3) if tier.name in PROVEN else (0, 0)) for tier in Tier),
+        *(
+            (DIFFERENCES, [-1, 1, 1], 0.0, tier, (3, 3) if tier.name in PROVEN else (0, 0))
+            for tier in Tier
+        ),
     ],
 )
 def test_watch_counts_what_the_answers_decided_against_the_hidden_scale(
@@ -84,8 +87,17 @@ def test_watch_judges_many_small_calls_like_one() -> None:
 
 
 def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] = ()) -> Result:
-    nothing: dict[str, Any] = {"policy": np.zeros(1, np.int64), "shares": np.zeros((1, 1, 3)), "cannot_tell": 0}
-    nothing |= {"comparator": AlwaysAsk(3), "answers": Answers.none(3), "status": Status.DONE, "rounds": 7}
+    nothing: dict[str, Any] = {
+        "policy": np.zeros(1, np.int64),
+        "shares": np.zeros((1, 1, 3)),
+        "cannot_tell": 0,
+    }
+    nothing |= {
+        "comparator": AlwaysAsk(3),
+        "answers": Answers.none(3),
+        "status": Status.DONE,
+        "rounds": 7,
+    }
     nothing |= {"guarantee": lambda: Guarantee(np.nan, np.nan), "discount": 0.5}
     tiers = {tier.name.lower(): 0 for tier in Tier} | decided
     return Result(asked=asked, decided=tiers, audits=checked, **nothing)
@@ -93,7 +105,11 @@ def result(decided: dict[str, int], asked: int = 0, checked: tuple[Audit, ...] =
 
 def test_counts_name_every_denominator() -> None:
     row = counts(result({"equal": 10, "dominance": 50, "lp": 36, "tutor": 4}, asked=4))
-    assert (row["asked_percent_all"], row["asked_percent_unequal"], row["asked_percent_open"]) == (4.0, 400 / 90, 10.0)
+    assert (row["asked_percent_all"], row["asked_percent_unequal"], row["asked_percent_open"]) == (
+        4.0,
+        400 / 90,
+        10.0,
+    )
     assert row["compared"] == 100
     assert (row["equal"], row["lp"], row["guess"]) == (10, 36, 0)
     assert (row["status"], row["rounds"]) == ("done", 7)
@@ -110,13 +126,21 @@ def audit(d: Floats, expected: int, answer: int | None) -> Audit:
 
 @pytest.mark.parametrize(
     ("d", "expected", "answer", "guilty"),
-    [(DIFFERENCES[0], 1, -1, "audit"), (DIFFERENCES[0], -1, 1, "answers"), (TIE[0], 1, -1, "neither")],
+    [
+        (DIFFERENCES[0], 1, -1, "audit"),
+        (DIFFERENCES[0], -1, 1, "answers"),
+        (TIE[0], 1, -1, "neither"),
+    ],
     ids=["audit", "answers", "neither"],
 )
-def test_the_first_contradiction_is_blamed_on_who_was_wrong(d: Floats, expected: int, answer: int, guilty: str) -> None:
+def test_the_first_contradiction_is_blamed_on_who_was_wrong(
+    d: Floats, expected: int, answer: int, guilty: str
+) -> None:
     better = DIFFERENCES[0]
     agreed = (audit(better, 1, 1), audit(better, 1, None))
-    row = audits(result({}, checked=(*agreed, audit(d, expected, answer), audit(better, 1, -1))), VALUES)
+    row = audits(
+        result({}, checked=(*agreed, audit(d, expected, answer), audit(better, 1, -1))), VALUES
+    )
     assert row == {"audited": 4, "audits_to_contradiction": 3, "contradiction_due_to": guilty}
     row = audits(result({}, checked=agreed), VALUES)
     assert math.isnan(row.pop("audits_to_contradiction"))
@@ -124,24 +148,32 @@ def test_the_first_contradiction_is_blamed_on_who_was_wrong(d: Floats, expected:
 
 
 def small_mdp() -> OrdinalMDP:
-    """Two states; from the second the third action is inadmissible, and it alone bears the best level."""
+    """Two states; from the second the third action is inadmissible, and it alone bears the best
+    level.
+    """
     return OrdinalMDP(
-        np.zeros((2, 3, 1), dtype=int), np.ones((2, 3, 1)), [[0, 1, 1], [1, 0, 2]], 0.5, ("low", "middle", "high"),
+        np.zeros((2, 3, 1), dtype=int), np.ones((2, 3, 1)), [[0, 1, 1], [1, 0, 2]], 0.5,
+        ("low", "middle", "high"),
         admissible=[[True, True, True], [True, True, False]],
     )  # fmt: skip
 
 
 def test_the_papers_loss_by_hand() -> None:
     mdp = small_mdp()
-    q = np.array([[[1, 0, 0], [0.5, 0.5, 0], [0.2, 0.8, 0]], [[0, 1, 0], [1, 0, 0], [0, 0, 1]]], dtype=float)
-    # shares / (1 - discount) on raw values: 2 * (.2 * 10 + .8 * 20) = 36, and 2 * 20, the best level being barred
+    q = np.array(
+        [[[1, 0, 0], [0.5, 0.5, 0], [0.2, 0.8, 0]], [[0, 1, 0], [1, 0, 0], [0, 0, 1]]], dtype=float
+    )
+    # shares / (1 - discount) on raw values: 2 * (.2 * 10 + .8 * 20) = 36, and 2 * 20, the best
+    # level being barred
     v = estimated_values(mdp, q, VALUES)
     assert v.tolist() == pytest.approx([36.0, 40.0])
     # the greatest reward that can be had is 20: 100 * ((36 - 40) + (40 - 40)) / (2 * 20)
     best = greatest_reward(mdp, VALUES)
     assert paper_loss(v, np.array([40.0, 40.0]), best) == pytest.approx(-10.0)
     assert paper_loss(v, v, best) == 0.0
-    assert greatest_reward(mdp, (-5.0, 0.0, 7.0)) == 0  # the best level cannot be had, and the loss is not defined
+    assert (
+        greatest_reward(mdp, (-5.0, 0.0, 7.0)) == 0
+    )  # the best level cannot be had, and the loss is not defined
     assert math.isnan(paper_loss(v, v, 0.0))
 
 

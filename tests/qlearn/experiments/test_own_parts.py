@@ -1,4 +1,6 @@
-"""Comparators, problems, tutors and learners of the user's in the ablation: rows, journal, table and picture."""
+"""Comparators, problems, tutors and learners of the user's in the ablation: rows, journal, table
+and picture.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -40,7 +42,10 @@ def counting(log: Path, values_of: Callable[[int], Floats]) -> Callable[[int, in
 
 def test_a_comparator_that_knows_the_scale_has_its_row_its_colour_and_its_marker() -> None:
     check_comparator(exact(4, 0))
-    rows = ablate(**SMALL | {"comparators": {"mine": lambda k, seed: exact(k, seed), "polytope": "polytope"}}, jobs=1)
+    rows = ablate(
+        **SMALL | {"comparators": {"mine": lambda k, seed: exact(k, seed), "polytope": "polytope"}},
+        jobs=1,
+    )
     mine = rows[rows.comparator == "mine"]
     assert mine.error_rate.tolist() == [0.0, 0.15]
     assert (mine.asked == 0).all()
@@ -53,7 +58,12 @@ def test_a_comparator_that_knows_the_scale_has_its_row_its_colour_and_its_marker
     handles = {str(line.get_label()): line for line in figure.legends[0].legend_handles}
     assert [*handles] == [NAMES["always"], NAMES["polytope"], "mine"]
     look = handles["mine"].get_color(), handles["mine"].get_marker()
-    drawn = [line for axes in figure.axes for line in axes.lines if (line.get_color(), line.get_marker()) == look]
+    drawn = [
+        line
+        for axes in figure.axes
+        for line in axes.lines
+        if (line.get_color(), line.get_marker()) == look
+    ]
     assert sum(len(line.get_xdata()) for line in drawn) == 2 * 2
     assert len({line.get_color() for line in handles.values()}) == 3
 
@@ -63,22 +73,31 @@ def test_rows_are_the_same_on_two_processes_and_read_back(tmp_path: Path) -> Non
     own = SMALL | {
         "comparators": {"mine": lambda k, seed: exact(k, seed), "polytope": ...},
         "problems": {"box": lambda seed: tiny(seed + 1), "random": "random"},
-        "tutors": {"careless": careless, "noisy": lambda values, seed: FlippingTutor(values, 0.3, seed)},
+        "tutors": {
+            "careless": careless,
+            "noisy": lambda values, seed: FlippingTutor(values, 0.3, seed),
+        },
         "learners": {"certified": certified, "value-iteration": "value-iteration"},
     }
     here = ablate(**own, jobs=1, journal=tmp_path / "journal")
     assert len(here) == 2 * (1 + 2 * 4 + 2 * 4)
     assert text_of(ablate(**own, jobs=2)) == text_of(here)
     seen: list[tuple[int, int]] = []
-    again = ablate(**own, jobs=1, journal=tmp_path / "journal", progress=lambda *now: seen.append(now))
+    again = ablate(
+        **own, jobs=1, journal=tmp_path / "journal", progress=lambda *now: seen.append(now)
+    )
     assert seen == [(len(here), len(here))]
     assert text_of(again) == text_of(here)
-    without = ablate(**own | {"comparators": ["polytope"], "tutors": ()}, jobs=1, journal=tmp_path / "journal")
+    without = ablate(
+        **own | {"comparators": ["polytope"], "tutors": ()}, jobs=1, journal=tmp_path / "journal"
+    )
     kept = here[here.comparator.isin(["always", "polytope"]) & here.error_rate.isin([0.0, 0.15])]
     assert text_of(without) == text_of(kept)
 
 
-def test_other_code_under_the_same_name_is_computed_anew_and_nothing_else_is(tmp_path: Path) -> None:
+def test_other_code_under_the_same_name_is_computed_anew_and_nothing_else_is(
+    tmp_path: Path,
+) -> None:
     log, seen = tmp_path / "log", []
 
     def lowest(seed: int) -> Floats:
@@ -88,8 +107,13 @@ def test_other_code_under_the_same_name_is_computed_anew_and_nothing_else_is(tmp
         return np.array([0.0, 7.0, 8.0, 9.0])
 
     def asked(values_of: Callable[[int], Floats]) -> pd.DataFrame:
-        given = SMALL | {"comparators": {"mine": counting(log, values_of), "polytope": "polytope"}, "seeds": 2}
-        return ablate(**given, jobs=1, journal=tmp_path / "journal", progress=lambda *now: seen.append(now))
+        given = SMALL | {
+            "comparators": {"mine": counting(log, values_of), "polytope": "polytope"},
+            "seeds": 2,
+        }
+        return ablate(
+            **given, jobs=1, journal=tmp_path / "journal", progress=lambda *now: seen.append(now)
+        )
 
     first = asked(lowest)
     assert seen[0] == (0, 10)
@@ -100,7 +124,9 @@ def test_other_code_under_the_same_name_is_computed_anew_and_nothing_else_is(tmp
     second = asked(highest)
     assert seen[0] == (6, 10)  # all but those of mine
     assert text_of(second) != text_of(first)
-    assert text_of(second[second.comparator != "mine"]) == text_of(first[first.comparator != "mine"])
+    assert text_of(second[second.comparator != "mine"]) == text_of(
+        first[first.comparator != "mine"]
+    )
     assert text_of(asked(lowest)) == text_of(first)
 
 
@@ -124,19 +150,31 @@ def test_a_name_of_ours_may_be_given_to_another_and_keeps_its_place() -> None:
     given = {"posterior": lambda k, seed: PolytopeComparator(k, tie=0), "polytope": "polytope"}
     rows = ablate(**SMALL | {"comparators": given}, jobs=1)
     assert rows.comparator.unique().tolist() == ["always", "polytope", "posterior"]
-    one, other = (text_of(rows[rows.comparator == name].drop(columns="comparator")) for name in given)
+    one, other = (
+        text_of(rows[rows.comparator == name].drop(columns="comparator")) for name in given
+    )
     assert one == other
 
 
 def test_a_run_with_a_tutor_and_a_learner_of_the_users_can_be_rebuilt_by_hand() -> None:
-    given = {"comparators": ["polytope"], "problems": {"box": tiny}, "tutors": {"careless": careless}}
+    given = {
+        "comparators": ["polytope"],
+        "problems": {"box": tiny},
+        "tutors": {"careless": careless},
+    }
     rows = ablate(**SMALL | given | {"error_rates": ()}, jobs=1)
     assert rows.error_rate.tolist() == [0.0, "careless"]
     mdp, values = tiny(0)
-    learner = InteractiveValueIteration(mdp, PolytopeComparator(4), tolerance=0.1, rng=0, max_sweeps=80, max_queries=40)
+    learner = InteractiveValueIteration(
+        mdp, PolytopeComparator(4), tolerance=0.1, rng=0, max_sweeps=80, max_queries=40
+    )
     result = drive(learner, careless(values, 0))  # type: ignore[arg-type]
     (row,) = rows[rows.error_rate == "careless"].itertuples()
-    assert (row.asked, row.compared, row.realised_error_rate) == (result.asked, result.compared, 1.0)
+    assert (row.asked, row.compared, row.realised_error_rate) == (
+        result.asked,
+        result.compared,
+        1.0,
+    )
     assert row.wrong_before == 0 < row.wrong_after
     text = table(summarise(rows))
     assert "careless" in text
@@ -144,7 +182,9 @@ def test_a_run_with_a_tutor_and_a_learner_of_the_users_can_be_rebuilt_by_hand() 
     assert [label.get_text() for label in figure.axes[-1].get_xticklabels()] == ["0", "careless"]
 
     rows = ablate(**SMALL | given | {"learners": {"mine": certified}}, jobs=1)
-    assert rows.comparator.unique().tolist() == ["polytope"]  # no oracle: it is held to the best policy
+    assert rows.comparator.unique().tolist() == [
+        "polytope"
+    ]  # no oracle: it is held to the best policy
     assert rows.excess_loss.tolist() == rows.loss.tolist()
     assert rows.paper_loss_percent.isna().all()
 
@@ -156,12 +196,17 @@ def test_a_tutor_who_takes_a_reference_gets_differences_to_set_her_noise_by() ->
         seen.append(reference.shape)
         return TruthfulTutor(values)
 
-    ablate(**SMALL | {"tutors": {"hers": tutor}, "comparators": ["polytope"], "error_rates": ()}, jobs=1)
+    ablate(
+        **SMALL | {"tutors": {"hers": tutor}, "comparators": ["polytope"], "error_rates": ()},
+        jobs=1,
+    )
     assert {shape[1] for shape in seen} == {4}
     assert min(shape[0] for shape in seen) > 0
 
 
-def test_ours_take_equal_at_its_word_from_tutors_of_ours_and_not_from_yours(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ours_take_equal_at_its_word_from_tutors_of_ours_and_not_from_yours(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     made: list[float] = []
 
     def polytope(k: int, seed: int, **settings: Any) -> PolytopeComparator:
@@ -170,9 +215,15 @@ def test_ours_take_equal_at_its_word_from_tutors_of_ours_and_not_from_yours(monk
         return comparator
 
     monkeypatch.setattr(
-        runs, "COMPARATORS", {**runs.COMPARATORS, "polytope": replace(runs.COMPARATORS["polytope"], factory=polytope)}
+        runs,
+        "COMPARATORS",
+        {**runs.COMPARATORS, "polytope": replace(runs.COMPARATORS["polytope"], factory=polytope)},
     )
-    given = SMALL | {"comparators": ["polytope"], "error_rates": (0.0,), "tutors": {"careless": careless}}
+    given = SMALL | {
+        "comparators": ["polytope"],
+        "error_rates": (0.0,),
+        "tutors": {"careless": careless},
+    }
     ablate(**given, jobs=1)
     assert {*made} == {0.0, 0.01}
     for name in ("always", "polytope", "relaxed"):
@@ -185,7 +236,10 @@ def test_ours_take_equal_at_its_word_from_tutors_of_ours_and_not_from_yours(monk
 
 def test_the_errors_of_a_tutor_who_does_not_count_are_counted() -> None:
     values = np.array([0.0, 1.0, 3.0])
-    apart, same = (Query.make("x", i, left, [0.0, 1.0, 0.0]) for i, left in enumerate(([0, 0, 1.0], [0, 1.0, 0])))
+    apart, same = (
+        Query.make("x", i, left, [0.0, 1.0, 0.0])
+        for i, left in enumerate(([0, 0, 1.0], [0, 1.0, 0]))
+    )
     truthful, wrong = TruthfulTutor(values), careless(values, 0)
     said = [truthful(apart), None]
 

@@ -40,7 +40,9 @@ EXPECTED = text([row(cell) | {"v": row(cell)["v"].tolist()} for cell in CELLS])
 
 
 # Dask says so where the disk, or the machine, is busy
-pytestmark = pytest.mark.filterwarnings("ignore:Creating scratch directories is taking a surprisingly long:UserWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Creating scratch directories is taking a surprisingly long:UserWarning"
+)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,9 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     with dask.config.set(patient), pytest.MonkeyPatch.context() as environment:
         for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
             environment.setenv(name, "2")
-        local = LocalCluster(n_workers=2, local_directory=str(tmp_path_factory.mktemp("dask")), **options)
+        local = LocalCluster(
+            n_workers=2, local_directory=str(tmp_path_factory.mktemp("dask")), **options
+        )
         environment.undo()
         with local, Client(local) as client:
             yield client
@@ -97,7 +101,9 @@ def test_processes_are_used_a_cell_has_one_thread_and_an_outer_number_is_respect
         assert os.getpid() not in {found["pid"] for found in sweep(where, CELLS[:2], jobs=2)}
 
 
-def test_cells_in_threads_of_one_process_have_one_thread_each_and_the_limit_ends_with_the_sweep() -> None:
+def test_cells_in_threads_of_one_process_have_one_thread_each_and_the_limit_ends_with_the_sweep() -> (  # noqa: E501
+    None
+):
     script = """
 import joblib
 import scipy.linalg
@@ -142,7 +148,9 @@ def test_the_costly_cells_begin_first() -> None:
         begun.append(cell["x"])
         return -cell["x"]
 
-    assert sweep(called, [{"x": x} for x in (3, 1, 2, 5)], jobs=1, cost=lambda cell: cell["x"] % 5) == [-3, -1, -2, -5]
+    assert sweep(
+        called, [{"x": x} for x in (3, 1, 2, 5)], jobs=1, cost=lambda cell: cell["x"] % 5
+    ) == [-3, -1, -2, -5]
     assert begun == [3, 2, 1, 5]
 
 
@@ -184,14 +192,27 @@ def test_what_goes_ahead_of_an_ablation() -> None:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_finished_row_is_never_computed_again(jobs: int, tmp_path: Path) -> None:
-    journal, log, seen = tmp_path / "of" / "mine" / "journal", tmp_path / "log", []  # in folders that are not there yet
+    journal, log, seen = (
+        tmp_path / "of" / "mine" / "journal",
+        tmp_path / "log",
+        [],
+    )  # in folders that are not there yet
     shared = {"log": str(log)}
     sweep(row, CELLS[:3], shared=shared, journal=journal, jobs=jobs)
-    found = sweep(row, CELLS, shared=shared, journal=journal, jobs=jobs, progress=lambda *now: seen.append(now))
+    found = sweep(
+        row,
+        CELLS,
+        shared=shared,
+        journal=journal,
+        jobs=jobs,
+        progress=lambda *now: seen.append(now),
+    )
     assert text(found) == EXPECTED
     assert seen == [(done, 8) for done in range(3, 9)]
     assert computed(log) == {f"{cell['name']}{cell['x']}": 1 for cell in CELLS}
-    turned = [dict(reversed(cell.items())) for cell in CELLS]  # the order of a cell's keys does not matter
+    turned = [
+        dict(reversed(cell.items())) for cell in CELLS
+    ]  # the order of a cell's keys does not matter
     assert text(sweep(row, turned, shared=shared, journal=journal, jobs=jobs)) == EXPECTED
     assert lines(journal) == computed(log).total() == len(CELLS)
     sweep(row, CELLS, shared=shared, journal=journal, jobs=jobs, fresh=True)
@@ -238,26 +259,36 @@ def test_a_line_that_was_cut_short_is_computed_again(cut: int, tmp_path: Path) -
         log.unlink()
         journal.write_bytes(torn)
         left = torn.count(b"\n")
-        assert text(sweep(row, CELLS, shared={"log": str(log)}, journal=journal, jobs=1)) == EXPECTED
+        assert (
+            text(sweep(row, CELLS, shared={"log": str(log)}, journal=journal, jobs=1)) == EXPECTED
+        )
         assert computed(log).total() == len(CELLS) - left
         assert journal.read_bytes() == whole
 
 
 @pytest.mark.parametrize("bad", [b"half a line\n", b'{"key": "00"}\n', b"[1]\n"])
-def test_a_journal_that_was_tampered_with_is_refused_until_it_is_emptied(bad: bytes, tmp_path: Path) -> None:
+def test_a_journal_that_was_tampered_with_is_refused_until_it_is_emptied(
+    bad: bytes, tmp_path: Path
+) -> None:
     journal = tmp_path / "journal"
     sweep(row, CELLS, journal=journal, jobs=1)
     whole = journal.read_bytes()
     journal.write_bytes(whole + bad + whole)
-    with pytest.raises(ValueError, match=r"line 9 of .* is no finished row but .*start over \(fresh\)"):
+    with pytest.raises(
+        ValueError, match=r"line 9 of .* is no finished row but .*start over \(fresh\)"
+    ):
         sweep(row, CELLS, journal=journal, jobs=1)
     assert journal.read_bytes() == whole + bad + whole
     assert text(sweep(row, CELLS, journal=journal, jobs=1, fresh=True)) == EXPECTED
     assert journal.read_bytes() == whole
 
 
-@pytest.mark.parametrize("content", [b"name,age\n", b"shopping list", b'{"key": 1}\n', b"\x00\xff\n"])
-def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(content: bytes, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "content", [b"name,age\n", b"shopping list", b'{"key": 1}\n', b"\x00\xff\n"]
+)
+def test_a_file_that_is_no_journal_is_refused_and_left_as_it_is(
+    content: bytes, tmp_path: Path
+) -> None:
     (tmp_path / "file").write_bytes(content)
     for fresh in (False, True):
         with pytest.raises(ValueError, match="file is no journal, it begins"):
@@ -275,19 +306,25 @@ def test_ctrl_c_keeps_what_has_finished(jobs: int, tmp_path: Path) -> None:
     shared = {"log": str(log), "pause": 0.02}
     with pytest.raises(Interrupted, match="after 3 of 8 rows") as caught:
         sweep(row, CELLS, shared=shared, journal=journal, jobs=jobs, progress=stop)
-    whole = [found or expected for found, expected in zip(caught.value.rows, json.loads(EXPECTED), strict=True)]
+    whole = [
+        found or expected
+        for found, expected in zip(caught.value.rows, json.loads(EXPECTED), strict=True)
+    ]
     assert text(whole) == EXPECTED
     before = computed(log)
     assert text(sweep(row, CELLS, shared=shared, journal=journal, jobs=1)) == EXPECTED
     assert (computed(log) - before).total() == 5
 
 
-def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_workers(tmp_path: Path) -> None:
+def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_workers(
+    tmp_path: Path,
+) -> None:
     journal, log = tmp_path / "journal", tmp_path / "log"
     cells = [{"x": x, "name": "k"} for x in range(30)]
     shared = {"log": str(log), "pause": 0.05}
     code = (
-        "from pathlib import Path; from qlearn.experiments.parallel import sweep; from tests.sweep_cases import row; "
+        "from pathlib import Path; from qlearn.experiments.parallel import sweep; from "
+        "tests.sweep_cases import row; "
         f"sweep(row, {cells!r}, shared={shared!r}, journal=Path({str(journal)!r}), jobs=2)"
     )
     with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) as child:
@@ -299,14 +336,18 @@ def test_kill_9_of_the_whole_run_loses_at_most_the_rows_in_flight_and_ends_its_w
     kept = lines(journal)
     assert 5 <= kept < 30
     deadline = time.monotonic() + 30
-    while any(worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE for worker in workers):
+    while any(
+        worker.is_running() and worker.status() != psutil.STATUS_ZOMBIE for worker in workers
+    ):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     assert computed(log).total() - kept <= 6  # what two workers were at, and what waited for them
 
     seen: list[tuple[int, int]] = []
     log.unlink()
-    found = sweep(row, cells, shared=shared, journal=journal, jobs=2, progress=lambda *now: seen.append(now))
+    found = sweep(
+        row, cells, shared=shared, journal=journal, jobs=2, progress=lambda *now: seen.append(now)
+    )
     assert text(found) == text(sweep(row, cells, jobs=1))
     assert seen[0] == (kept, 30)
     assert computed(log).total() == 30 - kept
@@ -318,7 +359,9 @@ def test_a_journal_has_one_writer_at_a_time(tmp_path: Path) -> None:
     def intrude(done: int, total: int) -> None:
         code = "from pathlib import Path; from qlearn.experiments.parallel import sweep; "
         code += f"sweep(print, [], journal=Path({str(journal)!r}))"
-        refused = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+        refused = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=False
+        )
         log.write_text(refused.stderr)
 
     sweep(row, [], journal=journal, jobs=1, progress=intrude)
@@ -333,13 +376,22 @@ def test_when_a_worker_is_killed_the_next_start_computes_what_is_missing(tmp_pat
         sweep(deadly, CELLS, shared=shared, journal=journal, jobs=2)
     kept, seen = lines(journal), []
     assert 0 < kept < len(CELLS)
-    found = sweep(deadly, CELLS, shared=shared, journal=journal, jobs=2, progress=lambda *now: seen.append(now))
+    found = sweep(
+        deadly,
+        CELLS,
+        shared=shared,
+        journal=journal,
+        jobs=2,
+        progress=lambda *now: seen.append(now),
+    )
     assert found == [1, 2, 3, 4] * 2
     assert seen[0] == (kept, len(CELLS))
 
 
 @pytest.mark.slow
-def test_an_ablation_on_dask_is_that_of_one_process_byte_for_byte(cluster: Any, tmp_path: Path) -> None:
+def test_an_ablation_on_dask_is_that_of_one_process_byte_for_byte(
+    cluster: Any, tmp_path: Path
+) -> None:
     tiny = TINY | {"comparators": ["ensemble", "polytope"], "steps": 60}
     with joblib.parallel_config(backend="dask"):
         on_dask = ablate(**tiny, journal=tmp_path / "journal")
@@ -348,6 +400,12 @@ def test_an_ablation_on_dask_is_that_of_one_process_byte_for_byte(cluster: Any, 
     one, other = (frame.drop(columns="seconds").to_csv(index=False) for frame in (here, on_dask))
     assert one == other
     seen: list[tuple[int, int]] = []
-    again = ablate(**tiny, journal=tmp_path / "journal", progress=lambda done, total: seen.append((done, total)))
-    assert again.to_csv(index=False) == on_dask.to_csv(index=False)  # the seconds too: nothing was computed
+    again = ablate(
+        **tiny,
+        journal=tmp_path / "journal",
+        progress=lambda done, total: seen.append((done, total)),
+    )
+    assert again.to_csv(index=False) == on_dask.to_csv(
+        index=False
+    )  # the seconds too: nothing was computed
     assert seen == [(14, 14)]

@@ -22,7 +22,11 @@ from qlearn.paper.figure_runs import figures
         ("max_queries", -1, "max_queries must be a whole number of at least 0, not -1"),
         ("levels", 101, "levels must be a whole number from 2 to 100, not 101"),
         ("particles", 19, "particles must be a whole number of at least 20, not 19"),
-        ("error_rates", (0.0, 0.5), "error_rates must each be a number of at least 0 and below 0.5, not 0.5"),
+        (
+            "error_rates",
+            (0.0, 0.5),
+            "error_rates must each be a number of at least 0 and below 0.5, not 0.5",
+        ),
         ("error_rates", 0.1, "error_rates must be several values, not 0.1"),
         ("tolerance", 0, "tolerance must be a number strictly between 0 and 1, not 0"),
         ("tolerance", 5, "tolerance must be a number strictly between 0 and 1, not 5"),
@@ -36,7 +40,11 @@ from qlearn.paper.figure_runs import figures
         ("noise", "loud", "noise must be one of flip, logistic, not 'loud'"),
         ("comparators", ["box", "sphere"], "comparators must each be one of always, polytope, "),
         ("comparators", "box", "comparators must be several values, not 'box'"),
-        ("problems", [["icu"]], r"problems must each be one of random, icu-sepsis, frozen-lake, .*, not \['icu'\]"),
+        (
+            "problems",
+            [["icu"]],
+            r"problems must each be one of random, icu-sepsis, frozen-lake, .*, not \['icu'\]",
+        ),
     ],
 )
 def test_a_value_that_cannot_be_is_refused_by_name(settings: str, value: Any, wanted: str) -> None:
@@ -47,13 +55,27 @@ def test_a_value_that_cannot_be_is_refused_by_name(settings: str, value: Any, wa
 @pytest.mark.parametrize(
     ("setting", "value", "wanted"),
     [
-        ("comparators", ["always"], "comparators must each be one of polytope, posterior, box-rescaled, box, not 'alw"),
+        (
+            "comparators",
+            ["always"],
+            "comparators must each be one of polytope, posterior, box-rescaled, box, not 'alw",
+        ),
         ("levels", 10, "levels must be several values, not 10"),
-        ("tutors", ["3%"], "tutors must each be one of truthful, c=1, 2%, 5%, 10%, 20%, 30%, not '3%'"),
-        ("thinned", ["ensemble"], "thinned must each be one of polytope, posterior, box-rescaled, box, not 'ensemble'"),
+        (
+            "tutors",
+            ["3%"],
+            "tutors must each be one of truthful, c=1, 2%, 5%, 10%, 20%, 30%, not '3%'",
+        ),
+        (
+            "thinned",
+            ["ensemble"],
+            "thinned must each be one of polytope, posterior, box-rescaled, box, not 'ensemble'",
+        ),
     ],
 )
-def test_the_figures_have_checks_and_defaults_of_their_own(setting: str, value: Any, wanted: str) -> None:
+def test_the_figures_have_checks_and_defaults_of_their_own(
+    setting: str, value: Any, wanted: str
+) -> None:
     with pytest.raises(ValueError, match=wanted):
         FiguresSettings(**{setting: value})
     usual = FiguresSettings()
@@ -69,13 +91,33 @@ def test_settings_by_keyword_are_checked_before_the_runs(command: Callable[..., 
 
 
 def test_the_ends_of_what_may_be_are_taken() -> None:
-    AblationSettings(seeds=1, max_queries=None, levels=2, particles=20, error_rates=(), discount=0.0, audit=1, lapse=0)
-    AblationSettings(max_queries=0, levels=100, exploration=None, precision=0, audit=0, error_rates=[0, 0.499])
+    AblationSettings(
+        seeds=1,
+        max_queries=None,
+        levels=2,
+        particles=20,
+        error_rates=(),
+        discount=0.0,
+        audit=1,
+        lapse=0,
+    )
+    AblationSettings(
+        max_queries=0, levels=100, exploration=None, precision=0, audit=0, error_rates=[0, 0.499]
+    )
 
 
 def test_equal_values_are_equal_settings_whatever_their_kind() -> None:
-    given = {"steps": np.int64(100_000), "epsilon": 1, "error_rates": np.array([0.0, 0.05, 0.15]), "seeds": 4}
+    given = {
+        "steps": np.int64(100_000),
+        "epsilon": 1,
+        "error_rates": np.array([0.0, 0.05, 0.15]),
+        "seeds": 4,
+    }
     settings = AblationSettings(**given)
     assert settings == AblationSettings()
-    assert [type(x) for x in (settings.steps, settings.epsilon, settings.error_rates)] == [int, float, tuple]
+    assert [type(x) for x in (settings.steps, settings.epsilon, settings.error_rates)] == [
+        int,
+        float,
+        tuple,
+    ]
     assert AblationSettings(seeds=9, states=7).of_a_run() == Settings()

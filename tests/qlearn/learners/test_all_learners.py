@@ -9,10 +9,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AlwaysAsk, Answer, Dominance, FlippingTutor, PolytopeComparator, TruthfulTutor, Verdict, choose
+from elicit import (
+    AlwaysAsk,
+    Answer,
+    Dominance,
+    FlippingTutor,
+    PolytopeComparator,
+    TruthfulTutor,
+    Verdict,
+    choose,
+)
 from elicit.model.comparator import Decisions, Tier
 from elicit.model.scale import Floats
-from qlearn import InteractivePolicyIteration, InteractiveQLearning, LateQLearning, OrdinalMDP, Status, drive
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveQLearning,
+    LateQLearning,
+    OrdinalMDP,
+    Status,
+    drive,
+)
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import evaluate_policy, policy_loss
 from qlearn.problems.random_mdp import random_mdp
@@ -69,8 +85,12 @@ def wrong_settings() -> Iterator[Any]:
                 yield pytest.param(learner, name, value, id=f"{learner.__name__} {name} {value!r}")
 
 
-@pytest.mark.parametrize(("learner", "name", "value"), sorted(wrong_settings(), key=lambda case: str(case.id)))
-def test_a_setting_that_makes_no_sense_is_refused_by_name(learner: Make, name: str, value: Any) -> None:
+@pytest.mark.parametrize(
+    ("learner", "name", "value"), sorted(wrong_settings(), key=lambda case: str(case.id))
+)
+def test_a_setting_that_makes_no_sense_is_refused_by_name(
+    learner: Make, name: str, value: Any
+) -> None:
     mdp, _ = random_mdp(6, 2, 3, rng=0)
     with pytest.raises(ValueError, match=rf"(?s){name}.* must .*{re.escape(repr(value))}"):
         learner(
@@ -96,7 +116,9 @@ def test_a_question_is_about_two_admissible_actions_of_its_state(make: Make) -> 
     while queries := learner.ask():
         q = learner.result().q
         for query in queries:
-            s, left, right = (int(word.strip(":?")) for word in query.about.split() if word.strip(":?").isdigit())
+            s, left, right = (
+                int(word.strip(":?")) for word in query.about.split() if word.strip(":?").isdigit()
+            )
             assert mdp.admissible[s, [left, right]].all()
             assert q[s, left].tolist() == query.left.tolist()
             assert q[s, right].tolist() == query.right.tolist()
@@ -128,8 +150,12 @@ def test_small_problems(make: Make) -> None:
     one_action = drive(make(mdp, AlwaysAsk(4)), TruthfulTutor(values))
     assert (one_action.compared, one_action.asked) == (0, 0)
     assert one_action.status in (Status.DONE, Status.CONVERGED)
-    one_state = OrdinalMDP(np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good"))
-    assert drive(make(one_state, PolytopeComparator(3)), TruthfulTutor([0, 1, 2])).policy.tolist() == [1]
+    one_state = OrdinalMDP(
+        np.zeros((1, 3, 1)), np.ones((1, 3, 1)), [[0, 2, 1]], 0.9, ("bad", "fair", "good")
+    )
+    assert drive(
+        make(one_state, PolytopeComparator(3)), TruthfulTutor([0, 1, 2])
+    ).policy.tolist() == [1]
     # with e_1 = 0 and e_2 = 1 nothing is hidden: dominance decides all
     mdp, values = random_mdp(8, 3, 2, discount=0.9, rng=0)
     two_levels = drive(make(mdp, PolytopeComparator(2)), TruthfulTutor(values))
@@ -140,9 +166,13 @@ def test_small_problems(make: Make) -> None:
 
 @pytest.mark.parametrize("comparator", [PolytopeComparator, AlwaysAsk, Dominance])
 @pytest.mark.parametrize(
-    "settings", [{}, {"audit": 0.3}, {"max_queries": 4}, {"indifference": 0.01}, {"batch": 4}], ids=str
+    "settings",
+    [{}, {"audit": 0.3}, {"max_queries": 4}, {"indifference": 0.01}, {"batch": 4}],
+    ids=str,
 )
-def test_watching_sees_every_comparison_once(make: Make, comparator: Any, settings: dict[str, Any]) -> None:
+def test_watching_sees_every_comparison_once(
+    make: Make, comparator: Any, settings: dict[str, Any]
+) -> None:
     mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
     tiers = np.zeros(len(Tier), dtype=int)
 
@@ -201,7 +231,9 @@ def test_a_person_and_the_comparator_that_always_asks(make: Make) -> None:
 
 
 def asked_by(asker: Any, values: Floats, look: bool) -> list[str]:
-    """The ids of all questions, answered one at a time; with ``look`` a result is read before and after each."""
+    """The ids of all questions, answered one at a time; with ``look`` a result is read before and
+    after each.
+    """
     ids: list[str] = []
     tutor = TruthfulTutor(values)
     while queries := asker.ask():
@@ -226,7 +258,14 @@ def asked_by(asker: Any, values: Floats, look: bool) -> list[str]:
         partial(InteractiveQLearning, steps=400, epsilon=0.3),
         partial(LateQLearning, steps=2000),
     ],
-    ids=["policy iteration", "on large models", "value iteration", "asking late", "Q-learning", "Q-learning late"],
+    ids=[
+        "policy iteration",
+        "on large models",
+        "value iteration",
+        "asking late",
+        "Q-learning",
+        "Q-learning late",
+    ],
 )
 def test_a_result_changes_no_later_question(learner: Make, batch: int) -> None:
     mdp, values = random_mdp(12, 3, 5, discount=0.9, rng=1)
@@ -242,7 +281,11 @@ def test_a_result_changes_no_later_question_about_a_sample_of_states() -> None:
     mdp, values = random_mdp(1500, 2, 7, discount=0.9, rng=0)
     runs = [
         asked_by(
-            InteractivePolicyIteration(mdp, PolytopeComparator(7), tolerance=0.05, exact=False, batch=4), values, look
+            InteractivePolicyIteration(
+                mdp, PolytopeComparator(7), tolerance=0.05, exact=False, batch=4
+            ),
+            values,
+            look,
         )
         for look in (False, True)
     ]
@@ -256,6 +299,9 @@ def test_a_result_of_a_choice_changes_no_later_question(order: bool) -> None:
         np.random.default_rng(0).dirichlet(np.ones(5), 9 if order else 60),
         np.array([0.0, 0.1, 0.5, 0.6, 1.0]),
     )
-    runs = [asked_by(choose(vectors, PolytopeComparator(5), order=order), values, look) for look in (False, True)]
+    runs = [
+        asked_by(choose(vectors, PolytopeComparator(5), order=order), values, look)
+        for look in (False, True)
+    ]
     assert len(runs[0]) > 2
     assert runs[0] == runs[1]

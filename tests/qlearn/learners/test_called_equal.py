@@ -1,4 +1,6 @@
-"""Tutors who call equal what is close: bounds that hold, learners that end, and not one question more for others."""
+"""Tutors who call equal what is close: bounds that hold, learners that end, and not one question
+more for others.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import Answer, Answers, BradleyTerryComparator, InconsistentAnswers, PosteriorComparator, Query, Verdict
+from elicit import (
+    Answer,
+    Answers,
+    BradleyTerryComparator,
+    InconsistentAnswers,
+    PosteriorComparator,
+    Query,
+    Verdict,
+)
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
@@ -32,8 +42,12 @@ LEARNERS = {
 }
 
 
-def run(learner: Any, k: int, tie: float, seed: int, comparator: Any = None, **settings: Any) -> tuple[Result, float]:
-    """The result with a tutor who calls equal what lies within ``tie``, and what its policy truly loses."""
+def run(
+    learner: Any, k: int, tie: float, seed: int, comparator: Any = None, **settings: Any
+) -> tuple[Result, float]:
+    """The result with a tutor who calls equal what lies within ``tie``, and what its policy truly
+    loses.
+    """
     mdp, values = random_mdp(40, 4, k, rng=seed)
     made = learner(mdp, PolytopeComparator(k) if comparator is None else comparator, **settings)
     result = drive(made, TruthfulTutor(values, tie=tie))
@@ -42,7 +56,9 @@ def run(learner: Any, k: int, tie: float, seed: int, comparator: Any = None, **s
 
 def check_bound(result: Result, loss: float) -> None:
     assert result.confidence == 1
-    assert loss <= result.loss_bound + 1e-12, f"it loses {loss}, but was to lose {result.loss_bound} at most"
+    assert loss <= result.loss_bound + 1e-12, (
+        f"it loses {loss}, but was to lose {result.loss_bound} at most"
+    )
 
 
 @pytest.mark.parametrize("tie", [0.005, 0.02])
@@ -62,11 +78,15 @@ def test_no_bound_is_broken_in_two_hundred_runs(name, tie, k):
 
 
 def test_a_tie_of_zero_takes_equal_at_its_word_and_breaks_the_bound():
-    """Why the tie is part of what an answer means: the same runs, with a comparator that takes "equal" for equal."""
+    """Why the tie is part of what an answer means: the same runs, with a comparator that takes
+    "equal" for equal.
+    """
     broken = 0
     for seed in range(10):
         try:
-            result, loss = run(InteractivePolicyIteration, 5, 0.005, seed, PolytopeComparator(5, tie=0.0))
+            result, loss = run(
+                InteractivePolicyIteration, 5, 0.005, seed, PolytopeComparator(5, tie=0.0)
+            )
         except ValueError:  # the answers contradict each other
             continue
         broken += loss > result.loss_bound
@@ -103,7 +123,9 @@ def test_who_never_says_equal_is_asked_to_the_end():
 
 
 def test_value_iteration_within_its_tolerance_all_the_same_has_converged():
-    result, loss = run(InteractiveValueIteration, 5, 0.0005, 0, PolytopeComparator(5, tie=0.0005), tolerance=0.2)
+    result, loss = run(
+        InteractiveValueIteration, 5, 0.0005, 0, PolytopeComparator(5, tie=0.0005), tolerance=0.2
+    )
     assert (result.answers.y == 0).any()
     assert result.status is Status.CONVERGED
     assert loss <= result.loss_bound <= 0.2
@@ -111,7 +133,9 @@ def test_value_iteration_within_its_tolerance_all_the_same_has_converged():
 
 def test_the_relaxed_polytope_keeps_its_bound_too():
     for slack in (0.0, 0.01):
-        check_bound(*run(InteractivePolicyIteration, 5, 0.01, 3, RelaxedPolytopeComparator(5, slack=slack)))
+        check_bound(
+            *run(InteractivePolicyIteration, 5, 0.01, 3, RelaxedPolytopeComparator(5, slack=slack))
+        )
 
 
 def test_always_ask_is_the_oracle_and_asks_on():
@@ -139,17 +163,23 @@ def test_a_bootstrap_promises_nothing_of_what_is_called_equal():
     result = drive(InteractiveValueIteration(mdp, BradleyTerryComparator(4)), all_equal)
     assert result.status is Status.CALLED_EQUAL
     assert np.isnan(result.confidence)
-    sharp = drive(InteractiveValueIteration(mdp, BradleyTerryComparator(4)), TruthfulTutor([0, 1, 2, 4]))
+    sharp = drive(
+        InteractiveValueIteration(mdp, BradleyTerryComparator(4)), TruthfulTutor([0, 1, 2, 4])
+    )
     assert sharp.confidence == 0.95
 
 
 def test_the_posterior_keeps_its_promise_to_a_tutor_who_calls_equal_what_lies_within_the_tie():
     broken = 0
     for seed in range(scaled(10, 30)):
-        result, loss = run(InteractivePolicyIteration, 3, 0.01, seed, PosteriorComparator(3, seed=seed))
+        result, loss = run(
+            InteractivePolicyIteration, 3, 0.01, seed, PosteriorComparator(3, seed=seed)
+        )
         assert result.confidence == 0.95
         broken += loss > result.loss_bound
-    assert broken <= scaled(1, 4)  # of 10 or 30, at 95%; with a width of at most the tie it was a fifth
+    assert broken <= scaled(
+        1, 4
+    )  # of 10 or 30, at 95%; with a width of at most the tie it was a fifth
 
 
 def test_contradicting_ties_name_the_tie():

@@ -28,7 +28,8 @@ def test_a_decay_falls_in_a_line_and_stays() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"first": 1.5}, {"last": -0.5}, {"share": 0.0}, {"share": float("nan")}, {"last": "a"}]
+    "wrong",
+    [{"first": 1.5}, {"last": -0.5}, {"share": 0.0}, {"share": float("nan")}, {"last": "a"}],
 )
 def test_a_decay_that_is_none_is_refused(wrong: dict[str, float]) -> None:
     (name,) = wrong
@@ -36,7 +37,9 @@ def test_a_decay_that_is_none_is_refused(wrong: dict[str, float]) -> None:
         Decay(**wrong)
 
 
-@pytest.mark.parametrize("wrong", [{"start": "good"}, {"episode_length": 0}, {"episode_length": "x"}])
+@pytest.mark.parametrize(
+    "wrong", [{"start": "good"}, {"episode_length": 0}, {"episode_length": "x"}]
+)
 def test_an_exploration_that_is_none_is_refused(wrong: dict[str, Any]) -> None:
     ((name, value),) = wrong.items()
     with pytest.raises(ValueError, match=f"{name} must .*, not {value!r}"):
@@ -58,8 +61,8 @@ def test_a_constant_schedule_is_the_constant() -> None:
 
 
 def test_a_schedule_explores_when_it_says_so() -> None:
-    # greedy from the start, the agent keeps its first actions until others are found better; explorations before
-    # step 250 move nothing in a run that begins to explore there
+    # greedy from the start, the agent keeps its first actions until others are found better;
+    # explorations before step 250 move nothing in a run that begins to explore there
     late = learned(epsilon=lambda steps: (steps >= 250).astype(float))
     never = learned(epsilon=0.0)
     half = learned(epsilon=0.0, steps=250)

@@ -1,4 +1,6 @@
-"""What was answered before is known: a learner starts from it and asks none of it again; and audits have a limit."""
+"""What was answered before is known: a learner starts from it and asks none of it again; and audits
+have a limit.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import Answer, AnswerLog, Answers, PolytopeComparator, PosteriorComparator, Query, TruthfulTutor, Verdict
+from elicit import (
+    Answer,
+    AnswerLog,
+    Answers,
+    PolytopeComparator,
+    PosteriorComparator,
+    Query,
+    TruthfulTutor,
+    Verdict,
+)
 from elicit.asking.elicitation import MAX_AUDITS
 from elicit.model.pairs import pair_numbers
 from elicit.tutors.simulated import FlippingTutor
@@ -36,7 +47,9 @@ MDP, VALUES = random_mdp(30, 4, 5, rng=3)
 
 
 def repeats(answers: Answers, before: int) -> bool:
-    """Return whether an answer after the first so many is about a pair that one of these was about."""
+    """Return whether an answer after the first so many is about a pair that one of these was
+    about.
+    """
     pairs = pair_numbers(answers.d)
     return bool(set(pairs[:before].tolist()) & set(pairs[before:].tolist()))
 
@@ -46,11 +59,18 @@ def test_a_finished_run_starts_again_without_a_question(name, tmp_path):
     log = AnswerLog(tmp_path / "answers.jsonl")
     first = drive(LEARNERS[name](MDP, PolytopeComparator(5)), TruthfulTutor(VALUES), log)
     assert first.asked >= 3
-    for known in (log, AnswerLog.read(tmp_path / "answers.jsonl"), first.answers, [entry.answer for entry in log]):
+    for known in (
+        log,
+        AnswerLog.read(tmp_path / "answers.jsonl"),
+        first.answers,
+        [entry.answer for entry in log],
+    ):
         again = LEARNERS[name](MDP, PolytopeComparator(5), known=known)
         result = drive(again, TruthfulTutor(VALUES))
         assert result.asked == 0 or not repeats(result.answers, len(first.answers))
-        assert result.asked <= (0 if "late" not in name and name != "Q-learning" else first.asked // 2)
+        assert result.asked <= (
+            0 if "late" not in name and name != "Q-learning" else first.asked // 2
+        )
         assert result.answers.ids[: len(first.answers)] == first.answers.ids
 
 
@@ -64,10 +84,16 @@ def test_a_run_cut_off_goes_on_and_asks_nothing_twice(name):
 
 
 def test_todays_answers_serve_tomorrows_comparator():
-    told = drive(InteractivePolicyIteration(MDP, PolytopeComparator(5)), TruthfulTutor(VALUES)).answers
-    fresh = drive(InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.005), TruthfulTutor(VALUES))
+    told = drive(
+        InteractivePolicyIteration(MDP, PolytopeComparator(5)), TruthfulTutor(VALUES)
+    ).answers
+    fresh = drive(
+        InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.005),
+        TruthfulTutor(VALUES),
+    )
     result = drive(
-        InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.005, known=told), TruthfulTutor(VALUES)
+        InteractivePolicyIteration(MDP, PosteriorComparator(5), tolerance=0.005, known=told),
+        TruthfulTutor(VALUES),
     )
     assert result.asked < fresh.asked
     assert not repeats(result.answers, len(told))
@@ -86,10 +112,14 @@ def test_an_answer_in_the_middle_is_taken_back():
 
 
 def test_a_comparator_that_knows_them_already_does_not_learn_them_twice():
-    told = drive(InteractivePolicyIteration(MDP, PosteriorComparator(5)), TruthfulTutor(VALUES)).answers[:6]
+    told = drive(
+        InteractivePolicyIteration(MDP, PosteriorComparator(5)), TruthfulTutor(VALUES)
+    ).answers[:6]
     learned = PosteriorComparator(5).update(told)
     assert InteractivePolicyIteration(MDP, learned, known=told).comparator is learned
-    other = Answers(-told.d[:1], [-told.y[0]], [told.ids[0]])  # another difference under the same id
+    other = Answers(
+        -told.d[:1], [-told.y[0]], [told.ids[0]]
+    )  # another difference under the same id
     assert len(InteractivePolicyIteration(MDP, learned, known=other).comparator.answers) == 7
 
 
@@ -107,9 +137,16 @@ def test_what_could_not_be_told_is_not_asked_again(name):
 def test_audits_count_when_a_run_goes_on():
     log = AnswerLog()
     settings = {"audit": 1.0, "max_audits": 7, "rng": 1}
-    first = drive(InteractiveValueIteration(MDP, PolytopeComparator(5), **settings), TruthfulTutor(VALUES), log)
+    first = drive(
+        InteractiveValueIteration(MDP, PolytopeComparator(5), **settings),
+        TruthfulTutor(VALUES),
+        log,
+    )
     assert first.audited == 7
-    again = drive(InteractiveValueIteration(MDP, PolytopeComparator(5), known=log, **settings), TruthfulTutor(VALUES))
+    again = drive(
+        InteractiveValueIteration(MDP, PolytopeComparator(5), known=log, **settings),
+        TruthfulTutor(VALUES),
+    )
     assert again.audited == 7
     assert [(audit.query.id, audit.expected) for audit in again.audits] == [
         (audit.query.id, audit.expected) for audit in first.audits
@@ -139,8 +176,16 @@ def test_audits_have_a_limit(name, batch):
         ([Answer(Query("q", [1.0, 0.0], [0.0, 1.0]), Verdict.BETTER)], ValueError, "other levels"),
         (Answers.none(3), ValueError, "3 levels"),
         (7, TypeError, "known"),
-        ("answers.jsonl", TypeError, r"not the path of a file: open it, known=elicit.AnswerLog\('answers.jsonl'\)"),
-        (Path("answers.jsonl"), TypeError, r"or only read it, known=elicit.AnswerLog.read\(.*'answers.jsonl'\)"),
+        (
+            "answers.jsonl",
+            TypeError,
+            r"not the path of a file: open it, known=elicit.AnswerLog\('answers.jsonl'\)",
+        ),
+        (
+            Path("answers.jsonl"),
+            TypeError,
+            r"or only read it, known=elicit.AnswerLog.read\(.*'answers.jsonl'\)",
+        ),
     ],
 )
 def test_what_is_no_answer_is_refused(known, error, says):

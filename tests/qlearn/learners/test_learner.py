@@ -1,4 +1,6 @@
-"""Ask and tell, the loop that drives them, and the books that a learner keeps: the same for every learner."""
+"""Ask and tell, the loop that drives them, and the books that a learner keeps: the same for every
+learner.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +15,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elicit import AlwaysAsk, AnswerLog, Bags, BradleyTerryComparator, Comparator, Dominance, PolytopeComparator, Tutor
+from elicit import (
+    AlwaysAsk,
+    AnswerLog,
+    Bags,
+    BradleyTerryComparator,
+    Comparator,
+    Dominance,
+    PolytopeComparator,
+    Tutor,
+)
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.tutors.replay import ReplayTutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn import InteractivePolicyIteration, InteractiveQLearning, LateQLearning, Learner, Result, Status, drive
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveQLearning,
+    LateQLearning,
+    Learner,
+    Result,
+    Status,
+    drive,
+)
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
 from qlearn.mdp.planning import policy_loss
 from qlearn.problems.random_mdp import random_mdp
@@ -31,11 +50,15 @@ Make = Callable[..., Any]
 
 
 def q_learning(comparator: Comparator, **settings: Any) -> InteractiveQLearning:
-    return InteractiveQLearning(MDP, comparator, **{"steps": 400, "epsilon": 0.3, "rng": 1, **settings})
+    return InteractiveQLearning(
+        MDP, comparator, **{"steps": 400, "epsilon": 0.3, "rng": 1, **settings}
+    )
 
 
 def value_iteration(comparator: Comparator, **settings: Any) -> InteractiveValueIteration:
-    return InteractiveValueIteration(MDP, comparator, **{"tolerance": 0.01, "max_sweeps": 60, "rng": 1, **settings})
+    return InteractiveValueIteration(
+        MDP, comparator, **{"tolerance": 0.01, "max_sweeps": 60, "rng": 1, **settings}
+    )
 
 
 @pytest.fixture(params=[q_learning, value_iteration])
@@ -54,7 +77,9 @@ def names(queries: Iterable[Query]) -> list[bytes]:
     return [min((t + 0.0).tobytes(), (0.0 - t).tobytes()) for t in tails]
 
 
-def recorded(learner: Learner, tutor: Callable[[Query], Answer], on_conflict: Any = "raise") -> list[Answer]:
+def recorded(
+    learner: Learner, tutor: Callable[[Query], Answer], on_conflict: Any = "raise"
+) -> list[Answer]:
     """All answers of a run driven by hand."""
     told = []
     while queries := learner.ask():
@@ -67,9 +92,12 @@ def recorded(learner: Learner, tutor: Callable[[Query], Answer], on_conflict: An
 def snapshot(result: Result) -> tuple[Any, ...]:
     """Everything a Result says, but for the comparator's caches."""
     return (
-        result.policy.tolist(), result.q.tobytes(), result.status, result.asked, result.audited, result.cannot_tell,
-        dict(result.decided), result.rounds, result.answers.d.tobytes(), result.answers.y.tolist(), result.answers.ids,
-        result.comparator.values.tobytes(), [(a.query.id, a.expected, a.answer) for a in result.audits],
+        result.policy.tolist(), result.q.tobytes(), result.status, result.asked, result.audited,
+        result.cannot_tell,
+        dict(result.decided), result.rounds, result.answers.d.tobytes(), result.answers.y.tolist(),
+        result.answers.ids,
+        result.comparator.values.tobytes(),
+        [(a.query.id, a.expected, a.answer) for a in result.audits],
     )  # fmt: skip
 
 
@@ -124,7 +152,9 @@ def test_a_result_can_be_had_at_any_time(make: Make) -> None:
         learner.tell([truth(query) for query in queries])
         results.append(learner.result())
     assert {result.status for result in results} == {Status.WAITING}
-    assert all(status.value.startswith(("finished", "not finished", "stopped")) for status in Status)
+    assert all(
+        status.value.startswith(("finished", "not finished", "stopped")) for status in Status
+    )
     for before, after in pairwise(results):
         assert before.asked <= after.asked
         assert before.compared <= after.compared
@@ -155,7 +185,9 @@ def test_a_result_does_not_change_later(make: Make) -> None:
     ids=["dominance", "polytope", "ensemble", "always ask"],
 )
 def test_no_pair_is_asked_twice(make: Make, comparator: Comparator) -> None:
-    settings = {"learning_rate": 1.0} if make is q_learning else {"max_sweeps": 15}  # rate 1: vectors come back
+    settings = (
+        {"learning_rate": 1.0} if make is q_learning else {"max_sweeps": 15}
+    )  # rate 1: vectors come back
     learner = make(comparator, **settings)
     tutor = FlippingTutor(VALUES, 0.1, seed=0)
     answers = recorded(learner, lambda query: tutor(query))
@@ -165,7 +197,9 @@ def test_no_pair_is_asked_twice(make: Make, comparator: Comparator) -> None:
         assert learner.result().decided["known"] > 0
 
 
-@pytest.mark.parametrize("comparator", [Dominance(K), PolytopeComparator(K), BradleyTerryComparator(K, n_boot=20)])
+@pytest.mark.parametrize(
+    "comparator", [Dominance(K), PolytopeComparator(K), BradleyTerryComparator(K, n_boot=20)]
+)
 def test_who_cannot_tell_keeps_the_incumbent(make: Make, comparator: Comparator) -> None:
     log = AnswerLog()
     result = drive(make(comparator), lambda query: Answer(query, None), log=log)
@@ -185,7 +219,9 @@ def test_who_cannot_tell_keeps_the_incumbent(make: Make, comparator: Comparator)
 @pytest.mark.parametrize("batch", [1, 5])
 def test_beyond_the_budget_the_best_guess_decides(make: Make, budget: int, batch: int) -> None:
     log = AnswerLog()
-    result = drive(make(PolytopeComparator(K), max_queries=budget, batch=batch), TruthfulTutor(VALUES), log=log)
+    result = drive(
+        make(PolytopeComparator(K), max_queries=budget, batch=batch), TruthfulTutor(VALUES), log=log
+    )
     assert result.asked == budget == len(log) == len(result.answers)
     assert result.status is Status.GUESSED
     assert result.decided["guess"] > 0
@@ -224,7 +260,9 @@ def test_dropped_answers_settle_their_own_pair_and_are_marked(make: Make, contra
         answer = truth(query)
         if names([query])[0] in open_pairs or np.abs(query.d).sum() < 0.02:
             return answer
-        return Answer(query, answer.verdict.flipped if contrary == "opposite" and answer.verdict else contrary)
+        return Answer(
+            query, answer.verdict.flipped if contrary == "opposite" and answer.verdict else contrary
+        )
 
     learner = make(PolytopeComparator(K), audit=0.3, max_queries=300)
     log = AnswerLog()
@@ -245,12 +283,18 @@ LEARNING = ("polytope", "dominance", "ensemble")
 
 
 @pytest.mark.parametrize("comparator", LEARNING)
-@pytest.mark.parametrize("settings", quick_first([{"audit": 0.1}, {"batch": 3}, {}, {"max_queries": 5}], 2), ids=str)
+@pytest.mark.parametrize(
+    "settings", quick_first([{"audit": 0.1}, {"batch": 3}, {}, {"max_queries": 5}], 2), ids=str
+)
 def test_a_run_can_be_replayed_from_its_log(
     make: Make, comparator: str, settings: dict[str, Any], tmp_path: Path
 ) -> None:
     def run(tutor: Tutor, log: AnswerLog | None = None) -> Result:
-        learner = make(COMPARATORS[comparator](K), **{"max_sweeps": 12} if make is value_iteration else {}, **settings)
+        learner = make(
+            COMPARATORS[comparator](K),
+            **{"max_sweeps": 12} if make is value_iteration else {},
+            **settings,
+        )
         return drive(learner, tutor, log=log, on_conflict="drop")
 
     log = AnswerLog(tmp_path / "answers.jsonl")
@@ -310,7 +354,11 @@ def test_driving_is_the_loop(make: Make) -> None:
     log = AnswerLog()
     driven = drive(make(PolytopeComparator(K)), TruthfulTutor(VALUES), log=log)
     assert snapshot(by_hand.result()) == snapshot(driven)
-    assert [entry.answer.query.id for entry in log] == [answer.query.id for answer in told] == list(driven.answers.ids)
+    assert (
+        [entry.answer.query.id for entry in log]
+        == [answer.query.id for answer in told]
+        == list(driven.answers.ids)
+    )
     assert len(set(driven.answers.ids)) == len(told)
     assert all(entry.used for entry in log)
     for answers in (log.answers(), Answers.of(told, K)):
@@ -321,7 +369,9 @@ def test_driving_is_the_loop(make: Make) -> None:
 def test_progress_is_reported_after_every_round() -> None:
     for batch in (1, 3):
         results: list[Result] = []
-        final = drive(value_iteration(PolytopeComparator(K), batch=batch), truth, progress=results.append)
+        final = drive(
+            value_iteration(PolytopeComparator(K), batch=batch), truth, progress=results.append
+        )
         asked = [result.asked for result in results]
         assert asked == sorted(set(asked))
         assert asked[-1] == final.asked
@@ -376,7 +426,11 @@ def test_an_answer_is_in_the_log_before_the_learner_is_told() -> None:
 
     class Failing:
         def __init__(self, learner: Any) -> None:
-            self.ask, self.implied, self.comparator = learner.ask, learner.implied, learner.comparator
+            self.ask, self.implied, self.comparator = (
+                learner.ask,
+                learner.implied,
+                learner.comparator,
+            )
 
         def tell(self, answers: Any, on_conflict: str) -> Any:
             raise FloatingPointError("while telling")
@@ -393,7 +447,9 @@ def test_an_answer_is_in_the_log_before_the_learner_is_told() -> None:
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
-def test_what_was_answered_before_a_tutor_raises_is_logged_and_told(error: type[BaseException]) -> None:
+def test_what_was_answered_before_a_tutor_raises_is_logged_and_told(
+    error: type[BaseException],
+) -> None:
     """Of several questions at once, too."""
     plain = drive(value_iteration(PolytopeComparator(K), batch=3), truth)
 
@@ -412,7 +468,9 @@ def test_what_was_answered_before_a_tutor_raises_is_logged_and_told(error: type[
     first, second, *_ = learner.ask()
     with pytest.raises(error, match="while answering"):
         drive(learner, tutor, log=log)
-    assert [entry.answer.query.id for entry in log] == [first.id] == list(learner.result().answers.ids)
+    assert (
+        [entry.answer.query.id for entry in log] == [first.id] == list(learner.result().answers.ids)
+    )
     assert learner.ask()[0].id == second.id
     result = drive(learner, tutor, log=log)
     assert [entry.answer.query.id for entry in log] == list(result.answers.ids)
@@ -494,7 +552,9 @@ def test_the_oracle_is_only_counted(make: Make) -> None:
 
 
 class Five:
-    """A comparator with the five members of the protocol, and no more: it knows the scale from the start."""
+    """A comparator with the five members of the protocol, and no more: it knows the scale from the
+    start.
+    """
 
     k = K
     values = MDP.normalise(VALUES)
@@ -517,7 +577,10 @@ def test_any_function_is_a_tutor_and_any_comparator_will_do(make: Make) -> None:
     result = drive(make(Five()), nobody)
     assert result.asked == 0
     assert result.decided["model"] > 0
-    assert result.policy.tolist() == drive(make(AlwaysAsk(K), **exact(make)), TruthfulTutor(VALUES)).policy.tolist()
+    assert (
+        result.policy.tolist()
+        == drive(make(AlwaysAsk(K), **exact(make)), TruthfulTutor(VALUES)).policy.tolist()
+    )
 
 
 @pytest.mark.parametrize(
@@ -544,7 +607,11 @@ def test_what_a_comparator_lacks_is_named() -> None:
         k, values = K, Five.values
         bounds, update = Five.bounds, Five.update
 
-    for wrong, complaint in ((Four(), "which has no compare$"), (Five, "not <class"), (None, "not None")):
+    for wrong, complaint in (
+        (Four(), "which has no compare$"),
+        (Five, "not <class"),
+        (None, "not None"),
+    ):
         with pytest.raises(TypeError, match=f"a comparator is wanted.*{complaint}"):
             q_learning(wrong)  # type: ignore[arg-type]
 
@@ -554,7 +621,9 @@ def exact(make: Make) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("make", [InteractiveQLearning, InteractiveValueIteration])
-def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move(make: Callable[..., Any]) -> None:
+def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move(
+    make: Callable[..., Any],
+) -> None:
     mdp, values = random_mdp(20, 3, K, rng=5)
     truthful = TruthfulTutor(values)
     unclear: list[str] = []
@@ -565,7 +634,12 @@ def test_where_the_tutor_cannot_tell_he_is_asked_once_however_the_estimates_move
             return Answer(query, None)
         return truthful(query)
 
-    result = drive(make(mdp, PolytopeComparator(K), **({"steps": 3000} if make is InteractiveQLearning else {})), tutor)
+    result = drive(
+        make(
+            mdp, PolytopeComparator(K), **({"steps": 3000} if make is InteractiveQLearning else {})
+        ),
+        tutor,
+    )
     numbers = [re.findall(r"\d+", about) for about in unclear]
     places = [(state, *sorted(actions)) for state, *actions in numbers]
     assert len(places) == len(set(places)) == result.cannot_tell > 0

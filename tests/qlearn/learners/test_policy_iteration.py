@@ -1,4 +1,6 @@
-"""Interactive policy iteration: its bound against brute force, its policy against value iteration, and its manners."""
+"""Interactive policy iteration: its bound against brute force, its policy against value iteration,
+and its manners.
+"""
 
 from dataclasses import replace
 from functools import partial
@@ -8,7 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from elicit import AlwaysAsk, Bags, BradleyTerryComparator, Dominance, PolytopeComparator, PosteriorComparator
+from elicit import (
+    AlwaysAsk,
+    Bags,
+    BradleyTerryComparator,
+    Dominance,
+    PolytopeComparator,
+    PosteriorComparator,
+)
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.model.query import Answer, InconsistentAnswers, StaleAnswer, Verdict
 from elicit.tutors.answer_log import AnswerLog
@@ -38,7 +47,9 @@ from tests.thoroughness import examples, quick_first, scaled
 
 
 def solve(mdp, comparator, tutor, **settings):
-    return drive(InteractivePolicyIteration(mdp, comparator, **{"tolerance": 0.005, **settings}), tutor)
+    return drive(
+        InteractivePolicyIteration(mdp, comparator, **{"tolerance": 0.005, **settings}), tutor
+    )
 
 
 both_ways = pytest.mark.parametrize("exact", [True, False], ids=["exactly", "nearly"])
@@ -59,7 +70,8 @@ def test_a_proven_policy_is_within_its_bound_for_every_scale_that_fits(k, exact)
     result = solve(mdp, PolytopeComparator(k), TruthfulTutor(values), exact=exact)
     assert result.status is Status.CONVERGED
     assert result.confidence == 1
-    # brute force: at corners of what is plausible, where the loss, convex in the scale, is greatest, and inside
+    # brute force: at corners of what is plausible, where the loss, convex in the scale, is
+    # greatest, and inside
     known = result.comparator.rule.known
     corners = known.points[:, : known.counts[0]]
     scales = np.concatenate([corners, result.comparator.draws.gaps[:, :40]], axis=1)
@@ -82,11 +94,17 @@ def test_it_finds_the_policy_of_value_iteration_for_a_known_scale():
 def test_terminal_states_inadmissible_actions_and_short_discounts(exact):
     for seed, discount in ((1, 0.95), (2, 0.5), (3, 0.0)):
         mdp, values = messy_mdp(seed, discount=discount)
-        result = solve(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), exact=exact, tolerance=0.001)
+        result = solve(
+            mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), exact=exact, tolerance=0.001
+        )
         assert result.status is Status.CONVERGED
         live = np.flatnonzero(~mdp.terminal)
         assert mdp.admissible[live, result.policy[live]].all()
-        assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-12 <= 0.001 + 1e-12
+        assert (
+            policy_loss(mdp, result.policy, values).max()
+            <= result.loss_bound + 1e-12
+            <= 0.001 + 1e-12
+        )
 
 
 def test_it_asks_a_fraction_of_what_value_iteration_asks():
@@ -94,7 +112,9 @@ def test_it_asks_a_fraction_of_what_value_iteration_asks():
     for seed in range(2):
         mdp, values = random_mdp(40, 4, 6, rng=seed)
         for i, learner in enumerate((InteractivePolicyIteration, InteractiveValueIteration)):
-            asked[i] += drive(learner(mdp, PolytopeComparator(6), tolerance=5e-4), TruthfulTutor(values)).asked
+            asked[i] += drive(
+                learner(mdp, PolytopeComparator(6), tolerance=5e-4), TruthfulTutor(values)
+            ).asked
     assert asked[0] <= 0.5 * asked[1]
 
 
@@ -147,7 +167,12 @@ def test_the_promise_of_a_posterior_is_kept_under_flips(exact):
         mdp, values = random_mdp(30, 3, 4, rng=seed)
         comparator = PosteriorComparator(4, lapse=0.2, particles=200, seed=seed)
         result = solve(
-            mdp, comparator, FlippingTutor(values, 0.1, seed=seed), exact=exact, tolerance=0.02, max_queries=200
+            mdp,
+            comparator,
+            FlippingTutor(values, 0.1, seed=seed),
+            exact=exact,
+            tolerance=0.02,
+            max_queries=200,
         )
         kept.append(policy_loss(mdp, result.policy, values).max() <= result.loss_bound)
         asked.append(result.asked)
@@ -160,14 +185,19 @@ def test_the_promise_of_a_posterior_is_kept_under_flips(exact):
 def test_the_same_seeds_give_the_same_questions_and_ask_is_idempotent(exact):
     mdp, values = random_mdp(20, 3, 5, rng=1)
     runs = [
-        solve(mdp, PosteriorComparator(5, seed=4, particles=100), TruthfulTutor(values), exact=exact) for _ in range(2)
+        solve(
+            mdp, PosteriorComparator(5, seed=4, particles=100), TruthfulTutor(values), exact=exact
+        )
+        for _ in range(2)
     ]
     assert runs[0].answers.ids == runs[1].answers.ids
     assert (runs[0].policy == runs[1].policy).all()
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), exact=exact, tolerance=1e-4)
     assert learner.ask() == learner.ask() != ()
     assert learner.result().status is Status.WAITING
-    (other,) = InteractivePolicyIteration(mdp, PolytopeComparator(5), exact=exact, tolerance=0.0123).ask()
+    (other,) = InteractivePolicyIteration(
+        mdp, PolytopeComparator(5), exact=exact, tolerance=0.0123
+    ).ask()
     with pytest.raises(StaleAnswer):
         learner.tell([Answer(other, Verdict.BETTER)])
 
@@ -176,16 +206,32 @@ def test_the_same_seeds_give_the_same_questions_and_ask_is_idempotent(exact):
 def test_batches_budgets_and_logs(exact):
     mdp, values = random_mdp(30, 3, 6, rng=2)
     log = AnswerLog()
-    learner = InteractivePolicyIteration(mdp, PolytopeComparator(6), exact=exact, tolerance=1e-3, batch=3)
+    learner = InteractivePolicyIteration(
+        mdp, PolytopeComparator(6), exact=exact, tolerance=1e-3, batch=3
+    )
     result = drive(learner, TruthfulTutor(values), log)
     assert result.status is Status.CONVERGED
     assert len(log.answers()) == result.asked == result.decided["tutor"]
-    stopped = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=1e-4, max_queries=3)
+    stopped = solve(
+        mdp,
+        PolytopeComparator(6),
+        TruthfulTutor(values),
+        exact=exact,
+        tolerance=1e-4,
+        max_queries=3,
+    )
     assert stopped.asked == 3
     assert stopped.status is Status.GUESSED
     assert stopped.decided["guess"] > 0
     assert policy_loss(mdp, stopped.policy, values).max() <= stopped.loss_bound
-    enough = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=1e-4, max_loss=0.05)
+    enough = solve(
+        mdp,
+        PolytopeComparator(6),
+        TruthfulTutor(values),
+        exact=exact,
+        tolerance=1e-4,
+        max_loss=0.05,
+    )
     assert enough.asked < result.asked
     assert 1e-4 < enough.loss_bound <= 0.05
     assert enough.status is Status.CERTIFIED
@@ -198,7 +244,9 @@ def test_the_status_says_which_limit_the_bound_keeps(exact):
     result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), **settings)
     assert 0.001 < result.loss_bound <= 0.1
     assert result.status is Status.CERTIFIED
-    known = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=0.0001).comparator
+    known = solve(
+        mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=0.0001
+    ).comparator
     within = solve(mdp, known, TruthfulTutor(values), **settings)
     assert within.loss_bound <= 0.001
     assert within.status is Status.CONVERGED
@@ -219,12 +267,16 @@ def test_what_a_tutor_cannot_tell_is_not_asked_again(exact):
 def test_audits_ask_what_the_finished_policy_rests_on(exact):
     mdp, values = random_mdp(20, 3, 5, rng=4)
     plain = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=1e-3)
-    audited = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=1e-3, audit=0.8)
+    audited = solve(
+        mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=1e-3, audit=0.8
+    )
     assert audited.audited > 0
     assert audited.asked == plain.asked
     assert not any(audit.contradicts for audit in audited.audits)
     lies = TruthfulTutor(values[::-1] * -1)  # its scale has the gaps in the opposite order
-    learner = InteractivePolicyIteration(mdp, PolytopeComparator(5), exact=exact, tolerance=1e-3, audit=1.0)
+    learner = InteractivePolicyIteration(
+        mdp, PolytopeComparator(5), exact=exact, tolerance=1e-3, audit=1.0
+    )
     honest = TruthfulTutor(values)
 
     def tutor(query):
@@ -240,7 +292,10 @@ def test_audits_ask_what_the_finished_policy_rests_on(exact):
     [
         pytest.param(lambda k: RelaxedPolytopeComparator(k, slack=0.0), marks=pytest.mark.slow),
         lambda k: BradleyTerryComparator(k, n_boot=scaled(20, 60), seed=1),
-        pytest.param(lambda k: BradleyTerryComparator(k, n_boot=60, region="box", seed=1), marks=pytest.mark.slow),
+        pytest.param(
+            lambda k: BradleyTerryComparator(k, n_boot=60, region="box", seed=1),
+            marks=pytest.mark.slow,
+        ),
         Dominance,
         AlwaysAsk,
     ],
@@ -259,7 +314,9 @@ def test_every_comparator_serves_and_none_promises_too_much(make, exact):
 def test_bags_replace_the_long_questions(exact):
     mdp, values = random_mdp(30, 3, 5, rng=7)
     bags = Bags(days=10, simplicity=0.5)
-    result = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=0.02, bags=bags)
+    result = solve(
+        mdp, PolytopeComparator(5), TruthfulTutor(values), exact=exact, tolerance=0.02, bags=bags
+    )
     assert result.status is Status.CONVERGED
     assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 0.02
     simple = [np.allclose(row * 10, np.round(row * 10)) for row in result.answers.d]
@@ -282,7 +339,9 @@ def test_a_bag_that_the_tutor_cannot_judge_is_left_alone_and_others_are_asked(ex
 
 
 def of_cuts(result):
-    """Which of the answers were to mixtures, of which none is a policy's: they have no level in common."""
+    """Which of the answers were to mixtures, of which none is a policy's: they have no level in
+    common.
+    """
     return (np.abs(np.abs(result.answers.d).sum(axis=1) - 2.0) < 1e-9).sum()
 
 
@@ -294,7 +353,14 @@ def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
     for seed in range(4, scaled(6, 14)):
         mdp, values = random_mdp(60, 5, 8, rng=seed)
         for cuts in asked:
-            result = solve(mdp, PolytopeComparator(8), TruthfulTutor(values), tolerance=1e-4, cuts=cuts, exact=exact)
+            result = solve(
+                mdp,
+                PolytopeComparator(8),
+                TruthfulTutor(values),
+                tolerance=1e-4,
+                cuts=cuts,
+                exact=exact,
+            )
             assert result.status is Status.CONVERGED
             assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 1e-4
             worst = losses_under(mdp, result.policy, result.comparator.draws.gaps[:, ::8]).max()
@@ -309,7 +375,8 @@ def test_cuts_prove_a_policy_with_fewer_questions(exact, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "settings", quick_first([{"batch": 2}, {"cuts": False}, {"bags": Bags(10)}, {"strategy": "max_regret"}], 2)
+    "settings",
+    quick_first([{"batch": 2}, {"cuts": False}, {"bags": Bags(10)}, {"strategy": "max_regret"}], 2),
 )
 def test_cuts_are_asked_one_at_a_time_with_the_default_strategy(settings):
     mdp, values = random_mdp(60, 5, 8, rng=0)
@@ -322,7 +389,11 @@ def test_cuts_are_asked_one_at_a_time_with_the_default_strategy(settings):
 @pytest.mark.parametrize(
     ("comparator", "settings", "says"),
     [
-        (PolytopeComparator(5), {"batch": 2}, "cuts=True asks one question at a time, but batch is 2"),
+        (
+            PolytopeComparator(5),
+            {"batch": 2},
+            "cuts=True asks one question at a time, but batch is 2",
+        ),
         (PolytopeComparator(5), {"bags": Bags(10)}, r"than bags=Bags\(days=10"),
         (PosteriorComparator(5, particles=60), {}, "PosteriorComparator does not have"),
         (BradleyTerryComparator(5, n_boot=10), {}, "BradleyTerryComparator does not have"),
@@ -340,7 +411,10 @@ def test_cuts_that_are_wanted_where_there_can_be_none_are_refused(comparator, se
 @pytest.mark.parametrize("says", [None, Verdict.EQUAL], ids=["cannot tell", "equal"])
 def test_a_tutor_who_is_unsure_of_a_cut_is_asked_about_actions(says):
     mdp, values = random_mdp(60, 5, 8, rng=0)
-    truth, learner = TruthfulTutor(values), InteractivePolicyIteration(mdp, PolytopeComparator(8), tolerance=1e-4)
+    truth, learner = (
+        TruthfulTutor(values),
+        InteractivePolicyIteration(mdp, PolytopeComparator(8), tolerance=1e-4),
+    )
     unsure, others = 0, []
     for _ in range(60):
         if not (queries := learner.ask()):
@@ -359,15 +433,26 @@ def test_a_tutor_who_is_unsure_of_a_cut_is_asked_about_actions(says):
 def test_a_learner_whose_values_are_rough_promises_no_more_than_it_keeps(monkeypatch):
     def roughly(mdp, policy, start, within):
         v = evaluate_policy(mdp, policy)
-        return 0.97 * v + 0.03 * np.random.default_rng(int(policy.sum())).dirichlet(np.ones(5), len(v))
+        return 0.97 * v + 0.03 * np.random.default_rng(int(policy.sum())).dirichlet(
+            np.ones(5), len(v)
+        )
 
     monkeypatch.setattr(sampled, "nearly_valued", roughly)
     for seed in range(4):
         mdp, values = random_mdp(25, 4, 5, discount=0.8, rng=seed)
         comparator = PolytopeComparator(5)
-        result = solve(mdp, comparator, TruthfulTutor(values), exact=False, tolerance=0.005, max_queries=30)
-        assert result.status in (Status.GUESSED, Status.EXHAUSTED)  # the error alone comes to more than the tolerance
-        assert losses_under(mdp, result.policy, result.comparator.draws.gaps[:, ::16]).max() <= result.loss_bound <= 1
+        result = solve(
+            mdp, comparator, TruthfulTutor(values), exact=False, tolerance=0.005, max_queries=30
+        )
+        assert result.status in (
+            Status.GUESSED,
+            Status.EXHAUSTED,
+        )  # the error alone comes to more than the tolerance
+        assert (
+            losses_under(mdp, result.policy, result.comparator.draws.gaps[:, ::16]).max()
+            <= result.loss_bound
+            <= 1
+        )
 
 
 @pytest.mark.slow
@@ -378,16 +463,22 @@ def test_a_large_model_is_solved_nearly_and_asks_no_more(monkeypatch):
     for seed in range(8):
         mdp, values = random_mdp(600, 4, 6, rng=seed)
         for exact in asked:
-            result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=5e-4)
+            result = solve(
+                mdp, PolytopeComparator(6), TruthfulTutor(values), exact=exact, tolerance=5e-4
+            )
             assert result.status is Status.CONVERGED
             assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound <= 5e-4
-            assert 0.99 * 1800 <= sum(result.decided.values()) - result.asked <= 1800  # a few may stay open
+            assert (
+                0.99 * 1800 <= sum(result.decided.values()) - result.asked <= 1800
+            )  # a few may stay open
             asked[exact] += result.asked
     assert asked[False] <= 1.3 * asked[True]
     monkeypatch.setattr(policy_iteration, "LARGE", 599)
     by_size = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=5e-4)
     assert by_size.answers.ids == result.answers.ids
-    known = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=5e-4, known=by_size.answers)
+    known = solve(
+        mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=5e-4, known=by_size.answers
+    )
     assert (known.asked, known.status) == (0, Status.CONVERGED)
 
 
@@ -398,7 +489,11 @@ def test_how_many_questions_it_takes_on_the_papers_problems(k, most, most_erring
     for seed in range(20):
         mdp, values = random_mdp(100, 5, k, rng=seed)
         result = solve(mdp, PolytopeComparator(k), TruthfulTutor(values), tolerance=5e-5)
-        assert policy_loss(mdp, result.policy, values).max() <= result.loss_bound + 1e-12 <= 5e-5 + 1e-12
+        assert (
+            policy_loss(mdp, result.policy, values).max()
+            <= result.loss_bound + 1e-12
+            <= 5e-5 + 1e-12
+        )
         asked.append(result.asked)
         comparator = PosteriorComparator(k, lapse=0.2, seed=seed)
         result = solve(mdp, comparator, FlippingTutor(values, 0.1, seed=seed), tolerance=0.01)
@@ -428,9 +523,15 @@ def test_how_many_questions_it_takes_on_icu_sepsis():
 def few_that_decide(seed, n=4100, m=6, actions=4, k=6):
     """A large model in which only m states have a choice, and hidden values (k,)."""
     rng = np.random.default_rng(seed)
-    successors, probabilities = np.zeros((m + n, actions, 3), int), np.full((m + n, actions, 3), 1 / 3)
+    successors, probabilities = (
+        np.zeros((m + n, actions, 3), int),
+        np.full((m + n, actions, 3), 1 / 3),
+    )
     levels, admissible = rng.integers(0, k, (m + n, actions)), np.ones((m + n, actions), bool)
-    successors[:m], probabilities[:m] = rng.integers(0, m, (m, actions, 3)), rng.dirichlet(np.ones(3), (m, actions))
+    successors[:m], probabilities[:m] = (
+        rng.integers(0, m, (m, actions, 3)),
+        rng.dirichlet(np.ones(3), (m, actions)),
+    )
     successors[m:], admissible[m:, 1:] = rng.integers(0, m, (n, 1, 3)), False
     names = [f"level {i + 1}" for i in range(k)]
     mdp = OrdinalMDP(successors, probabilities, levels, 0.99, names, admissible=admissible)
@@ -438,7 +539,9 @@ def few_that_decide(seed, n=4100, m=6, actions=4, k=6):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [4, 8, 25])  # with a policy of earlier answers these ended far above the tolerance
+@pytest.mark.parametrize(
+    "seed", [4, 8, 25]
+)  # with a policy of earlier answers these ended far above the tolerance
 def test_a_large_model_is_not_given_up_with_a_policy_of_earlier_answers(seed):
     mdp, values = few_that_decide(seed)
     result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), tolerance=0.005)
@@ -453,7 +556,9 @@ def test_pairs_called_equal_are_not_asked_about_for_ever_on_a_large_model():
     to = [np.clip(row + i, 0, side - 1) * side + np.clip(column + j, 0, side - 1) for i, j in ways]
     successors = np.stack([np.stack([there, np.arange(side * side)], 1) for there in to], 1)
     levels = np.repeat(np.random.default_rng(0).integers(0, 4, side * side)[:, None], 4, 1)
-    mdp = OrdinalMDP(successors, np.broadcast_to([0.8, 0.2], successors.shape), levels, 0.9, list("abcd"))
+    mdp = OrdinalMDP(
+        successors, np.broadcast_to([0.8, 0.2], successors.shape), levels, 0.9, list("abcd")
+    )
     learner = InteractivePolicyIteration(mdp, PolytopeComparator(4), tolerance=0.01)
     for _ in range(60):  # it took 34
         if not (queries := learner.ask()):

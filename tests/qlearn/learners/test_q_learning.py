@@ -23,7 +23,15 @@ from elicit._support.hashing import key_of
 from elicit.model.scale import Floats
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from elicit.tutors.simulated_kernel import GIVEN
-from qlearn import InteractiveValueIteration, OrdinalMDP, Result, Status, drive, policy_loss, random_mdp
+from qlearn import (
+    InteractiveValueIteration,
+    OrdinalMDP,
+    Result,
+    Status,
+    drive,
+    policy_loss,
+    random_mdp,
+)
 from qlearn.experiments.metrics import Watch
 from qlearn.learners import q_learning_kernel as kernel
 from qlearn.learners.exploration import Exploration
@@ -50,11 +58,15 @@ SETTINGS: dict[str, dict[str, Any]] = {
 def learner_of(mdp: OrdinalMDP, comparator: Comparator, **settings: Any) -> InteractiveQLearning:
     """With the settings of the reference, those of exploration beside the others."""
     chances = settings.pop("epsilon", 0.3)
-    explored = {name: settings.pop(name) for name in ("start", "episode_length") if name in settings}
+    explored = {
+        name: settings.pop(name) for name in ("start", "episode_length") if name in settings
+    }
     exploration = Exploration(
         (lambda steps: chances[steps]) if isinstance(chances, np.ndarray) else chances, **explored
     )
-    return InteractiveQLearning(mdp, comparator, **{"steps": 400, "epsilon": exploration, **settings})
+    return InteractiveQLearning(
+        mdp, comparator, **{"steps": 400, "epsilon": exploration, **settings}
+    )
 
 
 def learn(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Result:
@@ -64,9 +76,16 @@ def learn(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any
 def reference(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **settings: Any) -> Any:
     steps, seed = settings.pop("steps", 400), settings.pop("rng", 0)
     rate = settings.pop("learning_rate", None)
-    rates = rescaled_linear_rate(mdp.discount)(np.arange(steps)) if rate is None else np.full(steps, rate)
+    rates = (
+        rescaled_linear_rate(mdp.discount)(np.arange(steps))
+        if rate is None
+        else np.full(steps, rate)
+    )
     return interactive_q_learning(
-        mdp, comparator, tutor, **{"steps": steps, "epsilon": 0.3, "rates": rates, "key": key_of(seed), **settings}
+        mdp,
+        comparator,
+        tutor,
+        **{"steps": steps, "epsilon": 0.3, "rates": rates, "key": key_of(seed), **settings},
     )
 
 
@@ -83,7 +102,9 @@ def compared_with_the_reference(
     assert result.compared == len(expected.comparisons)
     assert result.status is Status.DONE
     if comparator == "always ask":
-        assert len(result.answers) == 0  # a simulated tutor's answers to the oracle are only counted
+        assert (
+            len(result.answers) == 0
+        )  # a simulated tutor's answers to the oracle are only counted
     else:
         answers = Answers.of(told.answers, mdp.k)
         assert result.answers.d.tobytes() == answers.d.tobytes()
@@ -94,11 +115,19 @@ def compared_with_the_reference(
 
 @pytest.mark.parametrize("settings", SETTINGS)
 @pytest.mark.parametrize("tutor", quick_first(["flipping", "truthful"], 1))
-@pytest.mark.parametrize("comparator", quick_first(["polytope", "always ask", "dominance", "ensemble", "box"], 2))
-def test_agrees_with_the_reference_to_the_last_bit(comparator: str, tutor: str, settings: str) -> None:
+@pytest.mark.parametrize(
+    "comparator", quick_first(["polytope", "always ask", "dominance", "ensemble", "box"], 2)
+)
+def test_agrees_with_the_reference_to_the_last_bit(
+    comparator: str, tutor: str, settings: str
+) -> None:
     repeated = 0
-    for seed, (mdp, values) in enumerate((random_mdp(8, 3, 5, rng=0), messy_mdp(1), messy_mdp(2, k=2, discount=0.0))):
-        result = compared_with_the_reference(mdp, values, comparator, tutor, rng=seed, **SETTINGS[settings])
+    for seed, (mdp, values) in enumerate(
+        (random_mdp(8, 3, 5, rng=0), messy_mdp(1), messy_mdp(2, k=2, discount=0.0))
+    ):
+        result = compared_with_the_reference(
+            mdp, values, comparator, tutor, rng=seed, **SETTINGS[settings]
+        )
         repeated += result.decided["known"]
     if comparator == "dominance" and settings == "zero start, rate 1":
         assert repeated > 0  # else this says nothing about pairs met again
@@ -107,9 +136,12 @@ def test_agrees_with_the_reference_to_the_last_bit(comparator: str, tutor: str, 
 @pytest.mark.parametrize("seed", [10, 22, 34])
 @pytest.mark.parametrize("comparator", ["polytope", "ensemble"])
 def test_judging_ahead_does_not_outlive_the_incumbent(comparator: str, seed: int) -> None:
-    # with many actions dominance may change the best one between two comparisons that were judged together
+    # with many actions dominance may change the best one between two comparisons that were judged
+    # together
     mdp, values = random_mdp(3, 8, 4, discount=0.3, rng=seed)
-    compared_with_the_reference(mdp, values, comparator, "truthful", rng=seed, learning_rate=0.9, epsilon=0.7)
+    compared_with_the_reference(
+        mdp, values, comparator, "truthful", rng=seed, learning_rate=0.9, epsilon=0.7
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -118,8 +150,13 @@ def test_always_asking_the_truth_is_scalar_q_learning(seed: int) -> None:
         watched: list[int] = []
         learner = learner_of(mdp, AlwaysAsk(mdp.k), steps=1500, rng=seed)
         learner.watch(lambda d, decisions, seen=watched: seen.extend(decisions.verdicts.tolist()))
-        result, rates = drive(learner, TruthfulTutor(values)), rescaled_linear_rate(mdp.discount)(np.arange(1500))
-        scalar = scalar_q_learning(mdp, values, steps=1500, epsilon=0.3, rates=rates, key=key_of(seed))
+        result, rates = (
+            drive(learner, TruthfulTutor(values)),
+            rescaled_linear_rate(mdp.discount)(np.arange(1500)),
+        )
+        scalar = scalar_q_learning(
+            mdp, values, steps=1500, epsilon=0.3, rates=rates, key=key_of(seed)
+        )
         assert result.policy.tolist() == scalar.best
         assert result.compared == len(scalar.comparisons)
         np.testing.assert_allclose(result.q @ mdp.normalise(values), scalar.q, atol=1e-12)
@@ -142,8 +179,12 @@ def run_to(learner: InteractiveQLearning, tutor: Tutor, step: int) -> None:
         learner.tell([tutor(query) for query in queries])
 
 
-def trace(learner: InteractiveQLearning, tutor: Tutor, steps: int) -> dict[tuple[int, int, int], int]:
-    """The successor at each (state, action, visit), seen by letting the learner go one step at a time."""
+def trace(
+    learner: InteractiveQLearning, tutor: Tutor, steps: int
+) -> dict[tuple[int, int, int], int]:
+    """The successor at each (state, action, visit), seen by letting the learner go one step at a
+    time.
+    """
     seen, now = {}, learner.state
     for step in range(1, steps + 1):
         before, state = now.visits.copy(), int(now.cursor[kernel.STATE])
@@ -172,7 +213,11 @@ def test_runs_that_share_a_seed_meet_the_same_transitions() -> None:
 def test_exploration_does_not_depend_on_the_comparator() -> None:
     mdp, values = random_mdp(6, 3, 5, rng=2)
     ways = [
-        trace(learner_of(mdp, make(5), epsilon=1.0, max_queries=budget, rng=9), TruthfulTutor(values), 300)
+        trace(
+            learner_of(mdp, make(5), epsilon=1.0, max_queries=budget, rng=9),
+            TruthfulTutor(values),
+            300,
+        )
         for make in COMPARATORS.values()
         for budget in (None, 0)  # with none, guesses decide
     ]
@@ -193,9 +238,13 @@ def test_same_seed_same_run_and_another_seed_another() -> None:
 def test_learning_rates_are_functions_of_the_visit() -> None:
     mdp, values = random_mdp(8, 3, 5, discount=0.75, rng=0)
     default = learn(mdp, PolytopeComparator(5), TruthfulTutor(values))
-    as_function = learn(mdp, PolytopeComparator(5), TruthfulTutor(values), learning_rate=rescaled_linear_rate(0.75))
+    as_function = learn(
+        mdp, PolytopeComparator(5), TruthfulTutor(values), learning_rate=rescaled_linear_rate(0.75)
+    )
     assert default.q.tobytes() == as_function.q.tobytes()
-    np.testing.assert_allclose(rescaled_linear_rate(0.75)(np.arange(3)), [1.0, 5 / 6, 5 / 7], rtol=1e-15)
+    np.testing.assert_allclose(
+        rescaled_linear_rate(0.75)(np.arange(3)), [1.0, 5 / 6, 5 / 7], rtol=1e-15
+    )
     np.testing.assert_allclose(polynomial_rate(np.arange(3)), [1.0, 2**-0.7, 3**-0.7], rtol=1e-15)
     slower = learn(mdp, PolytopeComparator(5), TruthfulTutor(values), learning_rate=polynomial_rate)
     assert slower.q.tobytes() != default.q.tobytes()
@@ -204,7 +253,12 @@ def test_learning_rates_are_functions_of_the_visit() -> None:
 def test_episodes_restart_from_the_initial_distribution() -> None:
     mdp, _ = random_mdp(6, 2, 4, rng=1)
     at_three = OrdinalMDP(
-        mdp.successors, mdp.probabilities, mdp.levels, mdp.discount, mdp.labels, initial=np.arange(6) == 3
+        mdp.successors,
+        mdp.probabilities,
+        mdp.levels,
+        mdp.discount,
+        mdp.labels,
+        initial=np.arange(6) == 3,
     )
     learner = learner_of(at_three, Dominance(4), steps=50, epsilon=1.0, episode_length=1)
     run_to(learner, TruthfulTutor([0, 1, 2, 3]), 50)
@@ -258,8 +312,12 @@ def test_a_loop_asks_by_itself_only_where_that_comes_to_the_same() -> None:
     assert learner_of(mdp, box)._elicitation.room == 1  # a fit at each of the first answers
     assert learner_of(mdp, box, audit=0.5)._elicitation.room == 0
     assert learner_of(mdp, box, max_queries=0)._elicitation.room == 0
-    assert learner_of(mdp, COMPARATORS["box"](4))._elicitation.room == 0  # near pairs that were called equal count
-    assert learner_of(mdp, PolytopeComparator(4, tie=0.0))._elicitation.room == 0  # answers may contradict each other
+    assert (
+        learner_of(mdp, COMPARATORS["box"](4))._elicitation.room == 0
+    )  # near pairs that were called equal count
+    assert (
+        learner_of(mdp, PolytopeComparator(4, tie=0.0))._elicitation.room == 0
+    )  # answers may contradict each other
     result = drive(learner_of(mdp, box), Called(values, 0.1))
     assert len(called) == result.asked > 0
 
@@ -278,7 +336,9 @@ def test_a_loop_asks_by_itself_only_where_that_comes_to_the_same() -> None:
     assert drive(learner_of(mdp, box), wrapped).asked == wrapped.asked > 0
 
 
-def test_a_loop_asks_a_tutor_only_while_he_drives_it_and_keeps_what_he_said_when_interrupted() -> None:
+def test_a_loop_asks_a_tutor_only_while_he_drives_it_and_keeps_what_he_said_when_interrupted() -> (
+    None
+):
     mdp, values = random_mdp(8, 3, 4, rng=3)
     box = COMPARATORS["box"](4, tie=0.0, refit_growth=0.5)
 
@@ -355,9 +415,21 @@ def test_answers_to_a_loop_outlast_an_update_that_fails(monkeypatch: pytest.Monk
 
 def test_draws_never_hit_what_has_no_probability() -> None:
     cumulative = np.cumsum([0.0, 0.25, 0.0, 0.5, 0.2, 0.0])  # to .95: as if rounding had lost some
-    for u, index in ((0.0, 1), (0.24, 1), (0.25, 3), (0.74, 3), (0.75, 4), (0.94, 4), (0.96, 4), (1 - 2**-53, 4)):
+    for u, index in (
+        (0.0, 1),
+        (0.24, 1),
+        (0.25, 3),
+        (0.74, 3),
+        (0.75, 4),
+        (0.94, 4),
+        (0.96, 4),
+        (1 - 2**-53, 4),
+    ):
         assert kernel.draw(cumulative, u) == index
-    counts = np.bincount([kernel.draw(cumulative, u) for u in np.linspace(0.0, 0.95, 950, endpoint=False)], minlength=6)
+    counts = np.bincount(
+        [kernel.draw(cumulative, u) for u in np.linspace(0.0, 0.95, 950, endpoint=False)],
+        minlength=6,
+    )
     np.testing.assert_allclose(counts, [0, 250, 0, 500, 200, 0], atol=1)
 
 
@@ -382,7 +454,9 @@ def test_no_steps() -> None:
 def test_schedules_that_make_no_sense_are_named(wrong: dict[str, Any], text: str) -> None:
     (name,) = wrong
     with pytest.raises(ValueError, match=rf"(?s){name}.*{text}"):
-        InteractiveQLearning(random_mdp(4, 2, 3, rng=0)[0], PolytopeComparator(3), **{"steps": 10, **wrong})
+        InteractiveQLearning(
+            random_mdp(4, 2, 3, rng=0)[0], PolytopeComparator(3), **{"steps": 10, **wrong}
+        )
 
 
 def test_what_copies_of_a_learner_share_cannot_be_written_to() -> None:

@@ -10,7 +10,15 @@ import pytest
 from elicit import AlwaysAsk, Answer, Answers, Dominance, PolytopeComparator, PosteriorComparator
 from elicit.asking.bags import entropy
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
-from qlearn import InteractivePolicyIteration, InteractiveQLearning, Status, drive, policy_loss, random_mdp, strategies
+from qlearn import (
+    InteractivePolicyIteration,
+    InteractiveQLearning,
+    Status,
+    drive,
+    policy_loss,
+    random_mdp,
+    strategies,
+)
 from qlearn.learners.q_learning_asking_late import LateQLearning
 from qlearn.learners.query_strategies import Candidates
 from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
@@ -50,7 +58,11 @@ def test_each_strategy_is_its_formula():
         for j, w in enumerate(weights):
             e = np.concatenate([[0.0], np.cumsum(gaps[:, j])])
             score = float(d @ e)
-            p = 0.1 + 0.8 / (1.0 + math.exp(-precision[j] * score)) if precision[j] * score > -700 else 0.1
+            p = (
+                0.1 + 0.8 / (1.0 + math.exp(-precision[j] * score))
+                if precision[j] * score > -700
+                else 0.1
+            )
             up, down, over = up + w * (score > 0), down + w * (score < 0), over + w * (score > 0.05)
             mean, noise = mean + w * p, noise + w * bits(p)
         even.append(min(up, down))
@@ -123,7 +135,9 @@ def test_value_iteration_that_asks_late_keeps_its_promise_with_fewer_questions()
     for seed in range(2):
         mdp, values = random_mdp(30, 4, 5, discount=0.85, rng=seed)
         for i, learner in enumerate((InteractiveValueIteration, LateValueIteration)):
-            result = drive(learner(mdp, PolytopeComparator(5), tolerance=1e-3), TruthfulTutor(values))
+            result = drive(
+                learner(mdp, PolytopeComparator(5), tolerance=1e-3), TruthfulTutor(values)
+            )
             asked[i] += result.asked
             assert result.status is Status.CONVERGED
             assert policy_loss(mdp, result.policy, values).max() <= 1e-3
@@ -143,7 +157,9 @@ def test_late_value_iteration_ends_where_the_tutor_errs_or_cannot_tell():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=100)])
+@pytest.mark.parametrize(
+    "comparator", [PolytopeComparator(4), PosteriorComparator(4, particles=100)]
+)
 def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
     for seed in range(3):
         mdp, values = random_mdp(6, 3, 4, rng=seed)
@@ -151,7 +167,9 @@ def test_late_q_learning_goes_on_where_the_tutor_cannot_tell(comparator):
         tutor, asked = TruthfulTutor(values), 0
         while queries := learner.ask():
             asked += 1
-            learner.tell([Answer(query, None) if asked % 3 == 1 else tutor(query) for query in queries])
+            learner.tell(
+                [Answer(query, None) if asked % 3 == 1 else tutor(query) for query in queries]
+            )
         assert learner.result().status is Status.DONE
         assert learner.result().cannot_tell == (asked + 2) // 3 > 0
 
@@ -178,7 +196,10 @@ def late_and_usual(mdp, values, seed, particles, **settings):
     """What both kinds of Q-learning come to with a tutor who errs."""
     tutor = FlippingTutor(values, 0.1, seed=seed)
     comparator = PosteriorComparator(mdp.k, lapse=0.2, particles=particles, seed=seed)
-    learners = [learner(mdp, comparator, rng=seed, **settings) for learner in (LateQLearning, InteractiveQLearning)]
+    learners = [
+        learner(mdp, comparator, rng=seed, **settings)
+        for learner in (LateQLearning, InteractiveQLearning)
+    ]
     return [drive(learner, tutor) for learner in learners]
 
 
@@ -207,7 +228,10 @@ def test_asking_late_halves_the_questions_on_the_papers_problems(k, exploration)
         known = InteractiveQLearning(mdp, AlwaysAsk(k), rng=seed, epsilon=exploration)
         oracle = drive(known, TruthfulTutor(values))
         few, many = few + late.asked, many + usual.asked
-        lost.append(policy_loss(mdp, late.policy, values).mean() - policy_loss(mdp, oracle.policy, values).mean())
+        lost.append(
+            policy_loss(mdp, late.policy, values).mean()
+            - policy_loss(mdp, oracle.policy, values).mean()
+        )
     assert few <= many / 2
     assert abs(np.mean(lost)) <= 0.001
 
@@ -230,7 +254,10 @@ def test_an_oracle_is_asked_at_once_all_the_same():
         ((LateValueIteration, InteractiveValueIteration), {"tolerance": 0.01}),
         ((LateQLearning, InteractiveQLearning), {"steps": 500}),
     ):
-        late, usual = (drive(learner(mdp, AlwaysAsk(4), **settings), TruthfulTutor(values)) for learner in learners)
+        late, usual = (
+            drive(learner(mdp, AlwaysAsk(4), **settings), TruthfulTutor(values))
+            for learner in learners
+        )
         assert (late.policy == usual.policy).all()
         assert late.status is usual.status
         assert late.decided["guess"] == 0
@@ -240,7 +267,9 @@ def test_late_questions_grow_with_the_logarithm_of_the_steps():
     mdp, values = random_mdp(20, 3, 4, discount=0.9, rng=1)
     asked = []
     for steps in (1_000, 8_000, 64_000):
-        learner = LateQLearning(mdp, PosteriorComparator(4, particles=100), steps=steps, epsilon=1.0)
+        learner = LateQLearning(
+            mdp, PosteriorComparator(4, particles=100), steps=steps, epsilon=1.0
+        )
         asked.append(drive(learner, FlippingTutor(values, 0.1, seed=0)).asked)
     checkpoints = [1 + math.ceil(math.log2(steps / (2 * 60))) for steps in (1_000, 8_000, 64_000)]
     assert all(n <= 6 * stops for n, stops in zip(asked, checkpoints, strict=True))
@@ -278,34 +307,46 @@ def test_late_answers_of_q_learning_settle_their_own_pair_alone():
 
 @pytest.mark.parametrize(
     "learner",
-    [InteractivePolicyIteration, LateValueIteration, partial(LateQLearning, steps=200, epsilon=1.0)],
+    [
+        InteractivePolicyIteration,
+        LateValueIteration,
+        partial(LateQLearning, steps=200, epsilon=1.0),
+    ],
 )
 def test_a_strategy_goes_by_its_name(learner):
     mdp, values = random_mdp(12, 3, 8, discount=0.9, seed=2)
     asked = {}
     for name in ("first_come", "max_regret"):
         by_name, itself = (
-            drive(learner(mdp, PolytopeComparator(8), strategy=strategy), TruthfulTutor(values)).answers.ids
+            drive(
+                learner(mdp, PolytopeComparator(8), strategy=strategy), TruthfulTutor(values)
+            ).answers.ids
             for strategy in (name, getattr(strategies, name))
         )
         assert by_name == itself
         asked[name] = by_name
     assert asked["first_come"] != asked["max_regret"]
-    with pytest.raises(ValueError, match=r"strategy must be .* one of the names first_come, .*, not 'max regret'"):
+    with pytest.raises(
+        ValueError, match=r"strategy must be .* one of the names first_come, .*, not 'max regret'"
+    ):
         learner(mdp, PolytopeComparator(8), strategy="max regret")
 
 
 def test_every_strategy_has_its_name():
     functions = {name: made for name, made in vars(strategies).items() if inspect.isfunction(made)}
     takes = {name: [*inspect.signature(made).parameters] for name, made in functions.items()}
-    assert {name for name in functions if takes[name] == ["candidates"]} == set(strategies.STRATEGIES)
+    assert {name for name in functions if takes[name] == ["candidates"]} == set(
+        strategies.STRATEGIES
+    )
     assert all(strategies.strategy_of(name) is functions[name] for name in strategies.STRATEGIES)
 
 
 def test_the_module_lists_its_strategies_and_little_else():
     listed = dir(strategies)
     assert (
-        set(strategies.STRATEGIES) | {"STRATEGIES", "Candidates", "Strategy"} == set(listed) == set(strategies.__all__)
+        set(strategies.STRATEGIES) | {"STRATEGIES", "Candidates", "Strategy"}
+        == set(listed)
+        == set(strategies.__all__)
     )
     namespace = {}
     exec("from qlearn.learners.query_strategies import *", namespace)

@@ -1,4 +1,6 @@
-"""The same questions, answers, policies and bounds, however many threads BLAS would take, and in every process."""
+"""The same questions, answers, policies and bounds, however many threads BLAS would take, and in
+every process.
+"""
 
 import pytest
 
@@ -10,12 +12,14 @@ FEW = ["policy iteration"]
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "learners", [pytest.param(FEW, id="few"), pytest.param([*LEARNERS], id="all", marks=pytest.mark.slow)]
+    "learners",
+    [pytest.param(FEW, id="few"), pytest.param([*LEARNERS], id="all", marks=pytest.mark.slow)],
 )
 def test_one_thread_or_two_and_whatever_order_python_has_for_its_sets(learners: list[str]) -> None:
     code = f"from tests.thread_cases import report; print(*report({learners!r}), sep='\\n')"
     one, two = (
-        run(code, OPENBLAS_NUM_THREADS=threads, OMP_NUM_THREADS=threads, PYTHONHASHSEED=threads) for threads in "12"
+        run(code, OPENBLAS_NUM_THREADS=threads, OMP_NUM_THREADS=threads, PYTHONHASHSEED=threads)
+        for threads in "12"
     )
     assert len(one) == 4 * len(learners) + 5
     assert two == one

@@ -1,4 +1,6 @@
-"""Problems and learners take their randomness as everybody does: ``seed``, also under its older name ``rng``."""
+"""Problems and learners take their randomness as everybody does: ``seed``, also under its older
+name ``rng``.
+"""
 
 from collections.abc import Callable
 from functools import partial
@@ -31,7 +33,10 @@ def test_problems() -> None:
     assert qlearn.random_mdp(8, 3, 4, discount=0.9, rng=0)[0].fingerprint == MDP.fingerprint
     assert (qlearn.draw_values(5, rng=3) == qlearn.draw_values(5, seed=3)).all()
     assert (qlearn.draw_values(5, 3) == qlearn.draw_values(5, seed=3)).all()
-    assert qlearn.random_mdp(8, 3, 4, seed=None)[0].fingerprint != qlearn.random_mdp(8, 3, 4, seed=None)[0].fingerprint
+    assert (
+        qlearn.random_mdp(8, 3, 4, seed=None)[0].fingerprint
+        != qlearn.random_mdp(8, 3, 4, seed=None)[0].fingerprint
+    )
     assert len({tuple(qlearn.draw_values(20, None)) for _ in range(5)}) == 5
     for call in (partial(qlearn.random_mdp, 8, 3, 4), partial(qlearn.draw_values, 5)):
         with pytest.raises(TypeError, match="two words for the same"):

@@ -9,7 +9,14 @@ from typing import Any
 
 import pytest
 
-from elicit import AnswerLog, FlippingTutor, PolytopeComparator, PosteriorComparator, Session, TruthfulTutor
+from elicit import (
+    AnswerLog,
+    FlippingTutor,
+    PolytopeComparator,
+    PosteriorComparator,
+    Session,
+    TruthfulTutor,
+)
 from qlearn import (
     InteractivePolicyIteration,
     InteractiveQLearning,
@@ -23,7 +30,9 @@ ROOT = Path(__file__).parents[3]
 K = 8
 MDP, VALUES = random_mdp(15, 3, K, discount=0.9, rng=3)
 LEARNERS: dict[str, Any] = {
-    "q-learning": lambda known: InteractiveQLearning(MDP, PolytopeComparator(K), steps=150, rng=0, known=known),
+    "q-learning": lambda known: InteractiveQLearning(
+        MDP, PolytopeComparator(K), steps=150, rng=0, known=known
+    ),
     "value iteration": lambda known: InteractiveValueIteration(
         MDP, PolytopeComparator(K), tolerance=0.05, audit=0.3, max_audits=8, rng=1, known=known
     ),
@@ -34,7 +43,9 @@ LEARNERS: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("name", LEARNERS)
-def test_a_session_left_after_every_answer_ends_like_an_undisturbed_run(name: str, tmp_path: Path) -> None:
+def test_a_session_left_after_every_answer_ends_like_an_undisturbed_run(
+    name: str, tmp_path: Path
+) -> None:
     make, path, plain = LEARNERS[name], tmp_path / "log", AnswerLog()
     undisturbed = drive(make(()), FlippingTutor(VALUES, 0.15, seed=2), plain, on_conflict="drop")
     tutor = FlippingTutor(VALUES, 0.15, seed=2)
@@ -80,7 +91,9 @@ def test_undo_withdraw_and_another_comparator(name: str, tmp_path: Path) -> None
         assert session.result().answers.ids == (ids[0], *ids[2:])
 
     def with_posterior(known: Any) -> Any:
-        return InteractivePolicyIteration(MDP, PosteriorComparator(K, particles=200), tolerance=0.05, known=known)
+        return InteractivePolicyIteration(
+            MDP, PosteriorComparator(K, particles=200), tolerance=0.05, known=known
+        )
 
     with Session(with_posterior, path) as session:
         assert session.result().answers.ids == (ids[0], *ids[2:])
@@ -94,9 +107,13 @@ def test_undo_withdraw_and_another_comparator(name: str, tmp_path: Path) -> None
         assert policy_loss(MDP, result.policy, VALUES).max() <= 0.05
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks, so that each try need not import everything")
+@pytest.mark.skipif(
+    not hasattr(os, "fork"), reason="forks, so that each try need not import everything"
+)
 @pytest.mark.parametrize(("kills", "seed"), [(4, 0), pytest.param(300, 1, marks=pytest.mark.slow)])
-def test_killed_at_random_moments_no_answer_is_lost_or_doubled(kills: int, seed: int, tmp_path: Path) -> None:
+def test_killed_at_random_moments_no_answer_is_lost_or_doubled(
+    kills: int, seed: int, tmp_path: Path
+) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "tests.killed_sessions", str(tmp_path), str(kills), str(seed)],
         cwd=ROOT,

@@ -25,7 +25,15 @@ from elicit.model.comparator import Comparator, Decisions, Tier, offers, simulta
 from elicit.model.query import Answers
 from elicit.model.scale import Floats, dot, gaps, tail_sums
 from elicit.model.tutor import Tutor
-from qlearn import InteractiveQLearning, InteractiveValueIteration, OrdinalMDP, Result, drive, policy_loss, random_mdp
+from qlearn import (
+    InteractiveQLearning,
+    InteractiveValueIteration,
+    OrdinalMDP,
+    Result,
+    drive,
+    policy_loss,
+    random_mdp,
+)
 from qlearn.learners import action_pair_kernel, state_sweep
 from qlearn.learners.action_pair_kernel import round_up
 from qlearn.learners.learner import Status
@@ -53,7 +61,9 @@ class ByPython:
         return ByPython(self.inner.update(answers))
 
 
-def solve(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, watched: bool = False, **settings: Any) -> Result:
+def solve(
+    mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, watched: bool = False, **settings: Any
+) -> Result:
     learner = InteractiveValueIteration(mdp, comparator, **{"tolerance": 0.01, **settings})
     if watched:
         learner.watch(lambda d, decisions: None)
@@ -63,7 +73,8 @@ def solve(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, watched: bool =
 def answers_of(result: Result) -> tuple[Any, ...]:
     """All but which proof settled what: it may depend on the order of comparisons."""
     return (
-        result.policy.tolist(), result.q.tobytes(), result.status, result.asked, result.rounds, result.compared,
+        result.policy.tolist(), result.q.tobytes(), result.status, result.asked, result.rounds,
+        result.compared,
         result.answers.d.tobytes(), result.answers.y.tobytes(), result.cannot_tell, result.audited,
         *(result.decided[tier] for tier in ("tutor", "indifferent", "guess", "known", "equal")),
     )  # fmt: skip
@@ -89,15 +100,25 @@ TUTORS: dict[str, Callable[[Floats], Any]] = {
     "blunt and silent": lambda values: blunt(values, 0.01, 0.003),
 }
 MODELS = ("polytope", "polytope, margin 0", "dominance", "ensemble", "posterior")
-SETTINGS: list[dict[str, Any]] = [{"max_queries": 3}, {"batch": 5}, {"audit": 0.3}, {"indifference": 0.03}]
+SETTINGS: list[dict[str, Any]] = [
+    {"max_queries": 3},
+    {"batch": 5},
+    {"audit": 0.3},
+    {"indifference": 0.03},
+]
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("tutor", TUTORS)
 def test_python_is_asked_only_for_what_it_alone_can_tell(model: str, tutor: str) -> None:
-    for mdp, values in (random_mdp(12, 3, 4, discount=0.8, rng=0), messy_mdp(1, n=12, discount=0.5)):
+    for mdp, values in (
+        random_mdp(12, 3, 4, discount=0.8, rng=0),
+        messy_mdp(1, n=12, discount=0.5),
+    ):
         runs = [
-            solve(mdp, make(COMPARATORS[model](mdp.k, tie=0.0)), TUTORS[tutor](values), max_sweeps=12)
+            solve(
+                mdp, make(COMPARATORS[model](mdp.k, tie=0.0)), TUTORS[tutor](values), max_sweeps=12
+            )
             for make in (lambda known: known, ByPython)
         ]
         assert answers_of(runs[0]) == answers_of(runs[1])
@@ -108,7 +129,9 @@ def test_python_is_asked_only_for_what_it_alone_can_tell(model: str, tutor: str)
 def test_neither_python_nor_a_watcher_changes_what_settings_do(
     settings: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(action_pair_kernel, "_KEPT_AT_ONCE", 5)  # the watcher is called in the midst of a sweep
+    monkeypatch.setattr(
+        action_pair_kernel, "_KEPT_AT_ONCE", 5
+    )  # the watcher is called in the midst of a sweep
     for seed in range(2):
         mdp, values = random_mdp(12, 3, 5, discount=0.8, rng=seed)
         plain = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), **settings)
@@ -122,11 +145,20 @@ def test_neither_python_nor_a_watcher_changes_what_settings_do(
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("tutor", ["truthful", "blunt"])
-def test_asks_the_questions_of_the_reference_whatever_the_comparator(model: str, tutor: str) -> None:
-    """States are judged in turn, each with all that is known by then, as in the reference: but for the first look
-    at a block of states, which a model may settle before a later answer would have changed its mind."""
+def test_asks_the_questions_of_the_reference_whatever_the_comparator(
+    model: str, tutor: str
+) -> None:
+    """States are judged in turn, each with all that is known by then, as in the reference: but for
+    the first look at a block of states, which a model may settle before a later answer would have
+    changed its mind."""
     mdp, values = random_mdp(9, 3, 4, discount=0.8, rng=3)
-    result = solve(mdp, COMPARATORS[model](4, tie=0.0), TUTORS[tutor](values), max_sweeps=40, partial_sweeps=False)
+    result = solve(
+        mdp,
+        COMPARATORS[model](4, tie=0.0),
+        TUTORS[tutor](values),
+        max_sweeps=40,
+        partial_sweeps=False,
+    )
     expected, _, told = interactive_value_iteration(
         mdp, COMPARATORS[model](4, tie=0.0), TUTORS[tutor](values), tolerance=0.01
     )
@@ -159,13 +191,17 @@ def test_an_oracle_answers_the_same_in_the_loop_and_outside(make: Callable[[Floa
     runs = []
     for in_the_loop in (True, False):
         tutor = make(values)
-        learner = InteractiveValueIteration(mdp, AlwaysAsk(5), tolerance=0.001, max_sweeps=6, partial_sweeps=False)
+        learner = InteractiveValueIteration(
+            mdp, AlwaysAsk(5), tolerance=0.001, max_sweeps=6, partial_sweeps=False
+        )
         seen = np.zeros(len(Tier), dtype=int)
         learner.watch(lambda d, decisions, count=seen: np.add.at(count, decisions.tiers, 1))
         learner.consult(tutor.signs if in_the_loop else lambda d, tutor=tutor: tutor.signs(d))
         assert learner.ask() == ()
         runs.append((answers_of(learner.result()), seen.tolist(), tutor.realised_error_rate))
-    if make is TruthfulTutor:  # one who errs, errs elsewhere where equal pairs are met in another order
+    if (
+        make is TruthfulTutor
+    ):  # one who errs, errs elsewhere where equal pairs are met in another order
         assert runs[0] == runs[1]
     assert runs[0][1][Tier.TUTOR] == runs[0][0][3] > 500
 
@@ -193,20 +229,29 @@ class Swayed:
     def compare(self, d: Any) -> Any:
         low, high = self.bounds(d)
         equal = (tail_sums(np.atleast_2d(d)) == 0).all(axis=1)
-        return np.where(equal, 0, np.where(low > 0, 1, np.where(high < 0, -1, Verdict.UNKNOWN))).astype(np.int8)
+        return np.where(
+            equal, 0, np.where(low > 0, 1, np.where(high < 0, -1, Verdict.UNKNOWN))
+        ).astype(np.int8)
 
     def update(self, answers: Answers) -> Swayed:
         return Swayed((0.1, 0.1, 0.1))
 
 
 @pytest.mark.parametrize("learner", [InteractiveValueIteration, InteractiveQLearning])
-def test_what_an_earlier_verdict_certified_is_forgotten_with_the_answers_it_rested_on(learner: Any) -> None:
+def test_what_an_earlier_verdict_certified_is_forgotten_with_the_answers_it_rested_on(
+    learner: Any,
+) -> None:
     changed = 0
     for seed in range(6):
         mdp, values = random_mdp(10, 3, 3, discount=0.9, rng=seed)
-        settings = {"max_sweeps": 30} if learner is InteractiveValueIteration else {"steps": 600, "rng": seed}
+        settings = (
+            {"max_sweeps": 30}
+            if learner is InteractiveValueIteration
+            else {"steps": 600, "rng": seed}
+        )
         runs = [
-            drive(learner(mdp, make(Swayed()), **settings), TruthfulTutor(values)) for make in (lambda s: s, ByPython)
+            drive(learner(mdp, make(Swayed()), **settings), TruthfulTutor(values))
+            for make in (lambda s: s, ByPython)
         ]
         assert runs[0].policy.tolist() == runs[1].policy.tolist()
         assert runs[0].q.tobytes() == runs[1].q.tobytes()
@@ -221,10 +266,16 @@ def report() -> list[str]:
         for model in MODELS:
             for tutor in ("flipping", "blunt"):
                 result = solve(
-                    mdp, COMPARATORS[model](mdp.k, tie=0.0), TUTORS[tutor](values), tolerance=0.05, max_sweeps=9
+                    mdp,
+                    COMPARATORS[model](mdp.k, tie=0.0),
+                    TUTORS[tutor](values),
+                    tolerance=0.05,
+                    max_sweeps=9,
                 )
                 digest.update(repr((answers_of(result), sorted(result.decided.items()))).encode())
-        oracle = solve(mdp, AlwaysAsk(mdp.k), FlippingTutor(values, 0.1, seed=1), watched=True, max_sweeps=5)
+        oracle = solve(
+            mdp, AlwaysAsk(mdp.k), FlippingTutor(values, 0.1, seed=1), watched=True, max_sweeps=5
+        )
         digest.update(repr((answers_of(oracle), sorted(oracle.decided.items()))).encode())
     return [digest.hexdigest()]
 
@@ -241,11 +292,15 @@ def test_only_v_is_kept() -> None:
     used = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     assert learner.result().policy.shape == (4000,)
-    assert used < 4000 * 10 * (8 + 8 + 8 * 4 + 16)  # V twice, certificates of half size, and the rest
+    assert used < 4000 * 10 * (
+        8 + 8 + 8 * 4 + 16
+    )  # V twice, certificates of half size, and the rest
 
 
 def test_certificates_are_never_rounded_down() -> None:
-    numbers = np.concatenate([np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-100, 100), [0.0, -0.0]])
+    numbers = np.concatenate(
+        [np.random.default_rng(0).normal(size=200) * 10.0 ** np.arange(-100, 100), [0.0, -0.0]]
+    )
     into = np.empty(len(numbers), dtype=np.float32)
     with np.errstate(over="ignore"):
         round_up(numbers, into)

@@ -1,4 +1,6 @@
-"""Interactive value iteration against its reference, scalar value iteration, and its own promises."""
+"""Interactive value iteration against its reference, scalar value iteration, and its own
+promises.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,7 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import AlwaysAsk, BradleyTerryComparator, Comparator, Dominance, PolytopeComparator, Tutor
+from elicit import (
+    AlwaysAsk,
+    BradleyTerryComparator,
+    Comparator,
+    Dominance,
+    PolytopeComparator,
+    Tutor,
+)
 from elicit.model.query import Answer, Answers, Query, Verdict
 from elicit.model.scale import Floats, tail_sums
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
@@ -22,7 +31,9 @@ from tests.thoroughness import examples
 
 
 def solve(mdp: OrdinalMDP, comparator: Comparator, tutor: Tutor, **keywords: Any) -> Result:
-    return drive(InteractiveValueIteration(mdp, comparator, **{"tolerance": 0.01, **keywords}), tutor)
+    return drive(
+        InteractiveValueIteration(mdp, comparator, **{"tolerance": 0.01, **keywords}), tutor
+    )
 
 
 def twin_mdp(seed: int) -> tuple[OrdinalMDP, Floats]:
@@ -48,12 +59,16 @@ def test_converged_is_said_only_where_no_pair_was_left_untold() -> None:
     silent = solve(mdp, PolytopeComparator(5), lambda query: Answer(query, None))
     assert silent.status is Status.UNSURE
     assert silent.cannot_tell == silent.asked > 0
-    assert policy_loss(mdp, silent.policy, values).max() > 0.01, "what CONVERGED would have promised is not so"
+    assert policy_loss(mdp, silent.policy, values).max() > 0.01, (
+        "what CONVERGED would have promised is not so"
+    )
     assert policy_loss(mdp, silent.policy, values).max() <= silent.loss_bound
 
     once = iter([True])
     some = solve(
-        mdp, PolytopeComparator(5), lambda query: Answer(query, None) if next(once, False) else truthful(query)
+        mdp,
+        PolytopeComparator(5),
+        lambda query: Answer(query, None) if next(once, False) else truthful(query),
     )
     assert (some.status, some.cannot_tell) == (Status.UNSURE, 1)
 
@@ -63,7 +78,10 @@ def test_converged_is_said_only_where_no_pair_was_left_untold() -> None:
 
 def test_an_audit_that_the_tutor_cannot_tell_leaves_it_converged() -> None:
     mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
-    truthful, learner = TruthfulTutor(values), InteractiveValueIteration(mdp, PolytopeComparator(5), audit=0.5)
+    truthful, learner = (
+        TruthfulTutor(values),
+        InteractiveValueIteration(mdp, PolytopeComparator(5), audit=0.5),
+    )
 
     def tutor(query: Query) -> Answer:
         settled = learner.comparator.compare(query.d)[0] != Verdict.UNKNOWN
@@ -89,8 +107,14 @@ def test_asks_the_questions_of_the_reference_in_its_order(
 ) -> None:
     # one question at a time, and what a polytope has decided stays decided: looking ahead at
     # later states, as the learner does, changes nothing
-    for mdp, values in (random_mdp(10, 3, 5, discount=0.9, rng=0), messy_mdp(1), messy_mdp(2, discount=0.5)):
-        result = solve(mdp, make(mdp.k), tutor(values), indifference=indifference, partial_sweeps=False)
+    for mdp, values in (
+        random_mdp(10, 3, 5, discount=0.9, rng=0),
+        messy_mdp(1),
+        messy_mdp(2, discount=0.5),
+    ):
+        result = solve(
+            mdp, make(mdp.k), tutor(values), indifference=indifference, partial_sweeps=False
+        )
         expected, _, told = interactive_value_iteration(
             mdp, make(mdp.k), tutor(values), tolerance=0.01, indifference=indifference
         )
@@ -103,7 +127,15 @@ def test_asks_the_questions_of_the_reference_in_its_order(
         assert result.status is Status.CONVERGED
 
 
-SMALL = [(0.0, 0.01), (0.5, 0.1), (0.5, 0.0005), (0.95, 0.1), (0.95, 0.0005), (0.99, 0.1), (0.99, 0.01)]
+SMALL = [
+    (0.0, 0.01),
+    (0.5, 0.1),
+    (0.5, 0.0005),
+    (0.95, 0.1),
+    (0.95, 0.0005),
+    (0.99, 0.1),
+    (0.99, 0.01),
+]
 LARGE = list(product((0.0, 0.5, 0.95, 0.99), (0.1, 0.01, 0.0005)))
 
 
@@ -119,7 +151,9 @@ def test_loses_no_more_than_the_tolerance(
     for seed in range(seeds):
         messy = messy_mdp(seed, n=n, k=k, discount=discount)
         for mdp, values in (messy, random_mdp(n, m, k, discount=discount, rng=seed)):
-            result = solve(mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=tolerance)
+            result = solve(
+                mdp, PolytopeComparator(mdp.k), TruthfulTutor(values), tolerance=tolerance
+            )
             assert result.status is Status.CONVERGED
             assert policy_loss(mdp, result.policy, values).max() <= tolerance
             np.testing.assert_allclose(result.q.sum(axis=2), 1.0, atol=1e-9)
@@ -137,7 +171,9 @@ def test_always_asking_the_truth_is_scalar_value_iteration(seed: int) -> None:
     assert oracle.policy.tolist() == q.argmax(axis=1).tolist()
     assert oracle.compared == oracle.rounds * mdp.n_states * (mdp.n_actions - 1)
     assert oracle.asked == oracle.decided["tutor"] > 0
-    fewer = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), indifference=0.0, partial_sweeps=False)
+    fewer = solve(
+        mdp, PolytopeComparator(6), TruthfulTutor(values), indifference=0.0, partial_sweeps=False
+    )
     assert fewer.policy.tolist() == oracle.policy.tolist()
     assert fewer.q.tobytes() == oracle.q.tobytes()
     assert fewer.asked < oracle.asked / 10
@@ -148,19 +184,22 @@ def test_always_asking_the_truth_is_scalar_value_iteration(seed: int) -> None:
 def test_the_span_ends_the_same_sweeps_sooner(seed: int) -> None:
     mdp, values = random_mdp(60, 4, 6, discount=0.95, rng=seed)
     result = solve(mdp, PolytopeComparator(6), TruthfulTutor(values), partial_sweeps=False)
-    # as long as it takes under the true scale until no state can change its value by much, as plain sweeps ask for
+    # as long as it takes under the true scale until no state can change its value by much, as plain
+    # sweeps ask for
     e, v, sweeps, change = mdp.normalise(values), np.zeros(mdp.n_states), 0, np.inf
     while change >= 0.01 * 0.05 / (4 * 0.95):
         before = v
-        v = (0.05 * e[mdp.levels] + 0.95 * (mdp.transitions @ v).reshape(mdp.levels.shape)).max(axis=1)
+        v = (0.05 * e[mdp.levels] + 0.95 * (mdp.transitions @ v).reshape(mdp.levels.shape)).max(
+            axis=1
+        )
         sweeps, change = sweeps + 1, np.abs(v - before).max()
     assert result.rounds < sweeps / 5
     assert policy_loss(mdp, result.policy, values).max() <= 0.01
 
 
 def corridor(n: int, discount: float) -> tuple[OrdinalMDP, Floats]:
-    """Cells in a row, of random levels: stay, or step to either side; once in five it goes elsewhere. Values spread one
-    cell a sweep."""
+    """Cells in a row, of random levels: stay, or step to either side; once in five it goes
+    elsewhere. Values spread one cell a sweep."""
     cells, k = np.arange(n), 5
     ways = np.array([[0, 1], [-1, 1], [1, -1]])
     successors = np.clip(cells[:, None, None] + ways, 0, n - 1)
@@ -172,7 +211,10 @@ def corridor(n: int, discount: float) -> tuple[OrdinalMDP, Floats]:
 
 def test_partial_sweeps_take_fewer_sweeps_where_values_spread_slowly() -> None:
     mdp, values = corridor(40, 0.99)
-    runs = [solve(mdp, PolytopeComparator(5), TruthfulTutor(values), partial_sweeps=way) for way in (True, False)]
+    runs = [
+        solve(mdp, PolytopeComparator(5), TruthfulTutor(values), partial_sweeps=way)
+        for way in (True, False)
+    ]
     assert runs[0].rounds < runs[1].rounds / 20
     assert runs[0].asked < runs[1].asked
     for result in runs:
@@ -181,9 +223,18 @@ def test_partial_sweeps_take_fewer_sweeps_where_values_spread_slowly() -> None:
 
 
 @examples(25)
-@given(seed=st.integers(0, 2**16), discount=st.sampled_from([0.3, 0.9, 0.99]), partial_sweeps=st.booleans())
-def test_its_promises_hold_whatever_the_problem(seed: int, discount: float, partial_sweeps: bool) -> None:
-    for mdp, values in (messy_mdp(seed, discount=discount), random_mdp(8, 3, 4, discount=discount, rng=seed)):
+@given(
+    seed=st.integers(0, 2**16),
+    discount=st.sampled_from([0.3, 0.9, 0.99]),
+    partial_sweeps=st.booleans(),
+)
+def test_its_promises_hold_whatever_the_problem(
+    seed: int, discount: float, partial_sweeps: bool
+) -> None:
+    for mdp, values in (
+        messy_mdp(seed, discount=discount),
+        random_mdp(8, 3, 4, discount=discount, rng=seed),
+    ):
         comparator, tutor = PolytopeComparator(mdp.k), TruthfulTutor(values)
         result = solve(mdp, comparator, tutor, tolerance=0.02, partial_sweeps=partial_sweeps)
         assert result.status is Status.CONVERGED
@@ -203,7 +254,9 @@ def test_partial_sweeps_end_where_a_tutor_errs_anew_each_time() -> None:
     learner._states.follow = lambda within: (followed.append(within), follow(within))[1]
     result = drive(learner, FlippingTutor(values, 0.4, seed=0))
     assert (result.rounds, result.status) == (10, Status.SWEEP_LIMIT)
-    assert len(followed) == 4, "neither after the first sweep, nor in the second half: plain ones contract"
+    assert len(followed) == 4, (
+        "neither after the first sweep, nor in the second half: plain ones contract"
+    )
 
 
 def test_an_erring_oracle_answers_each_question_once() -> None:
@@ -211,7 +264,13 @@ def test_an_erring_oracle_answers_each_question_once() -> None:
     compared = 0
     for seed in range(4):
         mdp, values = messy_mdp(seed, discount=0.5)
-        result = solve(mdp, AlwaysAsk(4), FlippingTutor(values, 0.05, seed=seed), tolerance=0.2, partial_sweeps=False)
+        result = solve(
+            mdp,
+            AlwaysAsk(4),
+            FlippingTutor(values, 0.05, seed=seed),
+            tolerance=0.2,
+            partial_sweeps=False,
+        )
         if result.status is Status.CONVERGED:
             expected, _, told = interactive_value_iteration(
                 mdp, AlwaysAsk(4), FlippingTutor(values, 0.05, seed=seed), tolerance=0.2
@@ -237,7 +296,8 @@ def test_asks_about_as_often_as_was_measured(k: int, low: int, high: int, seeds:
     for seed in seeds:
         mdp, values = random_mdp(100, 5, k, discount=0.95, rng=seed)
         result = solve(mdp, PolytopeComparator(k), TruthfulTutor(values), tolerance=0.0005)
-        # At most 3.6% with 5 and 10 levels. With 15 a run that follows actions is done after 1,612 comparisons: 5.9%.
+        # At most 3.6% with 5 and 10 levels. With 15 a run that follows actions is done after 1,612
+        # comparisons: 5.9%.
         assert result.asked < (0.05 if k <= 10 else 0.07) * result.compared
         assert policy_loss(mdp, result.policy, values).max() <= 0.0005
         asked.append(result.asked)
@@ -257,7 +317,13 @@ def test_no_discount_one_sweep() -> None:
 def test_limit_of_sweeps() -> None:
     mdp, values = random_mdp(8, 3, 5, discount=0.95, rng=0)
     for limit in (1, 3):
-        result = solve(mdp, PolytopeComparator(5), TruthfulTutor(values), max_sweeps=limit, partial_sweeps=False)
+        result = solve(
+            mdp,
+            PolytopeComparator(5),
+            TruthfulTutor(values),
+            max_sweeps=limit,
+            partial_sweeps=False,
+        )
         assert (result.rounds, result.status) == (limit, Status.SWEEP_LIMIT)
     assert "max_sweeps" in Status.SWEEP_LIMIT.value
     # a tutor who errs anew each time keeps the values moving: there must be an end to it
@@ -268,7 +334,9 @@ def test_limit_of_sweeps() -> None:
 
 @pytest.mark.parametrize("discount", [0.05, 0.5, 0.9, 0.99])
 @pytest.mark.parametrize("tolerance", [0.99, 0.1, 0.001])
-def test_the_default_limit_of_sweeps_is_enough_for_a_known_scale(discount: float, tolerance: float) -> None:
+def test_the_default_limit_of_sweeps_is_enough_for_a_known_scale(
+    discount: float, tolerance: float
+) -> None:
     for seed in range(3):
         mdp, values = random_mdp(6, 2, 3, discount=discount, rng=seed)
         result = solve(mdp, AlwaysAsk(3), TruthfulTutor(values), tolerance=tolerance)
@@ -285,12 +353,18 @@ def test_loose_indifference_asks_less() -> None:
     assert loose.asked < tight.asked
 
 
-@pytest.mark.parametrize("make", [Dominance, PolytopeComparator, lambda k: BradleyTerryComparator(k, n_boot=20)])
+@pytest.mark.parametrize(
+    "make", [Dominance, PolytopeComparator, lambda k: BradleyTerryComparator(k, n_boot=20)]
+)
 @pytest.mark.parametrize("batch", [1, 3, 7])
 @pytest.mark.parametrize("audit", [0.0, 1.0])
-def test_twins_in_one_batch_are_asked_once(make: Callable[[int], Comparator], batch: int, audit: float) -> None:
+def test_twins_in_one_batch_are_asked_once(
+    make: Callable[[int], Comparator], batch: int, audit: float
+) -> None:
     mdp, values = twin_mdp(3)
-    learner = InteractiveValueIteration(mdp, make(5), tolerance=0.01, batch=batch, audit=audit, max_sweeps=6)
+    learner = InteractiveValueIteration(
+        mdp, make(5), tolerance=0.01, batch=batch, audit=audit, max_sweeps=6
+    )
     tutor, pairs = FlippingTutor(values, 0.1, seed=0), []
     while queries := learner.ask():
         pairs += [tail_sums(query.d) + 0.0 for query in queries]
@@ -333,7 +407,10 @@ def test_the_seed_only_picks_audits() -> None:
     mdp, values = random_mdp(10, 3, 5, discount=0.9, rng=0)
     plain = [solve(mdp, PolytopeComparator(5), TruthfulTutor(values), rng=seed) for seed in (1, 2)]
     assert plain[0].answers.d.tobytes() == plain[1].answers.d.tobytes()
-    audited = [solve(mdp, PolytopeComparator(5), TruthfulTutor(values), rng=seed, audit=0.3) for seed in (1, 1, 2)]
+    audited = [
+        solve(mdp, PolytopeComparator(5), TruthfulTutor(values), rng=seed, audit=0.3)
+        for seed in (1, 1, 2)
+    ]
     audits = [[audit.query.d.tobytes() for audit in result.audits] for result in audited]
     assert audits[0] == audits[1] != audits[2]
 
@@ -341,5 +418,7 @@ def test_the_seed_only_picks_audits() -> None:
 def test_ids_differ_between_problems() -> None:
     mdp, _ = random_mdp(10, 3, 5, discount=0.9, rng=0)
     other = replace(mdp, discount=0.8)
-    asked = [InteractiveValueIteration(m, PolytopeComparator(5), batch=9).ask() for m in (mdp, other)]
+    asked = [
+        InteractiveValueIteration(m, PolytopeComparator(5), batch=9).ask() for m in (mdp, other)
+    ]
     assert not {query.id for query in asked[0]} & {query.id for query in asked[1]}

@@ -1,4 +1,6 @@
-"""What learners and their results look like where people read them: short, and without being computed for it."""
+"""What learners and their results look like where people read them: short, and without being
+computed for it.
+"""
 
 import math
 import re
@@ -24,7 +26,11 @@ from elicit import (
 )
 
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
-LEARNERS = [qlearn.InteractiveQLearning, qlearn.InteractiveValueIteration, qlearn.InteractivePolicyIteration]
+LEARNERS = [
+    qlearn.InteractiveQLearning,
+    qlearn.InteractiveValueIteration,
+    qlearn.InteractivePolicyIteration,
+]
 
 
 @pytest.mark.parametrize("kind", LEARNERS)
@@ -42,30 +48,42 @@ def test_a_result_says_what_its_policy_may_lose_once_that_is_known(kind: Any) ->
     result = qlearn.drive(kind(MDP, PolytopeComparator(4), **settings), TruthfulTutor(VALUES))
     assert repr(result) == f"Result(status={result.status.name}, asked={result.asked})"
     bound = result.loss_bound
-    shown = f"Result(status={result.status.name}, asked={result.asked}, loss_bound={bound:.3g}, confidence=1)"
+    shown = (
+        f"Result(status={result.status.name}, asked={result.asked}, loss_bound={bound:.3g}, "
+        "confidence=1)"
+    )
     assert repr(result) == shown
-    unsure = qlearn.drive(kind(MDP, PolytopeComparator(4), **settings), lambda query: Answer(query, None))
+    unsure = qlearn.drive(
+        kind(MDP, PolytopeComparator(4), **settings), lambda query: Answer(query, None)
+    )
     assert f"cannot_tell={unsure.cannot_tell}" in repr(unsure)
 
 
-def test_a_printed_result_says_what_its_bound_is_a_share_of_and_the_bound_in_units_of_return() -> None:
+def test_a_printed_result_says_what_its_bound_is_a_share_of_and_the_bound_in_units_of_return() -> (
+    None
+):
     mdp, values = qlearn.random_mdp(30, 3, 5, seed=1)
     result = qlearn.solve(mdp, TruthfulTutor(values), "polytope")
     status, asked, share, loss = str(result).splitlines()
     assert status == (
-        "Finished: the policy is within the tolerance, if the answers and verdicts were right (and, with trainings, "
+        "Finished: the policy is within the tolerance, if the answers and verdicts were right "
+        "(and, with trainings, "
         "optimality_gap)."
     )
     assert asked == f"{result.asked} questions were asked."
     said = re.fullmatch(
-        r"The policy loses at most (\S+)% of the value range \(proven, if the answers are right\): \(1 - discount\) "
-        r"times its loss of return, over the value of the best level against the worst, at the worst state\.",
+        r"The policy loses at most (\S+)% of the value range \(proven, if the answers are right\): "
+        r"\(1 - discount\) "
+        r"times its loss of return, over the value of the best level against the worst, at the "
+        r"worst state\.",
         share,
     )
     assert said is not None
     assert result.loss_bound <= float(said[1]) / 100 <= 1.01 * result.loss_bound
     said = re.fullmatch(
-        r"As a loss of return it is at most (\S+), in units of the best level's reward minus the worst level's\.", loss
+        r"As a loss of return it is at most (\S+), in units of the best level's reward minus the "
+        r"worst level's\.",
+        loss,
     )
     assert said is not None
     assert result.return_loss_bound == result.loss_bound / (1 - mdp.discount)
@@ -91,8 +109,20 @@ def test_the_loss_of_return_is_what_another_library_would_find() -> None:
 @pytest.mark.parametrize(
     ("bound", "confidence", "words"),
     [
-        (0.01, 1.0, ["1% of the value range (proven, if the answers are right)", "at most 0.1, in units"]),
-        (0.01001, 0.95, ["1.01%", "(with probability 0.95, if the tutor errs as the comparator assumes)", "0.101,"]),
+        (
+            0.01,
+            1.0,
+            ["1% of the value range (proven, if the answers are right)", "at most 0.1, in units"],
+        ),
+        (
+            0.01001,
+            0.95,
+            [
+                "1.01%",
+                "(with probability 0.95, if the tutor errs as the comparator assumes)",
+                "0.101,",
+            ],
+        ),
         (1e-16, math.nan, ["0.0001%", "(with unknown confidence)", "1e-05,"]),
         (0.0, 1.0, [" 0% of", "at most 0, in"]),
         (1.0, 1.0, ["100%", "at most 10, in"]),
@@ -135,7 +165,9 @@ def test_a_question_names_state_actions_and_levels(kind: Any) -> None:
     assert re.fullmatch(wanted, query.about)
     assert re.search(r"left:  .*\d% [abcd]", str(query))
     if not bag:
-        (plain,) = kind(replace(NAMED, state_names=None, action_names=None), PolytopeComparator(4)).ask()
+        (plain,) = kind(
+            replace(NAMED, state_names=None, action_names=None), PolytopeComparator(4)
+        ).ask()
         assert plain.id == query.id
         assert re.fullmatch(r"state \d: action \d \(left\) or action \d \(right\)\?", plain.about)
 
@@ -151,5 +183,8 @@ def test_tutors() -> None:
     assert repr(TruthfulTutor([0, 1, 2])) == "TruthfulTutor(k=3)"
     assert repr(TruthfulTutor([0, 1, 2], tie=0.01)) == "TruthfulTutor(k=3, tie=0.01)"
     assert repr(FlippingTutor([0, 1, 2], 0.1)) == "FlippingTutor(k=3, error_rate=0.1, seed=0)"
-    assert repr(BradleyTerryTutor([0, 1, 2], 5, seed=3)) == "BradleyTerryTutor(k=3, precision=5, seed=3)"
+    assert (
+        repr(BradleyTerryTutor([0, 1, 2], 5, seed=3))
+        == "BradleyTerryTutor(k=3, precision=5, seed=3)"
+    )
     assert repr(ReplayTutor([])) == "ReplayTutor(0 answers)"

@@ -1,4 +1,6 @@
-"""Who is a tutor: any function from queries to answers, made, and made for as many levels as are asked about."""
+"""Who is a tutor: any function from queries to answers, made, and made for as many levels as are
+asked about.
+"""
 
 import pytest
 
@@ -27,9 +29,17 @@ def test_functions_and_instances_are():
 @pytest.mark.parametrize(
     ("tutor", "kind", "complaint"),
     [
-        (TruthfulTutor, TypeError, r"not the class TruthfulTutor: make one, such as TruthfulTutor\(values="),
+        (
+            TruthfulTutor,
+            TypeError,
+            r"not the class TruthfulTutor: make one, such as TruthfulTutor\(values=",
+        ),
         (Silent, TypeError, "not the class Silent"),
-        (TruthfulTutor([0, 1, 2]), ValueError, r"about 4 levels, but the tutor was made for 3: TruthfulTutor\(k=3\)"),
+        (
+            TruthfulTutor([0, 1, 2]),
+            ValueError,
+            r"about 4 levels, but the tutor was made for 3: TruthfulTutor\(k=3\)",
+        ),
         (FlippingTutor(range(9), 0.1), ValueError, "made for 9: FlippingTutor"),
         ("ask", TypeError, "'ask' cannot be called"),
     ],

@@ -20,7 +20,11 @@ def backed_up(mdp: OrdinalMDP) -> tuple[Floats, Floats]:
 @pytest.mark.parametrize("discount", [0.0, 0.9])
 @pytest.mark.parametrize("messy", [True, False])
 def test_q_is_equation_3(messy: bool, discount: float) -> None:
-    mdp, _ = messy_mdp(0, n=30, m=4, discount=discount) if messy else random_mdp(40, 3, 5, discount, rng=0)
+    mdp, _ = (
+        messy_mdp(0, n=30, m=4, discount=discount)
+        if messy
+        else random_mdp(40, 3, 5, discount, rng=0)
+    )
     v, q = backed_up(mdp)
     ahead = (mdp.transitions @ v).reshape(q.shape)
     expected = (1 - mdp.discount) * mdp.vector_rewards() + mdp.discount * ahead

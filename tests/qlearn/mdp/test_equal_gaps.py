@@ -77,7 +77,7 @@ def test_its_loss_is_the_difference_of_two_second_opinions(mdp: OrdinalMDP) -> N
 
 
 def two_ways(better: float) -> OrdinalMDP:
-    """Two actions of one state; the second leads to the best level with so much more probability."""
+    """Two actions; the second leads to the best level with so much more probability."""
     moves = [[[0, 0.5, 0.5], [0, 0.5 - better, 0.5 + better]], [[0, 1, 0]] * 2, [[0, 0, 1]] * 2]
     levels = [[1, 1], [0, 0], [2, 2]]
     return OrdinalMDP.from_dense(

@@ -15,14 +15,19 @@ def random_chain(n: int, seed: int, successors: int = 4) -> sparse.csr_array:
     rng = np.random.default_rng(seed)
     table = np.zeros((n, n))
     for row in table:
-        row[rng.choice(n, min(n, successors), replace=False)] = rng.dirichlet(np.ones(min(n, successors)))
+        row[rng.choice(n, min(n, successors), replace=False)] = rng.dirichlet(
+            np.ones(min(n, successors))
+        )
     return sparse.csr_array(table)
 
 
 def exactly(chain: sparse.csr_array, inflow: Floats, discount: float) -> list[float]:
     """The solution by Gauss's elimination in rationals, rounded."""
     flows, n = (discount * chain).toarray(), len(inflow)
-    rows = [[Fraction(int(i == j)) - Fraction(flows[i, j]) for j in range(n)] + [Fraction(inflow[i])] for i in range(n)]
+    rows = [
+        [Fraction(int(i == j)) - Fraction(flows[i, j]) for j in range(n)] + [Fraction(inflow[i])]
+        for i in range(n)
+    ]
     for c in range(n):
         pivot = next(r for r in range(c, n) if rows[r][c])
         rows[c], rows[pivot] = rows[pivot], rows[c]
@@ -37,12 +42,19 @@ def exactly(chain: sparse.csr_array, inflow: Floats, discount: float) -> list[fl
 @pytest.mark.parametrize("discount", [0.0, 0.5, 0.95, 0.999, 0.99999])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_exact_solution_rounded_once(discount: float, seed: int) -> None:
-    chain, inflow = random_chain(12, seed), np.random.default_rng(seed).random((12, 1)) * (1 - discount)
-    assert discounted_totals(chain, inflow, discount)[:, 0].tolist() == exactly(chain, inflow[:, 0], discount)
+    chain, inflow = (
+        random_chain(12, seed),
+        np.random.default_rng(seed).random((12, 1)) * (1 - discount),
+    )
+    assert discounted_totals(chain, inflow, discount)[:, 0].tolist() == exactly(
+        chain, inflow[:, 0], discount
+    )
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0**40, 2.0**-40])
-def test_the_same_bits_by_factors_steps_and_sweeps(scale: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_same_bits_by_factors_steps_and_sweeps(
+    scale: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     chain, inflow = random_chain(60, 5), scale * np.random.default_rng(1).random((60, 3)) * 0.1
     dense = discounted_totals(chain, inflow, 0.9)
     monkeypatch.setattr(linear_systems, "_DENSE", 0)

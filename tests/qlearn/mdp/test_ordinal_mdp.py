@@ -40,7 +40,9 @@ def test_stores_what_it_is_given() -> None:
     assert {type(label) for label in small(labels=np.array(LABELS)).labels} == {str}
     np.testing.assert_array_equal(mdp.probabilities[0], [[0.5, 0.5], [0.25, 0.75]])
     np.testing.assert_array_equal(mdp.final_level, [-1, -1, 2])
-    np.testing.assert_allclose(mdp.initial, [0.5, 0.5, 0])  # uniform over the states that are not terminal
+    np.testing.assert_allclose(
+        mdp.initial, [0.5, 0.5, 0]
+    )  # uniform over the states that are not terminal
     plain = small(terminal=None, admissible=None)
     np.testing.assert_allclose(plain.initial, np.full(3, 1 / 3))
     assert not plain.terminal.any()
@@ -48,7 +50,9 @@ def test_stores_what_it_is_given() -> None:
 
 
 def test_transitions_are_the_table_by_hand() -> None:
-    expected = np.array([[0.5, 0.5, 0], [0, 0.25, 0.75], [1, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]])
+    expected = np.array(
+        [[0.5, 0.5, 0], [0, 0.25, 0.75], [1, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 1]]
+    )
     np.testing.assert_array_equal(small().transitions.toarray(), expected)
 
 
@@ -91,7 +95,15 @@ def test_arrays_are_copies_and_read_only() -> None:
     mdp = small(levels=levels)
     levels[0, 0] = 2
     assert mdp.levels[0, 0] == 0
-    for name in ("successors", "probabilities", "levels", "initial", "terminal", "admissible", "final_level"):
+    for name in (
+        "successors",
+        "probabilities",
+        "levels",
+        "initial",
+        "terminal",
+        "admissible",
+        "final_level",
+    ):
         with pytest.raises(ValueError, match="read-only"):
             getattr(mdp, name)[...] = 0
     with pytest.raises(ValueError, match="read-only"):
@@ -121,7 +133,10 @@ def test_frozen_arrays_are_shared_and_never_written_to() -> None:
 
 def test_transitions_share_the_arrays_where_no_row_is_padded() -> None:
     rng = np.random.default_rng(0)
-    p, to = rng.dirichlet(np.ones(2), size=(4, 3)), np.sort(rng.permuted(np.tile(np.arange(4), (12, 1)), axis=1)[:, :2])
+    p, to = (
+        rng.dirichlet(np.ones(2), size=(4, 3)),
+        np.sort(rng.permuted(np.tile(np.arange(4), (12, 1)), axis=1)[:, :2]),
+    )
     mdp = OrdinalMDP(to.reshape(4, 3, 2), p, rng.integers(2, size=(4, 3)), 0.9, ("a", "b"))
     assert np.shares_memory(mdp.transitions.data, mdp.probabilities)
     assert np.shares_memory(mdp.transitions.indices, mdp.successors)
@@ -140,7 +155,10 @@ def test_checks_go_by_blocks_and_still_name_the_place(monkeypatch: pytest.Monkey
     whole = OrdinalMDP(to, p, levels, 0.9, LABELS, terminal=ends)
     monkeypatch.setattr(array_checks, "BLOCK", 12)
     assert OrdinalMDP(to, p, levels, 0.9, LABELS, terminal=ends).fingerprint == whole.fingerprint
-    assert OrdinalMDP(to.astype(float), p, levels, 0.9, LABELS, terminal=ends).fingerprint == whole.fingerprint
+    assert (
+        OrdinalMDP(to.astype(float), p, levels, 0.9, LABELS, terminal=ends).fingerprint
+        == whole.fingerprint
+    )
     at = np.arange(42).reshape(7, 2, 3)
     for where, chances, message in (
         (to, np.where(at == 39, -1, p), r"probabilities\[6, 1, 0\] is -1"),
@@ -211,18 +229,50 @@ P = parts()["probabilities"]
     [
         ({"probabilities": [[1.0]]}, ValueError, r"shape \(S, A, b\).*from_dense"),
         ({"probabilities": np.zeros((0, 2, 2))}, ValueError, r"\(0, 2, 2\)"),
-        ({"probabilities": [[[0.6, 0.5], [0.25, 0.75]], *P[1:]]}, ValueError, r"probabilities\[0, 0\] sums to 1.1"),
-        ({"probabilities": [[[0.5, 0.5], [0.25, 0.7499]], *P[1:]]}, ValueError, r"probabilities\[0, 1\] sums to"),
-        ({"probabilities": [[[0.5, 0.5], [-0.25, 1.25]], *P[1:]]}, ValueError, r"\[0, 1, 0\] is -0.25.*negative"),
-        ({"probabilities": [[[0.5, np.nan], [0.25, 0.75]], *P[1:]]}, ValueError, r"\[0, 0, 1\] is nan.*finite"),
+        (
+            {"probabilities": [[[0.6, 0.5], [0.25, 0.75]], *P[1:]]},
+            ValueError,
+            r"probabilities\[0, 0\] sums to 1.1",
+        ),
+        (
+            {"probabilities": [[[0.5, 0.5], [0.25, 0.7499]], *P[1:]]},
+            ValueError,
+            r"probabilities\[0, 1\] sums to",
+        ),
+        (
+            {"probabilities": [[[0.5, 0.5], [-0.25, 1.25]], *P[1:]]},
+            ValueError,
+            r"\[0, 1, 0\] is -0.25.*negative",
+        ),
+        (
+            {"probabilities": [[[0.5, np.nan], [0.25, 0.75]], *P[1:]]},
+            ValueError,
+            r"\[0, 0, 1\] is nan.*finite",
+        ),
         ({"probabilities": "many"}, TypeError, "probabilities must be an array of numbers"),
-        ({"successors": [[0, 1]]}, ValueError, r"successors must have shape \(3, 2, 2\), not \(1, 2\)"),
-        ({"successors": np.full((3, 2, 2), 3)}, ValueError, r"successors\[0, 0, 0\] is 3, but must be a state in 0..2"),
+        (
+            {"successors": [[0, 1]]},
+            ValueError,
+            r"successors must have shape \(3, 2, 2\), not \(1, 2\)",
+        ),
+        (
+            {"successors": np.full((3, 2, 2), 3)},
+            ValueError,
+            r"successors\[0, 0, 0\] is 3, but must be a state in 0..2",
+        ),
         ({"successors": np.full((3, 2, 2), -1)}, ValueError, r"successors\[0, 0, 0\] is -1"),
-        ({"successors": np.full((3, 2, 2), 0.5)}, ValueError, r"successors\[0, 0, 0\] is 0.5.*whole"),
+        (
+            {"successors": np.full((3, 2, 2), 0.5)},
+            ValueError,
+            r"successors\[0, 0, 0\] is 0.5.*whole",
+        ),
         ({"successors": np.full((3, 2, 2), 2.0**40)}, ValueError, "32-bit whole"),
         ({"levels": [0, 1, 2]}, ValueError, r"levels must have shape \(3, 2\), not \(3,\)"),
-        ({"levels": [[0, 1], [1, 0], [3, 3]]}, ValueError, r"levels\[2, 0\] is 3, but must be in 0..2"),
+        (
+            {"levels": [[0, 1], [1, 0], [3, 3]]},
+            ValueError,
+            r"levels\[2, 0\] is 3, but must be in 0..2",
+        ),
         ({"levels": [[0, np.nan], [1, 0], [2, 2]]}, ValueError, r"levels\[0, 1\] is nan"),
         ({"levels": [[0, 1], [1, 0], [2, 1]]}, ValueError, r"terminal state 2 has levels \[2, 1\]"),
         ({"discount": 1.0}, ValueError, r"discount must be a number in \[0, 1\), not 1.0"),
@@ -232,23 +282,49 @@ P = parts()["probabilities"]
         ({"labels": ("a", "b", "a")}, ValueError, "'a' appears twice"),
         ({"labels": "abc"}, TypeError, "sequence of strings"),
         ({"labels": (1, 2, 3)}, TypeError, "sequence of strings"),
-        ({"labels": None}, TypeError, "labels must be a sequence of strings, worst level first, not None"),
-        ({"state_names": ("a", "b")}, ValueError, "state_names must be 3 names, one each, but there are 2"),
-        ({"state_names": "abc"}, TypeError, "state_names must be None or a sequence of strings, not 'abc'"),
-        ({"action_names": ("go", "go")}, ValueError, "action_names must differ, but 'go' appears twice"),
+        (
+            {"labels": None},
+            TypeError,
+            "labels must be a sequence of strings, worst level first, not None",
+        ),
+        (
+            {"state_names": ("a", "b")},
+            ValueError,
+            "state_names must be 3 names, one each, but there are 2",
+        ),
+        (
+            {"state_names": "abc"},
+            TypeError,
+            "state_names must be None or a sequence of strings, not 'abc'",
+        ),
+        (
+            {"action_names": ("go", "go")},
+            ValueError,
+            "action_names must differ, but 'go' appears twice",
+        ),
         ({"action_names": (0, 1)}, TypeError, "action_names must be None or a sequence of strings"),
-        ({"action_names": 2}, TypeError, "action_names must be None or a sequence of strings, not 2"),
+        (
+            {"action_names": 2},
+            TypeError,
+            "action_names must be None or a sequence of strings, not 2",
+        ),
         ({"initial": [0.5, 0.6, 0]}, ValueError, "initial sums to 1.1"),
         ({"initial": [-0.5, 1.5, 0]}, ValueError, r"initial\[0\] is -0.5"),
         ({"initial": [0.5, 0.4, 0.1]}, ValueError, r"initial\[2\] is 0.1.*terminal"),
         ({"terminal": [2]}, ValueError, r"terminal must have shape \(3,\)"),
         ({"terminal": [0, 1, 2]}, ValueError, r"terminal\[2\] is 2.*indices"),
-        ({"terminal": [True] * 3, "levels": np.zeros((3, 2))}, ValueError, "all 3 states are terminal"),
+        (
+            {"terminal": [True] * 3, "levels": np.zeros((3, 2))},
+            ValueError,
+            "all 3 states are terminal",
+        ),
         ({"admissible": [[1, 1], [0, 0], [1, 1]]}, ValueError, "state 1 has no admissible action"),
         ({"admissible": [True] * 3}, ValueError, r"admissible must have shape \(3, 2\)"),
     ],
 )
-def test_errors_name_the_place(changed: dict[str, Any], error: type[Exception], message: str) -> None:
+def test_errors_name_the_place(
+    changed: dict[str, Any], error: type[Exception], message: str
+) -> None:
     with pytest.raises(error, match=message):
         small(**changed)
 
@@ -275,12 +351,23 @@ def test_states_and_actions_may_have_names() -> None:
 
 def test_names_are_kept_however_an_mdp_is_made() -> None:
     mdp = small()
-    names: dict[str, Any] = {"state_names": STATES, "action_names": ACTIONS, "terminal": mdp.terminal}
+    names: dict[str, Any] = {
+        "state_names": STATES,
+        "action_names": ACTIONS,
+        "terminal": mdp.terminal,
+    }
     made = [
         OrdinalMDP.from_dense(
-            mdp.transitions.toarray().reshape(3, 2, 3), mdp.levels, 0.9, LABELS, admissible=mdp.admissible, **names
+            mdp.transitions.toarray().reshape(3, 2, 3),
+            mdp.levels,
+            0.9,
+            LABELS,
+            admissible=mdp.admissible,
+            **names,
         ),
-        OrdinalMDP.from_sparse(mdp.transitions, mdp.levels, 0.9, LABELS, admissible=mdp.admissible, **names),
+        OrdinalMDP.from_sparse(
+            mdp.transitions, mdp.levels, 0.9, LABELS, admissible=mdp.admissible, **names
+        ),
         OrdinalMDP.from_pairs(
             mdp.levels[mdp.admissible],
             mdp.transitions[mdp.admissible.ravel()],

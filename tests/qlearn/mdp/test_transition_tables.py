@@ -1,4 +1,6 @@
-"""OrdinalMDPs from tables, state-action pairs and environments are the problems they were made from."""
+"""OrdinalMDPs from tables, state-action pairs and environments are the problems they were made
+from.
+"""
 
 from types import SimpleNamespace
 from typing import Any
@@ -9,13 +11,22 @@ from scipy import sparse
 
 from elicit import PolytopeComparator, TruthfulTutor
 from elicit.model.scale import Floats
-from qlearn import InteractiveValueIteration, OrdinalMDP, drive, policy_loss, random_mdp, value_iteration
+from qlearn import (
+    InteractiveValueIteration,
+    OrdinalMDP,
+    drive,
+    policy_loss,
+    random_mdp,
+    value_iteration,
+)
 from tests.mdp_cases import messy_mdp
 
 ABC = ("a", "b", "c")
 
 
-@pytest.mark.parametrize("form", ["dense", "csr", "csc", "coo", "by action", "pairs", "dense pairs"])
+@pytest.mark.parametrize(
+    "form", ["dense", "csr", "csc", "coo", "by action", "pairs", "dense pairs"]
+)
 def test_every_table_is_the_problem_it_was_made_from(form: str) -> None:
     for mdp in (random_mdp(9, 3, 4, rng=0)[0], *(messy_mdp(seed)[0] for seed in range(3))):
         p, (n, m) = mdp.transitions, mdp.levels.shape
@@ -23,14 +34,22 @@ def test_every_table_is_the_problem_it_was_made_from(form: str) -> None:
         named = (mdp.discount, mdp.labels)
         if form == "dense":
             table = p.toarray().reshape(n, m, n)
-            again = OrdinalMDP.from_dense(table, mdp.levels, *named, **rest, admissible=mdp.admissible)
+            again = OrdinalMDP.from_dense(
+                table, mdp.levels, *named, **rest, admissible=mdp.admissible
+            )
         elif "pairs" in form:
             s, a = np.random.default_rng(1).permutation(np.argwhere(mdp.admissible)).T
             q = p[s * m + a] if form == "pairs" else p[s * m + a].toarray()
             again = OrdinalMDP.from_pairs(mdp.levels[s, a], q, s, a, *named, **rest)
         else:
-            given = [p[np.arange(n) * m + a] for a in range(m)] if form == "by action" else p.asformat(form)
-            again = OrdinalMDP.from_sparse(given, mdp.levels, *named, **rest, admissible=mdp.admissible)
+            given = (
+                [p[np.arange(n) * m + a] for a in range(m)]
+                if form == "by action"
+                else p.asformat(form)
+            )
+            again = OrdinalMDP.from_sparse(
+                given, mdp.levels, *named, **rest, admissible=mdp.admissible
+            )
         np.testing.assert_array_equal(again.transitions.toarray(), p.toarray())
         for name in ("initial", "terminal", "admissible"):
             np.testing.assert_array_equal(getattr(again, name), getattr(mdp, name))
@@ -65,7 +84,10 @@ def test_from_sparse_leaves_its_argument_alone_and_drops_zeros() -> None:
     [
         (sparse.csr_array((5, 2)), r"must have shape \(S\*A, S\), not \(5, 2\)"),
         (sparse.csr_array(np.eye(2) / 2), r"probabilities\[0, 0\] sums to 0.5"),
-        ([sparse.csr_array(np.eye(2)), sparse.csr_array(np.eye(3))], r"transitions\[1\] is \(3, 3\)"),
+        (
+            [sparse.csr_array(np.eye(2)), sparse.csr_array(np.eye(3))],
+            r"transitions\[1\] is \(3, 3\)",
+        ),
         ([], "not empty"),
         ([np.eye(2)], r"transitions\[0\] must be a SciPy sparse matrix, not ndarray"),
     ],
@@ -96,7 +118,10 @@ def pairs(**changed: Any) -> dict[str, Any]:
         ({"transitions": np.eye(3)}, "state 2 has no admissible action"),
         ({"transitions": np.ones(3)}, r"must have shape \(L, S\)"),
         ({"transitions": sparse.csr_array((0, 2))}, "each at least 1"),
-        ({"transitions": sparse.csr_array([[0, 1], [1, 0], [0.5, 0]])}, r"probabilities\[1, 1\] sums to 0.5"),
+        (
+            {"transitions": sparse.csr_array([[0, 1], [1, 0], [0.5, 0]])},
+            r"probabilities\[1, 1\] sums to 0.5",
+        ),
     ],
 )
 def test_from_pairs_refuses(changed: dict[str, Any], message: str) -> None:
@@ -105,7 +130,9 @@ def test_from_pairs_refuses(changed: dict[str, Any], message: str) -> None:
 
 
 def optimal(table: Any, discount: float) -> Floats:
-    """v* (n,) of an environment as reinforcement learning has it: rewards as numbers, nothing after the end."""
+    """v* (n,) of an environment as reinforcement learning has it: rewards as numbers, nothing after
+    the end.
+    """
     v = np.zeros(len(table))
 
     def worth(outcomes: Any) -> float:
@@ -117,7 +144,9 @@ def optimal(table: Any, discount: float) -> Floats:
 
 
 def fork(rewards: tuple[float, float, float] = (0.0, 1.0, -1.0)) -> Any:
-    """State 0 chooses between walking on (to 1, sometimes back) and stopping; state 1 ends either way."""
+    """State 0 chooses between walking on (to 1, sometimes back) and stopping; state 1 ends either
+    way.
+    """
     walk, win, lose = rewards
     return {
         0: {0: [(0.75, 1, walk, False), (0.25, 0, walk, False)], 1: [(1.0, 0, lose, True)]},
@@ -139,7 +168,9 @@ def wrapped(table: Any, **beside: Any) -> Any:
 
 
 def assert_means_the_same(env: Any, discount: float, numbers: list[float]) -> OrdinalMDP:
-    """The environment's v* and that of its MDP are one, up to the scale; ``numbers``: its distinct rewards."""
+    """The environment's v* and that of its MDP are one, up to the scale; ``numbers``: its distinct
+    rewards.
+    """
     table = env.unwrapped.P
     mdp, n = OrdinalMDP.from_environment(env, discount), len(table)
     assert mdp.labels == tuple(f"reward {x:g}" for x in numbers)
@@ -148,14 +179,18 @@ def assert_means_the_same(env: Any, discount: float, numbers: list[float]) -> Or
     v, policy = value_iteration(mdp, numbers)
     if any(len({r for p, _, r, _ in table[s][a] if p > 0}) > 1 for s in table for a in table[s]):
         e = (np.array(numbers) - low) / (high - low)
-        expected = (1 - discount) * e[mdp.levels[:n, 0]] + discount * expected  # counted on arrival, a step later
+        expected = (1 - discount) * e[
+            mdp.levels[:n, 0]
+        ] + discount * expected  # counted on arrival, a step later
     np.testing.assert_allclose(v[:n], expected, atol=1e-9)
     assert all(int(policy[s]) in table[s] for s in range(n))
     return mdp
 
 
 def test_an_environment_by_hand() -> None:
-    mdp = assert_means_the_same(wrapped(fork(), initial_state_distrib=[1.0, 0.0]), 0.9, [-1.0, 0.0, 1.0])
+    mdp = assert_means_the_same(
+        wrapped(fork(), initial_state_distrib=[1.0, 0.0]), 0.9, [-1.0, 0.0, 1.0]
+    )
     assert mdp.n_states == 3
     assert mdp.terminal.tolist() == [False, False, True]
     assert mdp.final_level[2] == 1  # after the end: reward 0
@@ -175,7 +210,10 @@ def test_an_environment_without_end_has_no_terminal_state() -> None:
     table = {0: {0: [(1.0, 0, 5.0, False)], 1: [(1.0, 0, 7.0, False)]}}
     mdp = OrdinalMDP.from_environment(SimpleNamespace(P=table), 0.9)
     assert (mdp.n_states, mdp.labels, mdp.terminal.any()) == (1, ("reward 5", "reward 7"), False)
-    left = {0: {0: [(1.0, 1, 7.0, False)]}, 1: {0: [(1.0, 1, 5.0, False)]}}  # nothing leads to the first state
+    left = {
+        0: {0: [(1.0, 1, 7.0, False)]},
+        1: {0: [(1.0, 1, 5.0, False)]},
+    }  # nothing leads to the first state
     assert OrdinalMDP.from_environment(SimpleNamespace(P=left), 0.9).levels.tolist() == [[1], [0]]
 
 
@@ -189,7 +227,9 @@ def test_the_caller_orders_the_rewards() -> None:
     merged = OrdinalMDP.from_environment(env, 0.9, levels=named)
     assert merged.labels == ("bad", "good")
     assert merged.levels[:2].tolist() == [[0, 0], [1, 0]]
-    assert OrdinalMDP.from_environment(env, 0.9, levels=named, labels=("good", "bad")).levels[0].tolist() == [1, 1]
+    assert OrdinalMDP.from_environment(env, 0.9, levels=named, labels=("good", "bad")).levels[
+        0
+    ].tolist() == [1, 1]
     after = OrdinalMDP.from_environment(env, 0.9, after=-5.0)
     assert (after.k, after.final_level[2]) == (3, 0)
 
@@ -202,8 +242,18 @@ def test_the_caller_orders_the_rewards() -> None:
         (wrapped(fork()), {"levels": [-1.0, 1.0]}, ValueError, r"no level for the rewards \[0.0\]"),
         (wrapped(fork()), {"levels": [0.0, 1.0, -1.0, 1.0]}, ValueError, "each reward once"),
         (wrapped(fork()), {"labels": ("a", "b")}, ValueError, "labels must name 3 levels"),
-        (wrapped(fork()), {"labels": "abc"}, TypeError, "labels must be a sequence of strings, .* not 'abc'"),
-        (wrapped(fork()), {"levels": {0.0: "x", 1.0: "y", -1.0: "z"}, "labels": ("x", "y")}, ValueError, "'z'"),
+        (
+            wrapped(fork()),
+            {"labels": "abc"},
+            TypeError,
+            "labels must be a sequence of strings, .* not 'abc'",
+        ),
+        (
+            wrapped(fork()),
+            {"levels": {0.0: "x", 1.0: "y", -1.0: "z"}, "labels": ("x", "y")},
+            ValueError,
+            "'z'",
+        ),
         (wrapped(fork()), {"initial": [1.0]}, ValueError, r"initial must have shape \(2,\)"),
         (wrapped({0: {0: [(1.0, 4, 0.0, False)]}}), {}, ValueError, "leads to state 4"),
         (wrapped({0: {0: [(0.0, 0, 0.0, False)]}}), {}, ValueError, "no next state"),
@@ -211,17 +261,23 @@ def test_the_caller_orders_the_rewards() -> None:
         (wrapped({0: {0: [(1.0, 0, 1.0, False)]}}), {}, ValueError, "at least 2 levels"),
     ],
 )
-def test_from_environment_refuses(env: Any, keywords: Any, error: type[Exception], message: str) -> None:
+def test_from_environment_refuses(
+    env: Any, keywords: Any, error: type[Exception], message: str
+) -> None:
     with pytest.raises(error, match=message):
         OrdinalMDP.from_environment(env, 0.9, **keywords)
 
 
-@pytest.mark.parametrize(("name", "numbers"), [("FrozenLake-v1", [0.0, 1.0]), ("CliffWalking-v1", [-100.0, -1.0, 0.0])])
+@pytest.mark.parametrize(
+    ("name", "numbers"), [("FrozenLake-v1", [0.0, 1.0]), ("CliffWalking-v1", [-100.0, -1.0, 0.0])]
+)
 def test_gymnasium_toy_texts(name: str, numbers: list[float]) -> None:
     gymnasium = pytest.importorskip("gymnasium")
     env = gymnasium.make(name)
     mdp = assert_means_the_same(env, 0.9, numbers)
-    np.testing.assert_allclose(mdp.initial[: len(env.unwrapped.P)], env.unwrapped.initial_state_distrib)
+    np.testing.assert_allclose(
+        mdp.initial[: len(env.unwrapped.P)], env.unwrapped.initial_state_distrib
+    )
     learner = InteractiveValueIteration(mdp, PolytopeComparator(mdp.k), tolerance=0.001)
     result = drive(learner, TruthfulTutor(numbers))
     assert policy_loss(mdp, result.policy, numbers).max() <= 0.001

@@ -13,7 +13,9 @@ from tests.mdp_cases import messy_mdp
 def ring(n=300, discount=0.99):
     """States on a ring, of random levels: step forward, back, or stay; values travel slowly."""
     at, rng = np.arange(n), np.random.default_rng(0)
-    successors = np.stack([[(at + step) % n, (at + 2 * step) % n] for step in (1, -1, 0)]).transpose(2, 0, 1)
+    successors = np.stack(
+        [[(at + step) % n, (at + 2 * step) % n] for step in (1, -1, 0)]
+    ).transpose(2, 0, 1)
     probabilities = np.broadcast_to([0.8, 0.2], (n, 3, 2))
     levels = np.repeat(rng.integers(4, size=(n, 1)), 3, axis=1)
     return OrdinalMDP(successors, probabilities, levels, discount, ("a", "b", "c", "d"))
@@ -58,15 +60,23 @@ def test_what_is_said_of_values_is_so_where_rounds_run_out(monkeypatch, name, ro
 def test_a_policys_vector_value_is_nearly_consistent_whatever_it_starts_from(name, within):
     mdp = MODELS[name]
     n, policy = mdp.n_states, value_iteration(mdp, VALUES)[1]
-    exact, chain = evaluate_policy(mdp, policy), mdp.transitions[np.arange(n) * mdp.n_actions + policy]
+    exact, chain = (
+        evaluate_policy(mdp, policy),
+        mdp.transitions[np.arange(n) * mdp.n_actions + policy],
+    )
     for start in (None, exact, np.random.default_rng(1).dirichlet(np.ones(4), n)):
         v = nearly_valued(mdp, policy, start, within)
         np.testing.assert_allclose(v.sum(axis=1), 1.0)
         assert (v >= 0).all()
         np.testing.assert_array_equal(v[mdp.terminal], exact[mdp.terminal])
-        tails, reward = v[:, ::-1].cumsum(axis=1)[:, -2::-1], mdp.levels[np.arange(n), policy][:, None] > np.arange(3)
+        tails, reward = (
+            v[:, ::-1].cumsum(axis=1)[:, -2::-1],
+            mdp.levels[np.arange(n), policy][:, None] > np.arange(3),
+        )
         left = (1 - mdp.discount) * reward + mdp.discount * (chain @ tails) - tails
         left[mdp.terminal] = 0.0
         apart = np.maximum(left.max(axis=0), 0) - np.minimum(left.min(axis=0), 0)
-        assert apart.max() <= 6 * within  # of which the most comes from cutting off what is negative
+        assert (
+            apart.max() <= 6 * within
+        )  # of which the most comes from cutting off what is negative
         np.testing.assert_allclose(v, exact, atol=6 * within / (1 - mdp.discount))

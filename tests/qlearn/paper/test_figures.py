@@ -1,4 +1,6 @@
-"""The paper's figures, held to what can be measured in them: nothing is drawn where no value can be."""
+"""The paper's figures, held to what can be measured in them: nothing is drawn where no value can
+be.
+"""
 
 from itertools import product
 from pathlib import Path
@@ -24,7 +26,16 @@ def of(names: tuple[str, ...], mean: list[float], half: list[float]) -> pd.DataF
     parts = []
     for name, (i, x) in product(("levels", "states"), enumerate((5, 10))):
         measures = dict.fromkeys(names, mean[i]) | {f"{measure}_half": half[i] for measure in names}
-        parts.append({"series": name, "comparator": "polytope", "errs": "truthful", "x": x, "runs": 2, **measures})
+        parts.append(
+            {
+                "series": name,
+                "comparator": "polytope",
+                "errs": "truthful",
+                "x": x,
+                "runs": 2,
+                **measures,
+            }
+        )
     return pd.DataFrame(parts)
 
 
@@ -38,7 +49,9 @@ def carets(axes: Axes) -> list[tuple[float, float]]:
 
 
 def test_intervals_that_reach_zero_end_in_an_arrow_at_the_end_of_the_log_axis() -> None:
-    for name, figure in ((n, plot_asked(of(ASKED, [1.0, 4.0], [1.5, 0.5]), n)) for n in ("levels", "states")):
+    for name, figure in (
+        (n, plot_asked(of(ASKED, [1.0, 4.0], [1.5, 0.5]), n)) for n in ("levels", "states")
+    ):
         for axes in figure.axes:
             assert axes.get_ylim()[0] == 0.5, name
             assert bars(axes) == [(0.5, 2.5), (3.5, 4.5)]
@@ -56,7 +69,10 @@ def test_where_none_was_asked_the_point_is_at_the_end_of_the_axis() -> None:
 
 def test_measures_have_a_panel_each() -> None:
     (only,) = plot_asked(of(ASKED, [1.0, 4.0], [0.3, 0.5]), "levels", measures=ASKED[1:2]).axes
-    assert (only.get_title(), bars(only)) == ("of those that dominance leaves open", [(0.7, 1.3), (3.5, 4.5)])
+    assert (only.get_title(), bars(only)) == (
+        "of those that dominance leaves open",
+        [(0.7, 1.3), (3.5, 4.5)],
+    )
     (only,) = plot_loss(of(LOSSES, [1.0, 4.0], [0.5, 0.5]), measures=LOSSES[2:]).axes
     assert (only.get_title(), bars(only)) == ("true policy loss", [(0.5, 1.5), (3.5, 4.5)])
 
@@ -87,8 +103,13 @@ def test_the_notebooks_figures_show_all_of_their_intervals() -> None:
 
 
 def test_pictures_show_the_tutor_who_never_errs_and_the_one_who_errs_most_or_those_named() -> None:
-    parts = [of(ASKED, [1.0, 4.0], [0.3, 0.3]).assign(errs=errs) for errs in ("truthful", "2%", "10%")]
+    parts = [
+        of(ASKED, [1.0, 4.0], [0.3, 0.3]).assign(errs=errs) for errs in ("truthful", "2%", "10%")
+    ]
     summary = pd.concat(parts, ignore_index=True)
-    for tutors, shown in ((None, ["truthful tutor", "tutor errs (10%)"]), (["2%"], ["tutor errs (2%)"])):
+    for tutors, shown in (
+        (None, ["truthful tutor", "tutor errs (10%)"]),
+        (["2%"], ["tutor errs (2%)"]),
+    ):
         labels = plot_asked(summary, "levels", tutors).axes[0].get_legend_handles_labels()[1]
         assert [label.split(", ")[1] for label in labels] == shown

@@ -37,7 +37,10 @@ def test_the_lake_is_what_gymnasium_does_when_it_is_stepped() -> None:
         seen.setdefault((state, a), Counter())[int(following)] += 1
         assert ended == mdp.terminal[following]
         assert (reward == 1) == (mdp.levels[following, 0] == 2)
-        assert env.unwrapped.desc.ravel()[following] in {0: b"H", 1: b"SF", 2: b"G"}[int(mdp.levels[following, 0])]
+        assert (
+            env.unwrapped.desc.ravel()[following]
+            in {0: b"H", 1: b"SF", 2: b"G"}[int(mdp.levels[following, 0])]
+        )
         state = env.reset()[0] if ended or cut else int(following)
         assert mdp.initial[state] == 1 or not (ended or cut)
     dense = mdp.transitions.toarray().reshape(64, 4, 64)
@@ -88,16 +91,25 @@ def test_the_submarine_goes_where_mo_gymnasium_takes_it() -> None:
 def test_they_can_be_learned_by_asking(make: Any) -> None:
     mdp = make()
     values = np.arange(mdp.k) ** 2.0
-    result = drive(InteractiveValueIteration(mdp, PolytopeComparator(mdp.k), tolerance=0.002), TruthfulTutor(values))
+    result = drive(
+        InteractiveValueIteration(mdp, PolytopeComparator(mdp.k), tolerance=0.002),
+        TruthfulTutor(values),
+    )
     assert policy_loss(mdp, result.policy, values).max() <= 0.002
     assert 0 < result.asked < 200
 
 
 @pytest.mark.parametrize(
     ("make", "package"),
-    [(frozen_lake, "gymnasium"), (deep_sea_treasure, "mo_gymnasium"), (deep_sea_treasure, "pygame")],
+    [
+        (frozen_lake, "gymnasium"),
+        (deep_sea_treasure, "mo_gymnasium"),
+        (deep_sea_treasure, "pygame"),
+    ],
 )
-def test_a_missing_package_is_named(make: Any, package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_package_is_named(
+    make: Any, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     real = builtins.__import__
 
     def without(name: str, *args: Any, **kwargs: Any) -> Any:
@@ -106,5 +118,7 @@ def test_a_missing_package_is_named(make: Any, package: str, monkeypatch: pytest
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(ImportError, match=rf"{package} is not installed: pip install 'elicit-qlearn\[gym\]'"):
+    with pytest.raises(
+        ImportError, match=rf"{package} is not installed: pip install 'elicit-qlearn\[gym\]'"
+    ):
         make()

@@ -29,7 +29,9 @@ def uniform_policy(mdp: OrdinalMDP) -> Floats:
 
 def chain(mdp: OrdinalMDP, policy: Floats) -> Floats:
     """Where a step of the policy (713, 25) leads (713, 715)."""
-    steps: Floats = np.einsum("sa,sat->st", policy, mdp.transitions.toarray().reshape(715, 25, 715)[:713])
+    steps: Floats = np.einsum(
+        "sa,sat->st", policy, mdp.transitions.toarray().reshape(715, 25, 715)[:713]
+    )
     return steps
 
 
@@ -99,8 +101,8 @@ def test_bands_can_be_chosen(icu: OrdinalMDP) -> None:
 
 
 def test_the_published_baselines(icu: OrdinalMDP) -> None:
-    """The package's table: average return .78 at random and .88 at best, undiscounted; average lengths 9.45 and 10.99,
-    which are simulated means."""
+    """The package's table: average return .78 at random and .88 at best, undiscounted; average
+    lengths 9.45 and 10.99, which are simulated means."""
     recovery, best, before = survival(icu, uniform_policy(icu)), np.eye(715)[714], np.zeros(715)
     while np.abs(best - before).max() > 1e-12:
         q = np.where(icu.admissible, (icu.transitions @ best).reshape(715, 25), -np.inf)
@@ -127,9 +129,12 @@ def test_level_shares(icu: OrdinalMDP) -> None:
 def test_gym_is_never_imported() -> None:
     code = (
         "import sys, qlearn; qlearn.icu_sepsis(); "
-        "bad = {'gym', 'gymnasium', 'icu_sepsis', 'pandas', 'matplotlib'} & set(sys.modules); assert not bad, bad"
+        "bad = {'gym', 'gymnasium', 'icu_sepsis', 'pandas', 'matplotlib'} & set(sys.modules); "
+        "assert not bad, bad"
     )
-    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
@@ -144,14 +149,28 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (None, "dynamics.npz exists"),
         ({"d_0": np.zeros(716), "sofa_scores": np.zeros(716)}, "holds tx_mat"),
-        ({"tx_mat": np.zeros((4, 2, 4)), "d_0": np.zeros(716), "sofa_scores": np.zeros(716)}, r"not \(4, 2, 4\)"),
-        ({"tx_mat": np.zeros((716, 25, 716)), "d_0": np.zeros(716), "sofa_scores": np.zeros(716)}, "lead to state 715"),
+        (
+            {"tx_mat": np.zeros((4, 2, 4)), "d_0": np.zeros(716), "sofa_scores": np.zeros(716)},
+            r"not \(4, 2, 4\)",
+        ),
+        (
+            {
+                "tx_mat": np.zeros((716, 25, 716)),
+                "d_0": np.zeros(716),
+                "sofa_scores": np.zeros(716),
+            },
+            "lead to state 715",
+        ),
     ],
 )
-def test_tables_of_another_version(tables: Any, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tables_of_another_version(
+    tables: Any, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assets = tmp_path / "icu_sepsis" / "envs" / "assets"
     assets.mkdir(parents=True)
-    (tmp_path / "icu_sepsis" / "__init__.py").write_text("raise AssertionError('must not be imported')")
+    (tmp_path / "icu_sepsis" / "__init__.py").write_text(
+        "raise AssertionError('must not be imported')"
+    )
     if tables is not None:
         np.savez_compressed(assets / "dynamics.npz", **tables)
     monkeypatch.syspath_prepend(tmp_path)

@@ -35,7 +35,9 @@ def test_random_mdp_invariants(n: int, m: int, k: int, seed: int, weights: Any) 
     assert set(values) <= set(range(100))
 
 
-@pytest.mark.parametrize(("n", "b"), [(1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (100, 7), (128, 7), (129, 8), (500, 9)])
+@pytest.mark.parametrize(
+    ("n", "b"), [(1, 1), (2, 1), (3, 2), (4, 2), (5, 3), (100, 7), (128, 7), (129, 8), (500, 9)]
+)
 def test_branching_is_the_ceiling_of_log2(n: int, b: int) -> None:
     assert random_mdp(n, 2, 5, rng=0)[0].successors.shape == (n, 2, b)
 
@@ -75,7 +77,10 @@ def test_probabilities_are_dirichlet() -> None:
 
 
 def test_gaussian_weights_are_more_even_than_dirichlet() -> None:
-    spread = [random_mdp(64, 50, 2, rng=6, weights=w)[0].probabilities.std() for w in ("gaussian", "dirichlet")]
+    spread = [
+        random_mdp(64, 50, 2, rng=6, weights=w)[0].probabilities.std()
+        for w in ("gaussian", "dirichlet")
+    ]
     half = np.abs(np.random.default_rng(0).standard_normal((3200, 6)))
     assert spread[0] == pytest.approx((half / half.sum(axis=1, keepdims=True)).std(), rel=0.05)
     assert spread[0] < 0.9 * spread[1]

@@ -1,4 +1,6 @@
-"""Training by few questions: what it certifies holds, and it certifies nothing that nobody can vouch for."""
+"""Training by few questions: what it certifies holds, and it certifies nothing that nobody can
+vouch for.
+"""
 
 import numpy as np
 import pytest
@@ -76,7 +78,10 @@ def test_a_tutor_who_errs_and_the_posterior():
         mdp, values = problem(seed)
         comparator = PosteriorComparator(5, seed=seed, particles=400)
         result = run(
-            training_of(comparator, mdp, optimality_gap=0.0), mdp, exact(mdp), FlippingTutor(values, 0.1, seed)
+            training_of(comparator, mdp, optimality_gap=0.0),
+            mdp,
+            exact(mdp),
+            FlippingTutor(values, 0.1, seed),
         )
         assert result.confidence == 0.95
         kept.append(loss_of(mdp, result, values) <= result.loss_bound)
@@ -113,7 +118,9 @@ def test_with_a_poor_trainer_a_bound_is_kept_or_the_gap_is_seen_to_be_broken():
             assert np.isnan(result.loss_bound)
         # of a gap that does hold the bound holds
         worst = max(loss_at(mdp, policy) for policy in result.policies)
-        honest = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.5), mdp, poor(mdp, seed), tutor)
+        honest = run(
+            training_of(PolytopeComparator(5), mdp, optimality_gap=0.5), mdp, poor(mdp, seed), tutor
+        )
         assert worst <= 0.5
         assert honest.status is Status.SETTLED
         assert loss_of(mdp, honest, values) <= honest.loss_bound
@@ -124,7 +131,9 @@ def test_with_a_poor_trainer_a_bound_is_kept_or_the_gap_is_seen_to_be_broken():
 def loss_at(mdp, policy):
     """How far a training ended below its optimum."""
     scale = policy.trained_on
-    return float(mdp.initial @ value_iteration(mdp, np.maximum.accumulate(scale))[0] - policy.shares @ scale)
+    return float(
+        mdp.initial @ value_iteration(mdp, np.maximum.accumulate(scale))[0] - policy.shares @ scale
+    )
 
 
 def test_errors_and_cut_offs_count_in_the_bound():
@@ -208,11 +217,18 @@ def test_a_policy_of_another_origin_bounds_nothing_and_may_be_the_best():
 def test_limits_end_it_and_are_said():
     mdp, values = problem(6)
     tutor = TruthfulTutor(values)
-    few = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1), mdp, exact(mdp), tutor)
+    few = run(
+        training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1),
+        mdp,
+        exact(mdp),
+        tutor,
+    )
     assert few.asked == 1
     assert few.status is Status.GUESSED
     assert loss_of(mdp, few, values) <= few.loss_bound
-    once = training_of(PolytopeComparator(5), mdp, tolerance=1e-4, optimality_gap=0.0, max_trainings=1, bags=None)
+    once = training_of(
+        PolytopeComparator(5), mdp, tolerance=1e-4, optimality_gap=0.0, max_trainings=1, bags=None
+    )
     limited = run(once, mdp, exact(mdp), tutor)
     assert limited.trained == 1
     assert limited.status is Status.TRAINING_LIMIT
@@ -223,13 +239,25 @@ def test_limits_end_it_and_are_said():
     assert silent.trained > 3
     assert silent.cannot_tell == silent.asked > 0
     assert loss_of(mdp, silent, values) <= silent.loss_bound
-    same = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0), mdp, exact(mdp), lambda q: Answer(q, 0))
+    same = run(
+        training_of(PolytopeComparator(5), mdp, optimality_gap=0.0),
+        mdp,
+        exact(mdp),
+        lambda q: Answer(q, 0),
+    )
     assert same.status in (Status.CALLED_EQUAL, Status.CONVERGED)
 
 
-def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_the_policy_fits_the_guess():
+def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_the_policy_fits_the_guess():  # noqa: E501
     mdp, values = problem(0)
-    both = training_of(PolytopeComparator(5), mdp, tolerance=1e-4, optimality_gap=0.0, max_queries=2, max_trainings=1)
+    both = training_of(
+        PolytopeComparator(5),
+        mdp,
+        tolerance=1e-4,
+        optimality_gap=0.0,
+        max_queries=2,
+        max_trainings=1,
+    )
     result = run(both, mdp, exact(mdp), TruthfulTutor(values))
     assert loss_of(mdp, result, result.comparator.values) > 1e-4  # at the best guess
     assert result.status is Status.TRAINING_LIMIT
@@ -239,7 +267,9 @@ def test_with_both_limits_spent_it_says_that_trainings_are_missing_and_not_that_
         exact(mdp),
         TruthfulTutor(values),
     ).trained
-    enough = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1, max_trainings=n_trainings)
+    enough = training_of(
+        PolytopeComparator(5), mdp, optimality_gap=0.0, max_queries=1, max_trainings=n_trainings
+    )
     assert run(enough, mdp, exact(mdp), TruthfulTutor(values)).status is Status.GUESSED
 
 
@@ -251,7 +281,9 @@ def test_bags_come_where_plain_pairs_run_out():
         return TruthfulTutor(values)(query) if simple else Answer(query, None)
 
     for bags in (Bags(10), None):
-        training = training_of(PolytopeComparator(5), mdp, tolerance=0.05, optimality_gap=0.0, bags=bags)
+        training = training_of(
+            PolytopeComparator(5), mdp, tolerance=0.05, optimality_gap=0.0, bags=bags
+        )
         result = run(training, mdp, exact(mdp), tells_bags)
         assert (len(result.answers) > 0) == (bags is not None)
         assert loss_of(mdp, result, values) <= result.loss_bound
@@ -261,7 +293,12 @@ def test_settled_pairs_of_policies_are_audited_if_wanted():
     mdp, values = problem(3)
     training = training_of(PolytopeComparator(5), mdp, optimality_gap=0.0, audit=1.0, max_audits=1)
     result = run(training, mdp, exact(mdp), TruthfulTutor(values))
-    plain = run(training_of(PolytopeComparator(5), mdp, optimality_gap=0.0), mdp, exact(mdp), TruthfulTutor(values))
+    plain = run(
+        training_of(PolytopeComparator(5), mdp, optimality_gap=0.0),
+        mdp,
+        exact(mdp),
+        TruthfulTutor(values),
+    )
     assert result.audited == 1
     assert not any(audit.contradicts for audit in result.audits)
     assert result.asked == plain.asked
@@ -269,7 +306,10 @@ def test_settled_pairs_of_policies_are_audited_if_wanted():
 
 
 def test_what_it_cannot_use_it_refuses_with_a_sentence():
-    with pytest.raises(TypeError, match=r"AlwaysAsk has no draws, which InteractiveTraining needs \(plausible scales"):
+    with pytest.raises(
+        TypeError,
+        match=r"AlwaysAsk has no draws, which InteractiveTraining needs \(plausible scales",
+    ):
         InteractiveTraining(AlwaysAsk(5), discount=0.9)
     with pytest.raises(TypeError, match="Exact has no simultaneous_bounds"):
         InteractiveTraining(Exact(np.arange(5.0)), discount=0.9)
@@ -293,7 +333,11 @@ def test_what_it_cannot_use_it_refuses_with_a_sentence():
     result = training.result()
     assert (result.policy, result.status) == (None, Status.TRAINING)
     assert np.isnan(result.loss_bound)
-    for shares, errors in (([0.5, 0.6, -0.1], None), ([0.5, 0.6, 0.2], None), ([0.5, 0.5, 0.0], [0.1])):
+    for shares, errors in (
+        ([0.5, 0.6, -0.1], None),
+        ([0.5, 0.6, 0.2], None),
+        ([0.5, 0.5, 0.0], [0.1]),
+    ):
         with pytest.raises(ValueError, match=r"shares must be|errors must be"):
             training.add("policy", shares, errors)
     assert training.result().policies == ()
@@ -309,8 +353,12 @@ def test_what_it_cannot_use_it_refuses_with_a_sentence():
 def test_on_icu_sepsis():
     mdp = icu_sepsis()
     for seed in range(2):
-        values = np.sort(np.random.default_rng(seed).choice(100, mdp.k, replace=False)).astype(float)
-        training = training_of(PolytopeComparator(mdp.k), mdp, optimality_gap=0.0, labels=mdp.labels)
+        values = np.sort(np.random.default_rng(seed).choice(100, mdp.k, replace=False)).astype(
+            float
+        )
+        training = training_of(
+            PolytopeComparator(mdp.k), mdp, optimality_gap=0.0, labels=mdp.labels
+        )
         result = run(training, mdp, exact(mdp), TruthfulTutor(values))
         assert result.status is Status.CONVERGED
         assert loss_of(mdp, result, values) <= result.loss_bound
@@ -325,7 +373,9 @@ def test_a_disaster_that_no_episode_showed_is_within_the_bound():
         env = LevelVector(Gamble(), 3, discount=0.5, after="last")
         while not training.finished:
             if (scale := training.to_train()) is not None:
-                found = [rollout_shares(env, lambda _, a=a: a, episodes=20, seed=seed) for a in range(2)]
+                found = [
+                    rollout_shares(env, lambda _, a=a: a, episodes=20, seed=seed) for a in range(2)
+                ]
                 best = int(np.argmax([one.shares @ scale for one in found]))
                 training.add(best, found[best])
             while queries := training.ask():
@@ -339,12 +389,17 @@ def test_a_disaster_that_no_episode_showed_is_within_the_bound():
 
 
 def test_a_result_changes_no_later_question():
-    """Nor do `finished`, `start_from` and `to_train`, also between two policies that are brought in together."""
+    """Nor do `finished`, `start_from` and `to_train`, also between two policies that are brought in
+    together.
+    """
     rng, values = np.random.default_rng(3), np.array([0.0, 0.2, 0.7, 1.0])
     seen = rng.dirichlet(np.ones(4), 12)
 
     def asked(look):
-        training, questions = InteractiveTraining(PolytopeComparator(4), discount=0.9, optimality_gap=0.0), []
+        training, questions = (
+            InteractiveTraining(PolytopeComparator(4), discount=0.9, optimality_gap=0.0),
+            [],
+        )
         for round_ in range(3):
             training.to_train()
             for i, vector in enumerate(seen[4 * round_ : 4 * round_ + 4]):

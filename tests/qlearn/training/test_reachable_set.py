@@ -42,7 +42,9 @@ def test_a_cut_that_takes_nothing_away_or_everything_changes_nothing():
     reach = ReachableSet.shares(4)
     gaps = np.array([0.2, 0.3, 0.5])
     assert reach.cut(gaps, 1.0) is reach
-    assert reach.cut(gaps, -0.1) is reach  # no policy could be there: an error of the trainer's, not a bound
+    assert (
+        reach.cut(gaps, -0.1) is reach
+    )  # no policy could be there: an error of the trainer's, not a bound
 
 
 def test_a_cut_that_would_leave_too_many_corners_is_left_out(monkeypatch):

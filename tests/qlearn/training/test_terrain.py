@@ -1,4 +1,6 @@
-"""A continuous task from end to end: a learner without a table, trained by questions as if the values were known."""
+"""A continuous task from end to end: a learner without a table, trained by questions as if the
+values were known.
+"""
 
 import numpy as np
 import pytest
@@ -22,7 +24,11 @@ def test_walks_have_the_shares_that_rollouts_find():
 @pytest.mark.slow
 def test_questions_train_it_as_well_as_knowing_the_values():
     terrain, values = Terrain(5), draw_values(5, rng=5)
-    learner, tutor, e = TileCoded(terrain, 5, samples=20_000), TruthfulTutor(values), normalise(values)
+    learner, tutor, e = (
+        TileCoded(terrain, 5, samples=20_000),
+        TruthfulTutor(values),
+        normalise(values),
+    )
     training = InteractiveTraining(PolytopeComparator(5), discount=DISCOUNT, labels=OUTCOMES)
     while not training.finished:
         if (scale := training.to_train()) is not None:
@@ -31,7 +37,10 @@ def test_questions_train_it_as_well_as_knowing_the_values():
         training.tell([tutor(query) for query in training.ask()])
     result = training.result()
     assert result.status is Status.UNPROVEN
-    known, guessed = terrain.shares(learner.train(e)) @ e, terrain.shares(learner.train(np.linspace(0, 1, 5))) @ e
+    known, guessed = (
+        terrain.shares(learner.train(e)) @ e,
+        terrain.shares(learner.train(np.linspace(0, 1, 5))) @ e,
+    )
     assert known - result.shares @ e <= 0.01
     assert known - guessed >= 0.03
     assert result.asked <= 20

@@ -17,7 +17,12 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import (
     next_refit,
     refit_point,
 )
-from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit, prior_centres, sigmoid
+from elicit.comparators.bradley_terry.likelihood import (
+    bootstrap_weights,
+    fit,
+    prior_centres,
+    sigmoid,
+)
 from elicit.model.scale import Floats, order_bounds, tail_sums
 from elicit.testing import check_comparator
 from tests.noisy_cases import pairs
@@ -25,8 +30,12 @@ from tests.noisy_cases import pairs
 REGIONS = ["ensemble", "box"]
 
 
-def told(seed: int, k: int, n: int, *, sd: float = 2.0, alpha: float = 1.0) -> tuple[Answers, Floats, float, Floats]:
-    """n answers of a noisy tutor, fresh pairs (500, k), the precision, and the hidden scale (k,)."""
+def told(
+    seed: int, k: int, n: int, *, sd: float = 2.0, alpha: float = 1.0
+) -> tuple[Answers, Floats, float, Floats]:
+    """n answers of a noisy tutor, fresh pairs (500, k), the precision, and the hidden scale
+    (k,).
+    """
     rng = np.random.default_rng(seed)
     e = np.concatenate([[0.0], np.cumsum(rng.dirichlet(np.full(k - 1, alpha)))])
     d, fresh = pairs(rng, k, n), pairs(rng, k, 500)
@@ -63,7 +72,10 @@ def test_nothing_beyond_dominance_without_answers_or_after_one(region: str, n: i
     assert (a.compare(fresh) == Verdict.UNKNOWN).all()
     assert (a.compare(answers.d) == Verdict.UNKNOWN).all()
     assert a.values == pytest.approx(np.linspace(0, 1, 6))
-    assert all((x == y).all() for x, y in zip(a.bounds(fresh), order_bounds(tail_sums(fresh), 0.0), strict=True))
+    assert all(
+        (x == y).all()
+        for x, y in zip(a.bounds(fresh), order_bounds(tail_sums(fresh), 0.0), strict=True)
+    )
     low, high, point = a.probability(fresh)
     assert (low == 0).all()
     assert (high == 1).all()
@@ -77,7 +89,9 @@ def test_many_equal_answers_about_one_pair_leave_the_rest_open(region: str) -> N
     a = BradleyTerryComparator(6, precision=20.0, region=region).update(
         Answers(np.tile(d, (200, 1)), np.ones(200, int))
     )
-    untouched = np.array([[0.0, 0.0, 0.0, 0.5, -1.0, 0.5], [0.0, 0.0, 0.3, -0.6, 0.0, 0.3], [0, 0, 0.5, -1, 0.5, 0]])
+    untouched = np.array(
+        [[0.0, 0.0, 0.0, 0.5, -1.0, 0.5], [0.0, 0.0, 0.3, -0.6, 0.0, 0.3], [0, 0, 0.5, -1, 0.5, 0]]
+    )
     assert (a.compare(untouched) == Verdict.UNKNOWN).all()
     lo, hi = a.bounds(untouched)
     assert (lo < -0.01).all()
@@ -113,8 +127,12 @@ def test_precision_zero_learns_nothing() -> None:
 def test_separable_answers_without_a_prior_are_no_fit(region: str) -> None:
     answers, fresh, precision, e = told(4, 5, 30)
     truthful = Answers(answers.d, np.sign(answers.d @ e).astype(int))
-    a = BradleyTerryComparator(5, precision=precision, prior_strength=0, region=region).update(truthful)
-    with pytest.warns(NotConverged, match="no maximum found for 100 of 100 resamples of 29 answers, nor"):
+    a = BradleyTerryComparator(5, precision=precision, prior_strength=0, region=region).update(
+        truthful
+    )
+    with pytest.warns(
+        NotConverged, match="no maximum found for 100 of 100 resamples of 29 answers, nor"
+    ):
         assert not a.converged
     assert (a.compare(fresh) == Verdict.UNKNOWN).all()
     assert a.values == pytest.approx(np.linspace(0, 1, 5))
@@ -140,7 +158,10 @@ def test_without_dominance_the_fits_decide_alone(region: str) -> None:
     dominated = np.array([[-0.5, 0.5, 0, 0, 0], [0, 0, 0, -0.1, 0.1], [0, 0, 0, 0, 0]])
     blank = made(dominance=False)
     assert blank.compare(dominated).tolist() == [Verdict.UNKNOWN, Verdict.UNKNOWN, Verdict.EQUAL]
-    assert np.array(blank.bounds(dominated)).tolist() == [[-np.inf, -np.inf, 0], [np.inf, np.inf, 0]]
+    assert np.array(blank.bounds(dominated)).tolist() == [
+        [-np.inf, -np.inf, 0],
+        [np.inf, np.inf, 0],
+    ]
     assert np.array(blank.probability(dominated)[:2]).tolist() == [[0, 0, 0.5], [1, 1, 0.5]]
     first, alone = made().update(answers), blank.update(answers)
     opened = order_bounds(tail_sums(fresh), 0.0)[0] < 0
@@ -169,13 +190,22 @@ def test_a_yes_or_no_is_true_or_false(name: str) -> None:
 
 def test_a_fit_without_a_maximum_can_be_taken_where_it_stopped() -> None:
     answers, fresh, precision, _ = told(4, 5, 1)
-    literal: dict[str, Any] = {"precision": precision, "prior_strength": 0, "min_answers": 1, "region": "box"}
+    literal: dict[str, Any] = {
+        "precision": precision,
+        "prior_strength": 0,
+        "min_answers": 1,
+        "region": "box",
+    }
     with pytest.warns(NotConverged):
         asks = BradleyTerryComparator(5, **literal).update(answers).compare(fresh)
     with pytest.warns(NotConverged):
-        takes = BradleyTerryComparator(5, no_maximum="take", **literal).update(answers).compare(fresh)
+        takes = (
+            BradleyTerryComparator(5, no_maximum="take", **literal).update(answers).compare(fresh)
+        )
     assert (asks == Verdict.UNKNOWN).all()
-    assert (takes != Verdict.UNKNOWN).mean() > 0.9  # all resamples of one answer are the same: the box has no width
+    assert (
+        takes != Verdict.UNKNOWN
+    ).mean() > 0.9  # all resamples of one answer are the same: the box has no width
 
 
 @pytest.mark.parametrize("region", REGIONS)
@@ -200,9 +230,12 @@ def test_a_tie_means_what_the_tutor_may_call_equal_and_nothing_where_she_does_no
     a, b = sharp.update(told_equal), wide.update(told_equal)
     assert not same(a, b, fresh)
     fitted = fit(
-        tail_sums(answers.d), y, precision=precision, centre=np.full((1, 4), 0.25), strength=0.3 * 16, tie=0.02
+        tail_sums(answers.d), y, precision=precision, centre=np.full((1, 4), 0.25),
+        strength=0.3 * 16, tie=0.02
     ).gamma[0]  # fmt: skip
-    late = BradleyTerryComparator(5, precision=precision, tie=0.02, refit_growth=0).update(told_equal)
+    late = BradleyTerryComparator(5, precision=precision, tie=0.02, refit_growth=0).update(
+        told_equal
+    )
     assert late.values[1:] == pytest.approx(np.cumsum(fitted) / fitted.sum(), abs=1e-9)
     # she who calls equal what is close is thought to see more than under the sharp model
     assert b.draws is not None
@@ -226,28 +259,43 @@ def test_ties_everywhere(region: str, tie: float) -> None:
 @pytest.mark.parametrize("region", REGIONS)
 @pytest.mark.parametrize("rescale", [False, True])
 def test_a_tutor_against_the_order_ends_in_silence(region: str, rescale: bool) -> None:
-    """Every dominated vector is called better: all gaps shrink to 0, and no verdict may come of it."""
+    """Every dominated vector is called better: all gaps shrink to 0, and no verdict may come of
+    it.
+    """
     rng = np.random.default_rng(7)
     d = np.sort(rng.dirichlet(np.ones(4), 400), axis=1) - 0.25
-    a = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale).update(Answers(d, -np.ones(400, int)))
+    a = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale).update(
+        Answers(d, -np.ones(400, int))
+    )
     assert (a.compare(pairs(rng, 4, 50)) == Verdict.UNKNOWN).all()
     assert (a.compare(d) == Verdict.BETTER).all()
-    literal = BradleyTerryComparator(4, precision=20.0, region=region, rescale=rescale, monotone=False)
+    literal = BradleyTerryComparator(
+        4, precision=20.0, region=region, rescale=rescale, monotone=False
+    )
     assert (literal.update(Answers(d, -np.ones(400, int))).compare(d) == Verdict.BETTER).all()
 
 
 # How well it decides
 
 
-@pytest.mark.parametrize(("k", "n", "alpha"), [(5, 100, 1.0), (5, 20, 0.2), (10, 100, 1.0), (10, 40, 0.2)])
+@pytest.mark.parametrize(
+    ("k", "n", "alpha"), [(5, 100, 1.0), (5, 20, 0.2), (10, 100, 1.0), (10, 40, 0.2)]
+)
 def test_few_of_the_decided_are_wrong(k: int, n: int, alpha: float) -> None:
     decided = wrong = box = box_wrong = 0
     for seed in range(12):
         answers, fresh, precision, e = told(100 + seed, k, n, alpha=alpha)
         truth = np.sign(fresh @ e)
         for region in REGIONS:
-            v = BradleyTerryComparator(k, precision=precision, region=region, seed=seed).update(answers).compare(fresh)
-            count, errors = int((v != Verdict.UNKNOWN).sum()), int(((v != Verdict.UNKNOWN) & (v != truth)).sum())
+            v = (
+                BradleyTerryComparator(k, precision=precision, region=region, seed=seed)
+                .update(answers)
+                .compare(fresh)
+            )
+            count, errors = (
+                int((v != Verdict.UNKNOWN).sum()),
+                int(((v != Verdict.UNKNOWN) & (v != truth)).sum()),
+            )
             if region == "box":
                 box, box_wrong = box + count, box_wrong + errors
             else:
@@ -272,11 +320,19 @@ def test_the_estimate_lies_within_its_interval() -> None:
         for rescale in (False, True):
             for monotone in (False, True):
                 a = BradleyTerryComparator(
-                    8, precision=precision, n_boot=3, level=0.1, region=region, rescale=rescale, monotone=monotone
+                    8,
+                    precision=precision,
+                    n_boot=3,
+                    level=0.1,
+                    region=region,
+                    rescale=rescale,
+                    monotone=monotone,
                 ).update(answers)
                 lo, hi = a.bounds(fresh)
                 assert (lo <= hi).all()
-                estimate = np.clip(fresh @ a.values, *order_bounds(tail_sums(fresh), 0.0))  # the literal fit may stray
+                estimate = np.clip(
+                    fresh @ a.values, *order_bounds(tail_sums(fresh), 0.0)
+                )  # the literal fit may stray
                 assert (lo - 1e-12 <= estimate).all()
                 assert (estimate <= hi + 1e-12).all()
                 low, high, point = a.probability(fresh)
@@ -291,9 +347,13 @@ def test_the_literal_fit_may_break_the_order_and_rescaling_pins_the_top() -> Non
     assert (np.diff(literal.values) < 0).any()
     assert (np.diff(BradleyTerryComparator(8, **settings_).update(answers).values) >= 0).all()
     top = np.array([-1.0, 0, 0, 0, 0, 0, 0, 1.0])
-    plain, pinned = (BradleyTerryComparator(8, rescale=r, **settings_).update(answers) for r in (False, True))
+    plain, pinned = (
+        BradleyTerryComparator(8, rescale=r, **settings_).update(answers) for r in (False, True)
+    )
     assert pinned.bounds(top) == (1.0, 1.0)
-    assert (pinned.compare(fresh) != Verdict.UNKNOWN).sum() > (plain.compare(fresh) != Verdict.UNKNOWN).sum()
+    assert (pinned.compare(fresh) != Verdict.UNKNOWN).sum() > (
+        plain.compare(fresh) != Verdict.UNKNOWN
+    ).sum()
 
 
 @pytest.mark.parametrize("region", REGIONS)
@@ -312,32 +372,54 @@ def test_verdicts_bounds_and_probabilities_agree(region: str) -> None:
 
 
 def outer_quantiles(scores: Floats, level: float) -> tuple[Floats, Floats]:
-    """The percentile interval (n,), (n,) of scores (m, n), rounded outwards: at either end no more than the
-    share (1 - level) / 2 lies beyond it, and with the end itself there would be more."""
+    """The percentile interval (n,), (n,) of scores (m, n), rounded outwards: at either end no more
+    than the share (1 - level) / 2 lies beyond it, and with the end itself there would be more."""
     most = (1 - level) / 2 * len(scores) + 1e-9
     low = np.array([min(x for x in column if (column <= x).sum() > most) for column in scores.T])
     high = np.array([max(x for x in column if (column >= x).sum() > most) for column in scores.T])
     return low, high
 
 
-@pytest.mark.parametrize(("m", "level"), [(100, 0.95), (200, 0.95), (40, 0.95), (50, 0.6), (39, 0.95), (100, 0.9)])
+@pytest.mark.parametrize(
+    ("m", "level"), [(100, 0.95), (200, 0.95), (40, 0.95), (50, 0.6), (39, 0.95), (100, 0.9)]
+)
 @pytest.mark.parametrize("rescale", [False, True])
-def test_intervals_are_percentiles_of_fits_to_resamples(m: int, level: float, rescale: bool) -> None:
-    """Fit by fit and by the definition of a percentile interval, widened to hold the point estimate."""
+def test_intervals_are_percentiles_of_fits_to_resamples(
+    m: int, level: float, rescale: bool
+) -> None:
+    """Fit by fit and by the definition of a percentile interval, widened to hold the point
+    estimate.
+    """
     answers, fresh, precision, _ = told(3, 4, 60)
     t, p = tail_sums(answers.d), 3
-    made = partial(BradleyTerryComparator, 4, precision=precision, n_boot=m, level=level, seed=5, rescale=rescale)
+    made = partial(
+        BradleyTerryComparator,
+        4,
+        precision=precision,
+        n_boot=m,
+        level=level,
+        seed=5,
+        rescale=rescale,
+    )
     fitted = partial(fit, t, answers.y, precision=precision, strength=0.3 * p**2)
     point = fitted(centre=np.full((1, p), 1 / p)).gamma
     key = key_of(5)
-    boot = fitted(centre=prior_centres(key, m, p, (0.1, 2.0)), weights=bootstrap_weights(key, m, 60)).gamma
-    point, boot = point / point.sum(), boot / (boot.sum(axis=1, keepdims=True) if rescale else point.sum())
+    boot = fitted(
+        centre=prior_centres(key, m, p, (0.1, 2.0)), weights=bootstrap_weights(key, m, 60)
+    ).gamma
+    point, boot = (
+        point / point.sum(),
+        boot / (boot.sum(axis=1, keepdims=True) if rescale else point.sum()),
+    )
     steps = np.eye(4)[1:3] - np.eye(4)[0]  # d.e is the value of a level
     for region, d in (("box", steps), ("ensemble", fresh[:40])):
         low, high = outer_quantiles(boot @ tail_sums(d).T, level)
         middle = (point @ tail_sums(d).T)[0]
         least, greatest = order_bounds(tail_sums(d), 0.0)
-        wanted = np.clip(np.minimum(low, middle), least, greatest), np.clip(np.maximum(high, middle), least, greatest)
+        wanted = (
+            np.clip(np.minimum(low, middle), least, greatest),
+            np.clip(np.maximum(high, middle), least, greatest),
+        )
         found = made(region=region, refit_growth=0.0).update(answers).bounds(d)
         assert np.abs(np.subtract(found, wanted)).max() < 1e-6
 
@@ -346,7 +428,9 @@ def test_intervals_are_percentiles_of_fits_to_resamples(m: int, level: float, re
 def test_it_speaks_up_from_the_least_number_of_answers_on(least: int) -> None:
     answers, fresh, precision, _ = told(1, 5, 12)
     for n in (least - 1, least):
-        a = BradleyTerryComparator(5, precision=precision, min_answers=least, refit_growth=0.0).update(answers[:n])
+        a = BradleyTerryComparator(
+            5, precision=precision, min_answers=least, refit_growth=0.0
+        ).update(answers[:n])
         assert (a.draws is not None) == (n >= least)
         assert (a.bounds(fresh)[0] > order_bounds(tail_sums(fresh), 0.0)[0]).any() == (n >= least)
 
@@ -367,7 +451,9 @@ def test_bounds_for_all_rows_at_once_leave_out_whole_fits(region: str) -> None:
     assert a.draws is not None
     assert confidence == 0.95
     # m fits and the point estimate, less a twentieth
-    assert (tail_sums(fresh[:9]) @ a.draws.gaps <= high[:, None] + 1e-12).all(axis=0).sum() == 101 - 5
+    assert (tail_sums(fresh[:9]) @ a.draws.gaps <= high[:, None] + 1e-12).all(
+        axis=0
+    ).sum() == 101 - 5
 
 
 # What it must not depend on
@@ -377,7 +463,9 @@ def test_bounds_for_all_rows_at_once_leave_out_whole_fits(region: str) -> None:
 @pytest.mark.parametrize("growth", [0.0, 0.05, 0.4])
 def test_one_update_of_n_is_n_updates_of_one(region: str, growth: float) -> None:
     answers, fresh, precision, _ = told(11, 5, 45)
-    start = BradleyTerryComparator(5, precision=precision, n_boot=20, region=region, refit_growth=growth)
+    start = BradleyTerryComparator(
+        5, precision=precision, n_boot=20, region=region, refit_growth=growth
+    )
     at_once, one_by_one, looked_at = start.update(answers), start, start
     for i in range(45):
         row = answers[i : i + 1]
@@ -395,13 +483,19 @@ def test_refits_follow_the_schedule() -> None:
         while r < 400:
             r = max(r + 1, r + int(np.ceil(r * growth)))
             points.append(r)
-        assert [refit_point(n, growth) for n in range(400)] == [max(p for p in points if p <= n) for n in range(400)]
-        assert [next_refit(n, growth) for n in range(390)] == [min(p for p in points if p > n) for n in range(390)]
+        assert [refit_point(n, growth) for n in range(400)] == [
+            max(p for p in points if p <= n) for n in range(400)
+        ]
+        assert [next_refit(n, growth) for n in range(390)] == [
+            min(p for p in points if p > n) for n in range(390)
+        ]
     answers, fresh, precision, _ = told(13, 5, 100)
     a = BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers)
     assert a.fitted_answers == 97
     assert a.answers_to_next_step == 2  # 97 + ceil(4.85) = 102
-    assert same(a, BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers[:97]), fresh)
+    assert same(
+        a, BradleyTerryComparator(5, precision=precision, n_boot=10).update(answers[:97]), fresh
+    )
 
 
 def test_the_same_seed_gives_the_same_result() -> None:

@@ -1,4 +1,6 @@
-"""The likelihood of eq. (6) and (7), its derivatives, and the batched fit against independent ones."""
+"""The likelihood of eq. (6) and (7), its derivatives, and the batched fit against independent
+ones.
+"""
 
 import warnings
 from typing import Any
@@ -23,7 +25,13 @@ from tests.thoroughness import quick_first
 
 
 def some_answers(
-    rng: np.random.Generator, k: int, n: int, precision: float, *, truthful: bool = False, ties: float = 0.0
+    rng: np.random.Generator,
+    k: int,
+    n: int,
+    precision: float,
+    *,
+    truthful: bool = False,
+    ties: float = 0.0,
 ) -> tuple[Floats, np.ndarray]:
     """Tail sums and answers of a tutor with random gaps."""
     t = tail_sums(rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n))
@@ -69,7 +77,9 @@ def test_gradient_and_hessian_are_those_of_the_log_likelihood(seed: int) -> None
 
 @pytest.mark.parametrize("seed", quick_first(range(200), 40))
 def test_the_fit_is_the_convex_program(seed: int) -> None:
-    """Separable answers (every third seed), ties, few answers, weak priors, with and without gaps >= 0."""
+    """Separable answers (every third seed), ties, few answers, weak priors, with and without gaps
+    >= 0.
+    """
     rng = np.random.default_rng(seed)
     k, n = int(rng.integers(2, 12)), int(rng.integers(1, 150))
     precision, strength = 10.0 ** rng.uniform(0, 2), 10.0 ** rng.uniform(-1, 2.5)
@@ -77,9 +87,13 @@ def test_the_fit_is_the_convex_program(seed: int) -> None:
     y = -y if seed % 7 == 0 else y  # a tutor who likes the worst best pushes all gaps to 0
     centre, monotone = rng.dirichlet(np.ones(k - 1)), seed % 2 == 0
     ours = fit(t, y, precision=precision, centre=centre[None], strength=strength, monotone=monotone)
-    theirs = fit_cvxpy(t, y, precision=precision, centre=centre, strength=strength, monotone=monotone)
+    theirs = fit_cvxpy(
+        t, y, precision=precision, centre=centre, strength=strength, monotone=monotone
+    )
     assert ours.converged.all()
-    if np.abs(ours.gamma[0] - theirs).max() / precision >= 1e-6:  # then it is the cone program that stopped short:
+    if (
+        np.abs(ours.gamma[0] - theirs).max() / precision >= 1e-6
+    ):  # then it is the cone program that stopped short:
         gain = objective(ours.gamma[0], t, y, precision, strength, centre) - objective(
             theirs, t, y, precision, strength, centre
         )
@@ -90,7 +104,9 @@ def test_the_fit_is_the_convex_program(seed: int) -> None:
 
 
 def objective(gamma: Any, t: Any, y: Any, precision: float, strength: float, centre: Any) -> float:
-    """The log-likelihood, a tie half an answer each way, less the ridge; straight from the formula."""
+    """The log-likelihood, a tie half an answer each way, less the ridge; straight from the
+    formula.
+    """
     eta = t @ gamma
     up, down = -np.logaddexp(0.0, -eta), -np.logaddexp(0.0, eta)
     told = np.where(y == 0, 0.5 * (up + down), np.where(y > 0, up, down)).sum()
@@ -116,7 +132,9 @@ def test_optimality_conditions_hold_for_every_resample() -> None:
         centre, weights = prior_centres(1, 40, k - 1, (0.1, 2.0)), bootstrap_weights(2, 40, n)
         strength = 0.3 * (k - 1) ** 2
         found = fit(t, y, precision=15.0, centre=centre, strength=strength, weights=weights)
-        gradient = derivatives(found.gamma, t, y, weights)[0] * 15.0 - strength * (found.gamma / 15.0 - centre)
+        gradient = derivatives(found.gamma, t, y, weights)[0] * 15.0 - strength * (
+            found.gamma / 15.0 - centre
+        )
         assert found.converged.all()
         assert np.abs(gradient[found.gamma > 0]).max() < 1e-5
         assert gradient[found.gamma == 0].max(initial=0.0) < 1e-5
@@ -143,13 +161,23 @@ def test_a_weight_is_a_repeated_row() -> None:
     rng = np.random.default_rng(2)
     t, y = some_answers(rng, 5, 20, 10.0)
     times, centre = rng.integers(0, 4, 20), np.full((1, 4), 0.25)
-    weighted = fit(t, y, precision=10.0, centre=centre, strength=5.0, weights=times[None].astype(float))
-    repeated = fit(np.repeat(t, times, axis=0), np.repeat(y, times), precision=10.0, centre=centre, strength=5.0)
+    weighted = fit(
+        t, y, precision=10.0, centre=centre, strength=5.0, weights=times[None].astype(float)
+    )
+    repeated = fit(
+        np.repeat(t, times, axis=0),
+        np.repeat(y, times),
+        precision=10.0,
+        centre=centre,
+        strength=5.0,
+    )
     assert np.abs(weighted.gamma - repeated.gamma).max() < 1e-8
 
 
 def has_a_maximum(t: Floats, y: np.ndarray, weights: Floats) -> bool:
-    """No admissible direction, gaps >= 0, along which no answer gets less likely (linear program)."""
+    """No admissible direction, gaps >= 0, along which no answer gets less likely (linear
+    program).
+    """
     kept = weights > 0
     signed = y[kept, None] * t[kept]
     best = linprog(-signed.sum(axis=0), A_ub=-signed, b_ub=np.zeros(kept.sum()), bounds=(0, 1))
@@ -163,7 +191,9 @@ def test_without_a_prior_fits_at_infinity_are_reported() -> None:
     for _ in range(6):
         t, y = some_answers(rng, 4, 15, 15.0)
         weights = bootstrap_weights(int(rng.integers(2**32)), 20, 15)
-        found = fit(t, y, precision=8.0, centre=np.full((20, 3), 1 / 3), strength=0.0, weights=weights)
+        found = fit(
+            t, y, precision=8.0, centre=np.full((20, 3), 1 / 3), strength=0.0, weights=weights
+        )
         exact = [has_a_maximum(t, y, w) for w in weights]
         assert found.converged.tolist() == exact
         assert np.isfinite(found.gamma).all()
@@ -178,7 +208,9 @@ def test_without_a_prior_an_untouched_level_is_reported(monotone: bool) -> None:
     t[:, 2] = 0.0  # no answer says anything about the third gap
     found = fit(t, y, precision=8.0, centre=np.full((1, 4), 0.25), strength=0.0, monotone=monotone)
     assert not found.converged.any()
-    assert not fit(t[:0], y[:0], precision=8.0, centre=np.full((1, 4), 0.25), strength=0.0).converged.any()
+    assert not fit(
+        t[:0], y[:0], precision=8.0, centre=np.full((1, 4), 0.25), strength=0.0
+    ).converged.any()
 
 
 @pytest.mark.parametrize("precision", [1e-6, 1e-2, 1e2, 1e4, 1e6])
@@ -198,7 +230,9 @@ def test_numbers_beyond_all_bounds_are_reported(precision: float, strength: floa
     t, y = some_answers(rng, 6, 40, 10.0)
     centre = prior_centres(1, 3, 5)
     for size in (1.0, 1e300):
-        assert not fit(size * t, y, precision=precision, centre=centre, strength=strength).converged.any()
+        assert not fit(
+            size * t, y, precision=precision, centre=centre, strength=strength
+        ).converged.any()
 
 
 def test_resamples_and_centres_are_functions_of_the_key() -> None:
@@ -206,7 +240,9 @@ def test_resamples_and_centres_are_functions_of_the_key() -> None:
     assert (weights == bootstrap_weights(7, 30, 12)).all()
     assert (weights.sum(axis=1) == 12).all()
     assert not (weights == bootstrap_weights(8, 30, 12)).all()
-    drawn = bootstrap_weights(9, 4000, 12).mean(axis=0)  # of each answer once on average, to within five sigma
+    drawn = bootstrap_weights(9, 4000, 12).mean(
+        axis=0
+    )  # of each answer once on average, to within five sigma
     assert np.abs(drawn - 1.0).max() < 5 * np.sqrt((1 - 1 / 12) / 4000)
     for shape in [(1.0, 1.0), (0.1, 2.0), (1e-4, 1e-4)]:
         centres = prior_centres(7, 30, 5, shape)
@@ -215,13 +251,18 @@ def test_resamples_and_centres_are_functions_of_the_key() -> None:
         assert np.allclose(centres.sum(axis=1), 1.0)
 
 
-# ---- about equal ------------------------------------------------------------------------------------------------
+# ---- about equal
+# ------------------------------------------------------------------------------------------------
 
 
 def rao_kupper(gamma: Floats, t: Floats, y: np.ndarray, tie: float) -> Floats:
-    """Log-likelihoods (n,) at gamma (p,) of answers y to rows t, each a difference of two logistic functions."""
+    """Log-likelihoods (n,) at gamma (p,) of answers y to rows t, each a difference of two logistic
+    functions.
+    """
     z, s = t @ gamma, tie * gamma.sum()
-    equal = sigmoid(s - np.abs(z)) - sigmoid(-s - np.abs(z))  # 1 - better - worse, where neither rounds to 1
+    equal = sigmoid(s - np.abs(z)) - sigmoid(
+        -s - np.abs(z)
+    )  # 1 - better - worse, where neither rounds to 1
     return np.asarray(np.log(np.where(y == 0, equal, sigmoid(y * z - s))))
 
 
@@ -264,16 +305,22 @@ def test_the_fit_with_ties_is_the_maximum_of_rao_and_kupper(seed: int, monotone:
     def loss(u: Floats) -> float:
         if u.sum() <= 0:
             return np.inf
-        return float(strength / 2 * ((u - centre) ** 2).sum() - weights @ rao_kupper(precision * u, t, y, tie))
+        return float(
+            strength / 2 * ((u - centre) ** 2).sum()
+            - weights @ rao_kupper(precision * u, t, y, tie)
+        )
 
     ours = fit(
-        t, y, precision=precision, centre=centre[None], strength=strength, weights=weights[None], monotone=monotone,
+        t, y, precision=precision, centre=centre[None], strength=strength, weights=weights[None],
+        monotone=monotone,
         tie=tie,
     )  # fmt: skip
     assert ours.converged.all()
     u = ours.gamma[0] / precision
     theirs = conic_fit(t, y, weights, tie, precision, strength, centre, 0.0 if monotone else -1e3)
-    assert np.abs(u - theirs).max() < 1e-5 or loss(u) < loss(np.maximum(theirs, 0.0) if monotone else theirs)
+    assert np.abs(u - theirs).max() < 1e-5 or loss(u) < loss(
+        np.maximum(theirs, 0.0) if monotone else theirs
+    )
     assert np.abs(u - theirs).max() < 1e-3
     # no way leads down from it
     for j in range(k - 1):
@@ -283,7 +330,10 @@ def test_the_fit_with_ties_is_the_maximum_of_rao_and_kupper(seed: int, monotone:
             assert loss(near) >= loss(u) - 1e-10
     other = centre + 0.1
     for share in (0.25, 0.5, 0.75):  # the loss is convex along every line
-        assert loss(share * u + (1 - share) * other) <= share * loss(u) + (1 - share) * loss(other) + 1e-9
+        assert (
+            loss(share * u + (1 - share) * other)
+            <= share * loss(u) + (1 - share) * loss(other) + 1e-9
+        )
 
 
 def test_without_ties_among_the_answers_the_width_means_nothing() -> None:
@@ -307,7 +357,13 @@ def test_without_ties_among_the_answers_the_width_means_nothing() -> None:
 def test_all_answers_equal_have_a_fit(monotone: bool) -> None:
     t, _ = some_answers(np.random.default_rng(1), 5, 80, 10.0)
     found = fit(
-        t, np.zeros(80), precision=10.0, centre=np.full((1, 4), 0.25), strength=1.0, monotone=monotone, tie=0.01
+        t,
+        np.zeros(80),
+        precision=10.0,
+        centre=np.full((1, 4), 0.25),
+        strength=1.0,
+        monotone=monotone,
+        tie=0.01,
     )
     assert found.converged.all()
     assert found.gamma.sum() > 0

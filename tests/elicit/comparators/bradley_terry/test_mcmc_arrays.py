@@ -10,16 +10,24 @@ from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import mcmc, mcmc_arrays
 from elicit.model.scale import tail_sums
 
-TUTORS: list[dict[str, Any]] = [{}, {"lapse": 0.0}, {"lapse": 0.05, "precision": 30.0}, {"prior": ["e2 >= 0.1"]}]
+TUTORS: list[dict[str, Any]] = [
+    {},
+    {"lapse": 0.0},
+    {"lapse": 0.05, "precision": 30.0},
+    {"prior": ["e2 >= 0.1"]},
+]
 
 
 @pytest.mark.parametrize("last", [1.0, 0.37])
 @pytest.mark.parametrize("tie", [0.0, 0.05])
 @pytest.mark.parametrize(
-    ("k", "particles", "rows", "size"), [(2, 60, 9, 1.0), (5, 50, 64, 9.0), (6, 500, 130, 1.0), (9, 70, 40, 99.0)]
+    ("k", "particles", "rows", "size"),
+    [(2, 60, 9, 1.0), (5, 50, 64, 9.0), (6, 500, 130, 1.0), (9, 70, 40, 99.0)],
 )
 @pytest.mark.parametrize("tutor", range(len(TUTORS)))
-def test_the_same_moves(tutor: int, k: int, particles: int, rows: int, size: float, tie: float, last: float) -> None:
+def test_the_same_moves(
+    tutor: int, k: int, particles: int, rows: int, size: float, tie: float, last: float
+) -> None:
     if k == 2 and "prior" in TUTORS[tutor]:
         return
     rng = np.random.default_rng([tutor, k, particles])

@@ -1,4 +1,6 @@
-"""The posterior comparator: what it promises, what it may depend on, and its numbers against other ways to them."""
+"""The posterior comparator: what it promises, what it may depend on, and its numbers against other
+ways to them.
+"""
 
 import math
 from collections.abc import Callable
@@ -21,11 +23,14 @@ from tests.noisy_cases import MEAN, SD, Floats, Rng, differences, drawn_gaps, lo
 from tests.thoroughness import quick_first, scaled
 
 TINY = 1e-20
-# independent draws that 1000 particles are worth at least, for k up to 8: moved copies stay alike for a time
+# independent draws that 1000 particles are worth at least, for k up to 8: moved copies stay alike
+# for a time
 WORTH = 120
 
 
-def answered(rng: Rng, d: Floats, g: Floats, c: float, lapse: float = 0.05, ties: float = 0.0) -> Answers:
+def answered(
+    rng: Rng, d: Floats, g: Floats, c: float, lapse: float = 0.05, ties: float = 0.0
+) -> Answers:
     """Answers of the model to d (n, k)."""
     right = lapse / 2 + (1 - lapse) * expit(c * (tail_sums(d) @ g))
     y = np.where(rng.random(len(d)) < right, 1, -1)
@@ -116,9 +121,14 @@ def test_it_is_a_function_of_answers_seed_and_settings() -> None:
     assert not (a.draws.gaps == PosteriorComparator(5, seed=4).update(answers).draws.gaps).any()
     rng = np.random.default_rng(8)
     drawn = PosteriorComparator(5, seed=rng)
-    assert identical(drawn.update(answers), PosteriorComparator(5, seed=np.random.default_rng(8)).update(answers))
+    assert identical(
+        drawn.update(answers), PosteriorComparator(5, seed=np.random.default_rng(8)).update(answers)
+    )
     sequence = np.random.SeedSequence(8)
-    assert identical(PosteriorComparator(5, seed=sequence), PosteriorComparator(5, seed=np.random.SeedSequence(8)))
+    assert identical(
+        PosteriorComparator(5, seed=sequence),
+        PosteriorComparator(5, seed=np.random.SeedSequence(8)),
+    )
 
 
 def test_many_updates_are_one_and_the_old_comparator_stays_as_it_was() -> None:
@@ -137,7 +147,10 @@ def test_many_updates_are_one_and_the_old_comparator_stays_as_it_was() -> None:
     assert identical(fresh, untouched)
     assert len(fresh.answers) == 0
     assert len(at_once.answers) == 75
-    one, other = middle.update(answers[30:31]), middle.update(answers[40:41])  # two futures of one past
+    one, other = (
+        middle.update(answers[30:31]),
+        middle.update(answers[40:41]),
+    )  # two futures of one past
     assert identical(one, fresh.update(answers[:31]))
     assert not (one.probability(answers.d) == other.probability(answers.d)).all()
 
@@ -156,7 +169,9 @@ def test_values_cannot_be_changed_from_outside() -> None:
         *[(300, 0.95), (500, 0.8), (100, 0.9), (20, 0.55)],
     ],
 )
-def test_verdicts_probabilities_and_bounds_agree_at_the_very_level(particles: int, level: float) -> None:
+def test_verdicts_probabilities_and_bounds_agree_at_the_very_level(
+    particles: int, level: float
+) -> None:
     c = PosteriorComparator(6, particles=particles, level=level)
     d = pairs(np.random.default_rng(0), 6, 3000)
     v, up, down, (low, high) = c.compare(d), c.probability(d), c.probability(-d), c.bounds(d)
@@ -178,7 +193,11 @@ def test_bounds_are_quantiles() -> None:
     for t, lo, hi in zip(tail_sums(d), low, high, strict=True):
         scores = t @ gaps
         near = 1e-9 * np.abs(t).sum()
-        assert weights[scores < lo - near].sum() <= 0.05 + 1e-9 <= weights[scores <= lo + near].sum() + 2e-9
+        assert (
+            weights[scores < lo - near].sum()
+            <= 0.05 + 1e-9
+            <= weights[scores <= lo + near].sum() + 2e-9
+        )
         assert weights[scores < hi - near].sum() < 0.95 <= weights[scores <= hi + near].sum() + 1e-9
 
 
@@ -204,7 +223,10 @@ def test_bounds_for_all_rows_at_once_leave_out_the_fewest_particles() -> None:
 
 def test_retracted_answers_leave_no_trace() -> None:
     answers = told(n=30)
-    for start in (PosteriorComparator(5, seed=np.random.default_rng(3)), PosteriorComparator(5, prior="e3 >= 0.4")):
+    for start in (
+        PosteriorComparator(5, seed=np.random.default_rng(3)),
+        PosteriorComparator(5, prior="e3 >= 0.4"),
+    ):
         full = start.update(answers)
         full.compare(answers.d)
         others = answers.without(["3", "17"])
@@ -223,7 +245,9 @@ def test_the_default_shape_keeps_to_the_sum_of_the_parameters(k: int) -> None:
 
 
 def test_levels_set_in_between_do_not_change_what_is_thought_of_the_others() -> None:
-    """Whatever is decided about three levels before any answer is so when 16 more lie between them."""
+    """Whatever is decided about three levels before any answer is so when 16 more lie between
+    them.
+    """
     d = pairs(np.random.default_rng(0), 3, 200)
     wide = np.zeros((200, 19))
     wide[:, [0, 9, 18]] = d
@@ -237,15 +261,21 @@ def test_levels_set_in_between_do_not_change_what_is_thought_of_the_others() -> 
     assert np.abs(few - many).max() < 4 * math.sqrt(0.5 / (8 * 1000))
 
 
-def weighted(rng: Rng, k: int, answers: Answers, lapse: float, m: int) -> tuple[Floats, Floats, Floats]:
-    """Gaps (m, p), log c (m,) from the prior, and their weights (m,) by the formula: the posterior, exactly so in the
-    limit, by no chain at all."""
+def weighted(
+    rng: Rng, k: int, answers: Answers, lapse: float, m: int
+) -> tuple[Floats, Floats, Floats]:
+    """Gaps (m, p), log c (m,) from the prior, and their weights (m,) by the formula: the posterior,
+    exactly so in the limit, by no chain at all."""
     g, log_c = drawn_gaps(rng, k, m), rng.normal(MEAN, SD, m)
     return g, log_c, normalised(log_likelihood(g, log_c, answers, lapse))
 
 
-def log_likelihood(g: Floats, log_c: Floats, answers: Answers, lapse: Any, share: Any = 0.0) -> Floats:
-    """Of scales g (m, p), precisions (m,), and lapses and widths, each (m,) or a number, by the formula."""
+def log_likelihood(
+    g: Floats, log_c: Floats, answers: Answers, lapse: Any, share: Any = 0.0
+) -> Floats:
+    """Of scales g (m, p), precisions (m,), and lapses and widths, each (m,) or a number, by the
+    formula.
+    """
     total, theta = np.zeros(len(g)), np.exp(np.minimum(log_c, 300.0))[:, None] * g
     block = max(1, 1_000_000 // len(g))  # answers at a time
     for i in range(0, len(answers), block):
@@ -285,9 +315,13 @@ def test_nothing_is_certain_that_the_prior_does_not_make_so(k: int, n: int) -> N
 @pytest.mark.parametrize("y", [1, 0, -1])
 def test_levels_that_no_answer_touched_stay_uncertain(y: int) -> None:
     told_of = np.array([[0.3, -0.5, 0.2, 0.0, 0.0, 0.0]])
-    other = np.array([[0, 0, 0, 0.5, -1.0, 0.5], [0, 0, 0.3, -0.6, 0, 0.3], [0, 0, 0.5, -1, 0.5, 0]])
+    other = np.array(
+        [[0, 0, 0, 0.5, -1.0, 0.5], [0, 0, 0.3, -0.6, 0, 0.3], [0, 0, 0.5, -1, 0.5, 0]]
+    )
     for precision in (None, 20.0, 1e6):
-        c = PosteriorComparator(6, precision=precision).update(Answers(np.tile(told_of, (200, 1)), np.full(200, y)))
+        c = PosteriorComparator(6, precision=precision).update(
+            Answers(np.tile(told_of, (200, 1)), np.full(200, y))
+        )
         assert_sane(c)
         assert (c.compare(other) == Verdict.UNKNOWN).all()
         assert c.probability(other) == pytest.approx([0.5, 0.6, 0.5], abs=0.25)
@@ -325,24 +359,34 @@ def test_ten_thousand_answers() -> None:
 
 @pytest.mark.parametrize(
     ("precision", "lapse"),
-    [(None, 0.05), (100.0, 0.0), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((None, 0.0), (1e6, 0.05)))],
+    [
+        (None, 0.05),
+        (100.0, 0.0),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((None, 0.0), (1e6, 0.05))),
+    ],
 )
 def test_contradictory_answers_a_thousand_times(precision: float | None, lapse: float) -> None:
     d = np.array([[0.2, -0.5, 0.3, 0.0, 0.0]])
     other = np.array([[0.0, 0.0, 0.5, -1.0, 0.5]])
     y = np.tile([1, -1], 1000) if precision == 100.0 else np.repeat([1, -1], 1000)
-    c = PosteriorComparator(5, precision=precision, lapse=lapse).update(Answers(np.tile(d, (2000, 1)), y))
+    c = PosteriorComparator(5, precision=precision, lapse=lapse).update(
+        Answers(np.tile(d, (2000, 1)), y)
+    )
     assert_sane(c)
     low, high = c.bounds(d)
     assert low[0] < 0.01  # the truth is near a tie, or the tutor knows nothing
     assert high[0] > -0.01
     assert c.compare(other).tolist() == [Verdict.UNKNOWN]
     if precision is None:
-        assert c.precision * np.abs(c.bounds(d)).max() < 20  # the tutor is no longer thought to be precise
+        assert (
+            c.precision * np.abs(c.bounds(d)).max() < 20
+        )  # the tutor is no longer thought to be precise
 
 
 @pytest.mark.parametrize("precision", [None, 100.0])
-def test_nearly_identical_vectors_teach_nothing_and_far_ones_are_no_harm(precision: float | None) -> None:
+def test_nearly_identical_vectors_teach_nothing_and_far_ones_are_no_harm(
+    precision: float | None,
+) -> None:
     answers = told(n=100)
     c = PosteriorComparator(5, precision=precision)
     for d in (1e-12 * answers.d, np.zeros_like(answers.d)):
@@ -358,7 +402,8 @@ def test_answers_about_vectors_near_the_greatest_float_end() -> None:
     code = (
         "import numpy as np; from elicit import PosteriorComparator as C\n"
         "from elicit.model.query import Answers\n"
-        "c = C(3).update(Answers(1.7e308 * np.array([[0.4, -1.0, 0.6]]), [1])); assert np.isfinite(c.draws.gaps).all()"
+        "c = C(3).update(Answers(1.7e308 * np.array([[0.4, -1.0, 0.6]]), [1])); assert "
+        "np.isfinite(c.draws.gaps).all()"
     )
     run(code)  # which waits for so long only
 
@@ -367,7 +412,9 @@ def test_answers_about_vectors_near_the_greatest_float_end() -> None:
 @pytest.mark.parametrize("lapse", [0.0, 0.05])
 def test_all_answers_equal(precision: float | None, lapse: float) -> None:
     answers = told(n=150)
-    c = PosteriorComparator(5, precision=precision, lapse=lapse, tie=0.0).update(Answers(answers.d, np.zeros(150, int)))
+    c = PosteriorComparator(5, precision=precision, lapse=lapse, tie=0.0).update(
+        Answers(answers.d, np.zeros(150, int))
+    )
     assert_sane(c)
     if precision is None:
         assert c.precision < 5.0  # who finds everything equal sees no differences
@@ -386,9 +433,15 @@ def test_equal_answers_draw_the_pair_to_a_tie() -> None:
     assert after.values[1] == pytest.approx(0.7, abs=0.03)
 
 
-@pytest.mark.parametrize(("precision", "truth"), [(None, 0.37), (None, 0.999), (1e9, 0.999), (1e9, 0.37)])
-def test_a_nearly_noiseless_tutor_can_be_asked_ever_finer(precision: float | None, truth: float) -> None:
-    """Bisection: each question compares level 2 with the mixture of 1 and 3 that is worth as much by now."""
+@pytest.mark.parametrize(
+    ("precision", "truth"), [(None, 0.37), (None, 0.999), (1e9, 0.999), (1e9, 0.37)]
+)
+def test_a_nearly_noiseless_tutor_can_be_asked_ever_finer(
+    precision: float | None, truth: float
+) -> None:
+    """Bisection: each question compares level 2 with the mixture of 1 and 3 that is worth as much
+    by now.
+    """
     c = PosteriorComparator(3, precision=precision, lapse=0.0)
     for _ in range(50):
         m = float(c.values[1])
@@ -419,15 +472,24 @@ def test_without_noise_it_agrees_with_the_polytope(k: int) -> None:
     assert (tail_sums(asked) @ gaps[:, weights > 1e-12] * answers.y[:, None] > -1e-9).all()
 
 
-# ---- the lapse --------------------------------------------------------------------------------------------------
+# ---- the lapse
+# --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("settings", "counts", "values"),
     [
         ({"lapse": 0.05}, (8000, 2062), [0.0, 0.20764267997891764, 0.47878911266596585, 1.0]),
-        ({"lapse": 0.0, "precision": 30.0}, (6400, 1988), [0.0, 0.23143434092556248, 0.5282156268326047, 1.0]),
-        ({"lapse": 0.2, "prior": "e3 >= 0.4"}, (6400, 1618), [0.0, 0.18097473770388217, 0.47917691202138657, 1.0]),
+        (
+            {"lapse": 0.0, "precision": 30.0},
+            (6400, 1988),
+            [0.0, 0.23143434092556248, 0.5282156268326047, 1.0],
+        ),
+        (
+            {"lapse": 0.2, "prior": "e3 >= 0.4"},
+            (6400, 1618),
+            [0.0, 0.18097473770388217, 0.47917691202138657, 1.0],
+        ),
     ],
 )
 def test_a_given_lapse_gives_the_numbers_it_gave_before_it_could_be_learned(
@@ -442,7 +504,9 @@ def test_a_given_lapse_gives_the_numbers_it_gave_before_it_could_be_learned(
     assert c.lapse == c.given_lapse == settings["lapse"]
 
 
-@pytest.mark.parametrize(("flips", "least", "most"), [(0.0, 0.0, 0.02), (0.1, 0.12, 0.28), (0.3, 0.5, 0.7)])
+@pytest.mark.parametrize(
+    ("flips", "least", "most"), [(0.0, 0.0, 0.02), (0.1, 0.12, 0.28), (0.3, 0.5, 0.7)]
+)
 def test_the_lapse_is_learned(flips: float, least: float, most: float) -> None:
     rng, e = np.random.default_rng(4), np.array([0.0, 0.1, 0.35, 0.4, 1.0])
     d = pairs(rng, 5, 400)
@@ -463,10 +527,13 @@ def test_before_any_answer_the_lapse_is_the_priors() -> None:
     assert PosteriorComparator(5, lapse=0).lapse == 0.0
 
 
-# ---- about equal ------------------------------------------------------------------------------------------------
+# ---- about equal
+# ------------------------------------------------------------------------------------------------
 
 
-def told_equal(k: int, n: int, tie: float, seed: int = 0, c: float = 60.0, lapse: float = 0.1) -> Answers:
+def told_equal(
+    k: int, n: int, tie: float, seed: int = 0, c: float = 60.0, lapse: float = 0.1
+) -> Answers:
     """Answers of Rao and Kupper's model with half that width and a lapse."""
     rng = np.random.default_rng([seed, k, n])
     d = pairs(rng, k, n)
@@ -486,7 +553,10 @@ def test_who_calls_nothing_equal_is_taken_as_sharp_whatever_she_might_call_so() 
 
 
 @pytest.mark.parametrize(
-    "settings", quick_first([{}, {"lapse": 0.0, "precision": 30.0}, {"lapse": 0.05}, {"prior": "e3 >= 0.4"}], 1)
+    "settings",
+    quick_first(
+        [{}, {"lapse": 0.0, "precision": 30.0}, {"lapse": 0.05}, {"prior": "e3 >= 0.4"}], 1
+    ),
 )
 def test_the_first_equal_has_all_answers_taken_in_afresh(settings: dict[str, Any]) -> None:
     answers = told(n=40)
@@ -507,21 +577,30 @@ def test_the_first_equal_has_all_answers_taken_in_afresh(settings: dict[str, Any
     assert not identical(after, PosteriorComparator(5, tie=0.0, **settings).update(answers))
     ids = answers.ids
     assert identical(
-        after.retract(ids[25], ids[26], ids[33]), start.update(answers.without([ids[25], ids[26], ids[33]]))
+        after.retract(ids[25], ids[26], ids[33]),
+        start.update(answers.without([ids[25], ids[26], ids[33]])),
     )
     assert identical(after.retract(ids[3]), start.update(answers.without([ids[3]])))
-    assert identical(start.update(answers[25:26]).update(answers[:25]), start.update(answers[25:26] + answers[:25]))
+    assert identical(
+        start.update(answers[25:26]).update(answers[:25]),
+        start.update(answers[25:26] + answers[:25]),
+    )
 
 
 def test_a_pair_called_equal_lies_within_what_the_tutor_may_call_so() -> None:
-    """Whose precision is unknown: five times EQUAL about one pair; and with more answers, where within."""
+    """Whose precision is unknown: five times EQUAL about one pair; and with more answers, where
+    within.
+    """
     d, rng = np.array([[0.3, -1.0, 0.7]]), np.random.default_rng(0)
     others, e = pairs(rng, 3, 40), np.array([0.0, 0.69, 1.0])
     y = np.where(np.abs(others @ e) <= 0.02, 0, np.sign(others @ e))
     truth = float(d[0] @ e)
     assert truth == pytest.approx(0.01)
     for n, tie in ((0, 0.03), (10, 0.03), (10, 0.01), (40, 0.03)):
-        answers = Answers(np.concatenate([others[:n], np.tile(d, (5, 1))]), np.append(y[:n], np.zeros(5)).astype(int))
+        answers = Answers(
+            np.concatenate([others[:n], np.tile(d, (5, 1))]),
+            np.append(y[:n], np.zeros(5)).astype(int),
+        )
         (low,), (high,) = PosteriorComparator(3, tie=tie).update(answers).bounds(d)
         assert -ALLOWANCE * tie < low < high < ALLOWANCE * tie
         assert high - low > tie / 3
@@ -537,8 +616,16 @@ def test_a_tutor_who_finds_all_equal_that_is_not_teaches_nothing_but_her_lapse()
     assert_sane(c)
     assert (c.compare(pairs(np.random.default_rng(0), 5, 200)) == Verdict.UNKNOWN).mean() > 0.9
     assert c.lapse > 0.9
-    for settings in ({"lapse": 0.05}, {"lapse": 0.0}, {"tie": 0.2}, {"precision": 1e9}, {"precision": 1e-9}):
-        assert_sane(PosteriorComparator(5, **settings).update(Answers(answers.d, np.zeros(150, int))))
+    for settings in (
+        {"lapse": 0.05},
+        {"lapse": 0.0},
+        {"tie": 0.2},
+        {"precision": 1e9},
+        {"precision": 1e-9},
+    ):
+        assert_sane(
+            PosteriorComparator(5, **settings).update(Answers(answers.d, np.zeros(150, int)))
+        )
 
 
 @pytest.mark.slow
@@ -561,18 +648,27 @@ def test_it_agrees_with_weighted_draws_where_all_is_learned_on_15_data_sets() ->
             return np.asarray(np.sqrt(centred**2 @ w**2))
 
         squares.append(compare_with(answers, g, w, d, error, 3, None, tie))
-        found = np.mean([PosteriorComparator(k, tie=tie / ALLOWANCE, seed=s).update(answers).lapse for s in range(3)])
+        found = np.mean(
+            [
+                PosteriorComparator(k, tie=tie / ALLOWANCE, seed=s).update(answers).lapse
+                for s in range(3)
+            ]
+        )
         assert found == pytest.approx(lapse @ w, abs=4 * float(lapse.std()) / math.sqrt(3 * WORTH))
     assert math.sqrt(np.mean(squares)) < 1.1
 
 
 @pytest.mark.slow
 def test_it_agrees_with_a_grid_where_all_is_learned_of_three_levels() -> None:
-    """Quadrature over the logit of the first gap, log c, the lapse and the width: 40 answers, some equal."""
+    """Quadrature over the logit of the first gap, log c, the lapse and the width: 40 answers, some
+    equal.
+    """
     tie, rng = 0.1, np.random.default_rng(2)
     answers, d = told_equal(3, 40, tie, 1), pairs(rng, 3, 20)
     assert 3 <= (answers.y == 0).sum() <= 15
-    r = np.concatenate([np.arange(-60.0, -6.0, 0.4), np.arange(-6.0, 6.0, 0.05), np.arange(6.0, 60.0, 0.4)])
+    r = np.concatenate(
+        [np.arange(-60.0, -6.0, 0.4), np.arange(-6.0, 6.0, 0.05), np.arange(6.0, 60.0, 0.4)]
+    )
     log_c = np.arange(MEAN - 4.0 * SD, MEAN + 4.0 * SD, 0.5)
     a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 401)) / 2
     log_g = np.stack([-np.logaddexp(0, -r), -np.logaddexp(0, r)])
@@ -580,9 +676,16 @@ def test_it_agrees_with_a_grid_where_all_is_learned_of_three_levels() -> None:
     density = logsumexp(constants[:, None] + a[:, None] * log_g.sum(axis=0), axis=0)
     nodes, mass = np.polynomial.legendre.leggauss(6)
     lapses, shares = (nodes + 1) / 2, tie * (nodes + 1) / 2
-    at = np.stack(np.meshgrid(np.arange(len(r)), log_c, lapses, shares, indexing="ij")).reshape(4, -1)
+    at = np.stack(np.meshgrid(np.arange(len(r)), log_c, lapses, shares, indexing="ij")).reshape(
+        4, -1
+    )
     g, i = np.exp(log_g).T, at[0].astype(int)
-    logs = density[i] + np.log(np.gradient(r))[i] - 0.5 * ((at[1] - MEAN) / SD) ** 2 + np.log(beta.pdf(at[2], *LAPSE))
+    logs = (
+        density[i]
+        + np.log(np.gradient(r))[i]
+        - 0.5 * ((at[1] - MEAN) / SD) ** 2
+        + np.log(beta.pdf(at[2], *LAPSE))
+    )
     logs += np.add.outer(np.log(mass), np.log(mass)).ravel()[np.arange(len(i)) % 36]
     for part in np.array_split(np.arange(len(i)), 20):
         logs[part] += log_likelihood(g[i[part]], at[1, part], answers, at[2, part], at[3, part])
@@ -590,7 +693,8 @@ def test_it_agrees_with_a_grid_where_all_is_learned_of_three_levels() -> None:
     assert compare_with(answers, g, w, d, lambda f: np.zeros(len(f)), 12, None, tie) < 1.2
 
 
-# ---- prior inequalities -----------------------------------------------------------------------------------------
+# ---- prior inequalities
+# -----------------------------------------------------------------------------------------
 
 
 def test_named_inequalities_hold_for_certain() -> None:
@@ -611,7 +715,10 @@ def test_a_prior_with_inequalities_is_the_prior_where_they_hold() -> None:
     g = g[(g[:, 0] >= 0.2) & (g[:, 1] <= 0.3) & (g[:, 2] >= 0.1)]
     d = pairs(rng, 4, 60)
     true = (tail_sums(d) @ g.T > 0).mean(axis=1)
-    made = [PosteriorComparator(4, prior=["e2 >= 0.2", "e3 - e2 <= 0.3", "e3 <= 0.9"], seed=s) for s in range(8)]
+    made = [
+        PosteriorComparator(4, prior=["e2 >= 0.2", "e3 - e2 <= 0.3", "e3 <= 0.9"], seed=s)
+        for s in range(8)
+    ]
     found = np.mean([c.probability(d) for c in made], axis=0)
     assert len(g) > 5000
     off = np.abs(found - true) / np.sqrt(np.maximum(true * (1 - true), 0.01) / (8 * WORTH))
@@ -624,7 +731,9 @@ def test_a_prior_with_inequalities_is_the_prior_where_they_hold() -> None:
 def test_a_rare_corner_of_the_prior_is_reached() -> None:
     c = PosteriorComparator(6, prior=[f"e{i} - e{i - 1} >= 0.19" for i in range(2, 6)])
     assert_sane(c)
-    g = np.array([0.19, 0.19, 0.19, 0.19, 0.0]) + 0.24 * np.random.default_rng(0).dirichlet(np.ones(5), 100_000)
+    g = np.array([0.19, 0.19, 0.19, 0.19, 0.0]) + 0.24 * np.random.default_rng(0).dirichlet(
+        np.ones(5), 100_000
+    )
     a = np.exp(np.linspace(math.log(0.2), math.log(2.0), 101)) / 5
     logs = (gammaln(5 * a) - 5 * gammaln(a))[:, None] + (a - 1)[:, None] * np.log(g).sum(axis=1)
     mean = normalised(logsumexp(logs, axis=0)) @ g
@@ -638,9 +747,11 @@ def test_impossible_or_too_thin_inequalities_are_named() -> None:
         PosteriorComparator(4, prior=["e2 >= 0.5", "e2 <= 0.5"])
 
 
-def assert_near(found: Floats, true: Floats, copies: int, spread: Floats, error: Floats | float, what: str) -> float:
-    """Estimates within four standard errors, that of ``copies`` times 1000 particles and that of the reference; the
-    root mean square in such units is returned."""
+def assert_near(
+    found: Floats, true: Floats, copies: int, spread: Floats, error: Floats | float, what: str
+) -> float:
+    """Estimates within four standard errors, that of ``copies`` times 1000 particles and that of
+    the reference; the root mean square in such units is returned."""
     sigma = np.sqrt(spread**2 / (copies * WORTH) + np.square(error))
     z = (found - true) / np.maximum(sigma, 2e-3)
     assert np.abs(z).max(initial=0.0) < 4, f"{what}: {found} should be {true}"
@@ -657,20 +768,25 @@ def compare_with(
     lapse: float | None,
     tie: float = 0.0,
 ) -> float:
-    """Hold comparators of several seeds to a weighted sample of the posterior; ``error`` gives the standard error of
-    that sample's mean of a function (functions, m)."""
+    """Hold comparators of several seeds to a weighted sample of the posterior; ``error`` gives the
+    standard error of that sample's mean of a function (functions, m)."""
     k = answers.k
     made = [
-        PosteriorComparator(k, lapse=lapse, tie=tie / ALLOWANCE, seed=seed).update(answers) for seed in range(copies)
+        PosteriorComparator(k, lapse=lapse, tie=tie / ALLOWANCE, seed=seed).update(answers)
+        for seed in range(copies)
     ]
     above, levels = (tail_sums(d) @ g.T > 0).astype(np.float64), np.cumsum(g, axis=1).T[:-1]
     p, e = above @ w, levels @ w
     found = np.mean([c.probability(d) for c in made], axis=0)
     spread = np.sqrt(np.maximum(p * (1 - p), 1.0 / WORTH / 4))
-    first = assert_near(found, p, copies, spread, error(above), f"P(d.e > 0), k = {k}, n = {len(answers)}")
+    first = assert_near(
+        found, p, copies, spread, error(above), f"P(d.e > 0), k = {k}, n = {len(answers)}"
+    )
     found_e = np.mean([c.values for c in made], axis=0)[1:-1]
     deviation = np.sqrt(np.maximum(levels**2 @ w - e**2, 0.0))
-    second = assert_near(found_e, e, copies, deviation, error(levels), f"E(e), k = {k}, n = {len(answers)}")
+    second = assert_near(
+        found_e, e, copies, deviation, error(levels), f"E(e), k = {k}, n = {len(answers)}"
+    )
     return (first + second) / 2
 
 
@@ -711,7 +827,9 @@ def test_it_agrees_with_a_grid_where_there_are_three_levels(n: int) -> None:
     density = logsumexp(constants[:, None] + a[:, None] * log_g.sum(axis=0), axis=0)
     logs = density[:, None] - 0.5 * ((log_c - MEAN) / SD) ** 2
     g = np.exp(log_g).T
-    logs += log_likelihood(np.repeat(g, len(log_c), axis=0), np.tile(log_c, len(r)), answers, 0.05).reshape(logs.shape)
+    logs += log_likelihood(
+        np.repeat(g, len(log_c), axis=0), np.tile(log_c, len(r)), answers, 0.05
+    ).reshape(logs.shape)
     w = normalised(logs).sum(axis=1)
     assert compare_with(answers, g, w, d, lambda f: np.zeros(len(f)), 12, 0.05) < 1.2
 
@@ -730,7 +848,11 @@ def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) 
         log_g = x - log_c[:, None]
         by_shape = constants + a * log_g.sum(axis=1)[:, None]
         most = by_shape.max(axis=1)
-        prior = most + np.log(np.exp(by_shape - most[:, None]).sum(axis=1)) - 0.5 * ((log_c - MEAN) / SD) ** 2
+        prior = (
+            most
+            + np.log(np.exp(by_shape - most[:, None]).sum(axis=1))
+            - 0.5 * ((log_c - MEAN) / SD) ** 2
+        )
         return np.asarray(prior + log_likelihood(np.exp(log_g), log_c, answers, lapse))
 
     def error(f: Floats) -> Floats:
@@ -740,7 +862,9 @@ def test_it_agrees_with_a_long_chain_of_another_sampler_on_50_data_sets(i: int) 
     walkers = 40
     g, log_c, w = weighted(rng, k, answers, lapse, 60_000)
     chosen = rng.choice(len(w), walkers, p=w)
-    start = np.log(g[chosen] + 1e-300) + log_c[chosen, None] + 0.1 * rng.normal(size=(walkers, k - 1))
+    start = (
+        np.log(g[chosen] + 1e-300) + log_c[chosen, None] + 0.1 * rng.normal(size=(walkers, k - 1))
+    )
     sampler = emcee.EnsembleSampler(walkers, k - 1, log_density, vectorize=True)
     sampler.random_state = np.random.RandomState(i).get_state()
     state = sampler.run_mcmc(start, 1000)
@@ -767,26 +891,36 @@ def test_particles_are_worth_about_what_their_effective_size_says(k: int, n: int
         unsure = (p > 0.1) & (p < 0.9)
         worth.append(float((p * (1 - p))[unsure].sum() / found.var(axis=0, ddof=1)[unsure].sum()))
     off = np.log(worth) - np.log(said)
-    # With 20 levels and 40 answers one set of four is worth a quarter of what is said: 68 of 290, by 64 seeds, not 16.
+    # With 20 levels and 40 answers one set of four is worth a quarter of what is said: 68 of 290,
+    # by 64 seeds, not 16.
     assert off.min() > -math.log(5 if (k, n) == (20, 40) else 3), (said, worth)
     assert -math.log(2) < off.mean() < math.log(3), (said, worth)
 
 
 def ranks(k: int, n: int, replications: int, seed: int) -> tuple[list[str], Floats]:
-    """Simulation-based calibration (Talts et al. 2018): the ranks (replications, quantities) of what was drawn from
-    the prior among 99 particles of the posterior."""
+    """Simulation-based calibration (Talts et al. 2018): the ranks (replications, quantities) of
+    what was drawn from the prior among 99 particles of the posterior."""
     fixed = differences(np.random.default_rng(99), k, 1)
     t, out = tail_sums(fixed)[0], []
     for i in range(replications):
         rng = np.random.default_rng([seed, i, k, n])
         g, log_c, lapse = drawn_gaps(rng, k)[0], rng.normal(MEAN, SD), rng.beta(*LAPSE)
-        c = PosteriorComparator(k, seed=i).update(answered(rng, differences(rng, k, n), g, math.exp(log_c), lapse))
+        c = PosteriorComparator(k, seed=i).update(
+            answered(rng, differences(rng, k, n), g, math.exp(log_c), lapse)
+        )
         gaps, weights, precision = c.draws
         pick = rng.choice(len(weights), 99, p=weights)
-        # gaps that no vector can tell from none are kept to within e^-60 of the greatest only: they tie
-        levels, true = np.maximum(np.cumsum(gaps, axis=0)[:-1, pick], TINY), np.maximum(np.cumsum(g)[:-1], TINY)
+        # gaps that no vector can tell from none are kept to within e^-60 of the greatest only: they
+        # tie
+        levels, true = (
+            np.maximum(np.cumsum(gaps, axis=0)[:-1, pick], TINY),
+            np.maximum(np.cumsum(g)[:-1], TINY),
+        )
         ties = rng.integers(0, (levels == true[:, None]).sum(axis=1) + 1)
-        below = [*((levels < true[:, None]).sum(axis=1) + ties), (np.log(precision[pick]) < log_c).sum()]
+        below = [
+            *((levels < true[:, None]).sum(axis=1) + ties),
+            (np.log(precision[pick]) < log_c).sum(),
+        ]
         out.append([*below, (t @ gaps[:, pick] < t @ g).sum()])
     return [*(f"e{j}" for j in range(2, k)), "log c", "d.e"], np.array(out)
 
@@ -808,10 +942,16 @@ def test_ranks_of_the_truth_are_uniform_in_many_replications(k: int, n: int) -> 
     assert_uniform(*ranks(k, n, 600, 1))
 
 
-def learned(k: int, lapse: float, make: Callable[[Floats, Floats, int], Any], law: str, seed: int) -> tuple[int, int]:
-    """How many pairs are decided, and how many wrongly, by one who asks only what is open; then on fresh pairs."""
+def learned(
+    k: int, lapse: float, make: Callable[[Floats, Floats, int], Any], law: str, seed: int
+) -> tuple[int, int]:
+    """How many pairs are decided, and how many wrongly, by one who asks only what is open; then on
+    fresh pairs.
+    """
     rng = np.random.default_rng([seed, k])
-    g = np.maximum(drawn_gaps(rng, k)[0] if law == "prior" else rng.dirichlet(np.full(k - 1, 0.2)), 1e-9)
+    g = np.maximum(
+        drawn_gaps(rng, k)[0] if law == "prior" else rng.dirichlet(np.full(k - 1, 0.2)), 1e-9
+    )
     e = values_of(g / g.sum())
     e /= e[-1]
     stream, truth = pairs(rng, k, 120), TruthfulTutor(e)
@@ -821,15 +961,21 @@ def learned(k: int, lapse: float, make: Callable[[Floats, Floats, int], Any], la
         seen.append(verdict)
         if verdict == Verdict.UNKNOWN and len(c.answers) < 40:
             c = c.update(Answers(d[None], tutor.signs(d)))
-    v, true = np.array([*seen, *c.compare(fresh := pairs(rng, k, 120))]), truth.signs(np.concatenate([stream, fresh]))
+    v, true = (
+        np.array([*seen, *c.compare(fresh := pairs(rng, k, 120))]),
+        truth.signs(np.concatenate([stream, fresh])),
+    )
     return int((v != 2).sum()), int(((v != 2) & (v != true)).sum())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("k", "tutor", "law"), [(5, "logistic", "prior"), (10, "flipping", "prior"), (5, "logistic", "skewed")]
+    ("k", "tutor", "law"),
+    [(5, "logistic", "prior"), (10, "flipping", "prior"), (5, "logistic", "skewed")],
 )
-def test_what_is_decided_is_seldom_wrong_whichever_questions_were_asked(k: int, tutor: str, law: str) -> None:
+def test_what_is_decided_is_seldom_wrong_whichever_questions_were_asked(
+    k: int, tutor: str, law: str
+) -> None:
     def logistic(e: Floats, d: Floats, seed: int) -> BradleyTerryTutor:
         return BradleyTerryTutor(e, 2.0 / float(np.std(d @ e)), seed)
 
@@ -838,7 +984,10 @@ def test_what_is_decided_is_seldom_wrong_whichever_questions_were_asked(k: int, 
 
     make = {"logistic": logistic, "flipping": flipping}[tutor]
     counts = np.array(
-        [learned(k, 0.1 if tutor == "flipping" else 0.05, make, law, seed) for seed in range(scaled(6, 15))]
+        [
+            learned(k, 0.1 if tutor == "flipping" else 0.05, make, law, seed)
+            for seed in range(scaled(6, 15))
+        ]
     )
     decided, wrong = counts.sum(axis=0)
     assert decided > 0.3 * len(counts) * 240
@@ -858,7 +1007,10 @@ def test_a_uniform_prior_is_too_sure_on_skewed_scales_and_the_default_is_not() -
             g /= g.sum()
             asked, fresh = pairs(rng, 8, 10), pairs(rng, 8, 200)
             answers = answered(rng, asked, g, 2.0 / float(np.std(tail_sums(asked) @ g)), 0.0)
-            v, true = PosteriorComparator(8, shape=shape).update(answers).compare(fresh), np.sign(tail_sums(fresh) @ g)
+            v, true = (
+                PosteriorComparator(8, shape=shape).update(answers).compare(fresh),
+                np.sign(tail_sums(fresh) @ g),
+            )
             total += [(v != 2).sum(), ((v != 2) & (v != true)).sum()]
         decided[shape], wrong[shape] = total[0], total[1] / total[0]
     assert wrong[(1.0, 1.0)] > 0.05
@@ -868,7 +1020,9 @@ def test_a_uniform_prior_is_too_sure_on_skewed_scales_and_the_default_is_not() -
 
 @pytest.mark.slow
 def test_it_decides_far_more_than_the_box() -> None:
-    """At 20 levels and 400 answers of logit sd 2: the paper's literal fit, with footnote 3, and ours with order."""
+    """At 20 levels and 400 answers of logit sd 2: the paper's literal fit, with footnote 3, and
+    ours with order.
+    """
     shares = np.zeros(3)
     for i in range(6):
         rng = np.random.default_rng([i, 20])
@@ -878,7 +1032,8 @@ def test_it_decides_far_more_than_the_box() -> None:
         for j, rule in enumerate((
             PosteriorComparator(20),
             BradleyTerryComparator(20, precision=c, region="box"),
-            BradleyTerryComparator(20, precision=c, region="box", monotone=False, prior_strength=0, rescale=True),
+            BradleyTerryComparator(20, precision=c, region="box", monotone=False, prior_strength=0,
+                                   rescale=True),
         )):  # fmt: skip
             shares[j] += (rule.update(answers).compare(fresh) != 2).mean() / 6
     ours, box, literal = shares

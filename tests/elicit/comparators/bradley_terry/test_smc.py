@@ -1,4 +1,6 @@
-"""The particles' parts, each against another way to the same number, and the moves against laws they must keep."""
+"""The particles' parts, each against another way to the same number, and the moves against laws
+they must keep.
+"""
 
 import math
 from itertools import pairwise, permutations
@@ -25,14 +27,22 @@ from tests.noisy_cases import MEAN, SD, Floats, Rng, log_gaps, log_terms, prior_
 from tests.thoroughness import examples
 
 
-def prior_draws(rng: Rng, p: int, m: int, shape: tuple[float, float] | None = None, laws: Any = ()) -> Floats:
-    """x (m, p) straight from the stated prior, and a column for each of ``laws``, of logits of Beta variates."""
+def prior_draws(
+    rng: Rng, p: int, m: int, shape: tuple[float, float] | None = None, laws: Any = ()
+) -> Floats:
+    """x (m, p) straight from the stated prior, and a column for each of ``laws``, of logits of Beta
+    variates.
+    """
     x = log_gaps(rng, p + 1, m, shape) + rng.normal(MEAN, SD, (m, 1))
     return np.ascontiguousarray(np.column_stack([x, *(logit(rng.beta(*law, m)) for law in laws)]))
 
 
-def learning(prior: D.ParticlePrior, lapse: bool, tie: float) -> tuple[D.ParticlePrior, list[tuple[float, float]]]:
-    """The prior of one who learns the lapse, the width, or both; and the laws of the columns beyond the gaps."""
+def learning(
+    prior: D.ParticlePrior, lapse: bool, tie: float
+) -> tuple[D.ParticlePrior, list[tuple[float, float]]]:
+    """The prior of one who learns the lapse, the width, or both; and the laws of the columns beyond
+    the gaps.
+    """
     laws = [LAPSE] * lapse + [(1.0, 1.0)] * (tie > 0)
     return prior._replace(lapse=-1.0 if lapse else prior.lapse, tie=tie), laws
 
@@ -43,13 +53,15 @@ def lapses_and_widths(x: Floats, p: int, prior: D.ParticlePrior) -> tuple[Floats
     if prior.lapse < 0:
         lapse = D.LEAST_LAPSE + (1 - D.LEAST_LAPSE) * expit(x[:, p])
     if prior.tie:
-        width = np.maximum(np.exp(logsumexp(x[:, :p], axis=1)) * prior.tie * expit(x[:, -1]), D.LEAST_WIDTH)
+        width = np.maximum(
+            np.exp(logsumexp(x[:, :p], axis=1)) * prior.tie * expit(x[:, -1]), D.LEAST_WIDTH
+        )
     return lapse, width
 
 
 def direct_log_prior(x: Floats, shape: tuple[float, float]) -> float:
-    """The log density of x by adaptive quadrature over the shape: a Dirichlet density of g, a normal one of log c, and
-    the Jacobian of (log c, g) to x, which is prod g."""
+    """The log density of x by adaptive quadrature over the shape: a Dirichlet density of g, a
+    normal one of log c, and the Jacobian of (log c, g) to x, which is prod g."""
     p, log_c = len(x), float(logsumexp(x))
     log_g = x - log_c
 
@@ -62,12 +74,17 @@ def direct_log_prior(x: Floats, shape: tuple[float, float]) -> float:
     top = max(density(u) for u in grid)
     peak = grid[int(np.argmax([density(u) for u in grid]))]
     ends = [low, *(p for p in (peak - 0.1, peak, peak + 0.1) if low < p < high), high]
-    parts = [quad(lambda u: math.exp(density(u) - top), a, b, epsabs=0, epsrel=1e-12)[0] for a, b in pairwise(ends)]
+    parts = [
+        quad(lambda u: math.exp(density(u) - top), a, b, epsabs=0, epsrel=1e-12)[0]
+        for a, b in pairwise(ends)
+    ]
     normal = -0.5 * ((log_c - MEAN) / SD) ** 2 - math.log(SD * math.sqrt(2 * math.pi))
     return top + math.log(sum(parts) / (high - low)) + float(log_g.sum()) + normal
 
 
-def rows_of(rng: Rng, k: int, n: int, logit_sd: float = 2.0, ties: bool = True) -> tuple[Floats, Floats]:
+def rows_of(
+    rng: Rng, k: int, n: int, logit_sd: float = 2.0, ties: bool = True
+) -> tuple[Floats, Floats]:
     """Rows (p, n) as ``update`` makes them, of a tutor with equal gaps, and which are ties."""
     d = rng.dirichlet(np.ones(k), n) - rng.dirichlet(np.ones(k), n)
     logit = d @ np.linspace(0, 1, k)
@@ -118,13 +135,19 @@ def test_the_likelihood_is_the_formula_and_gives_up_only_below_the_least(
     width = max(D.LEAST_WIDTH, wide * theta.sum()) if wide else 0.0
     first, end = sorted(int(i) for i in rng.integers(0, n + 1, 2))
     with np.errstate(divide="ignore"):  # where an answer cannot be
-        wanted = float(log_terms(theta[None], rows[:, first:end].T, tied[first:end], lapse, width).sum())
+        wanted = float(
+            log_terms(theta[None], rows[:, first:end].T, tied[first:end], lapse, width).sum()
+        )
     found = D.log_likelihood(theta, rows, tied, first, end, lapse, width, -math.inf, work)
-    one_by_one = [D.log_term(float(theta @ rows[:, i]), bool(tied[i]), lapse, width) for i in range(first, end)]
+    one_by_one = [
+        D.log_term(float(theta @ rows[:, i]), bool(tied[i]), lapse, width)
+        for i in range(first, end)
+    ]
     assert found == pytest.approx(sum(one_by_one), rel=1e-9, abs=1e-9)
     if wanted < -1e4 and wide and not lapse:  # the formula's own numbers vanish
         return
-    # beyond 60 logits the logistic function counts as 1e-26, which only a tiny lapse can tell from 0
+    # beyond 60 logits the logistic function counts as 1e-26, which only a tiny lapse can tell from
+    # 0
     clipped = 0.0 < lapse < 1e-20 and np.abs(rows.T @ theta).max() + width > D.FARTHEST
     if clipped:
         assert wanted - 1e-9 * abs(wanted) <= found <= 0.0
@@ -135,7 +158,9 @@ def test_the_likelihood_is_the_formula_and_gives_up_only_below_the_least(
         assert D.log_likelihood(theta, rows, tied, first, end, lapse, width, least, work) == found
     if end > first and found < -1e-6:
         more = found * (1 - 1e-9)
-        assert D.log_likelihood(theta, rows, tied, first, end, lapse, width, more, work) == -math.inf
+        assert (
+            D.log_likelihood(theta, rows, tied, first, end, lapse, width, more, work) == -math.inf
+        )
 
 
 @pytest.mark.parametrize("k", [2, 3, 5, 10, 20])
@@ -145,7 +170,9 @@ def test_the_prior_is_the_stated_one(k: int, shape: tuple[float, float]) -> None
     rng, theta, constants = np.random.default_rng(k), np.empty(k - 1), []
     for x in prior_draws(rng, k - 1, 12, shape):
         found = D.log_prior(x, prior, theta, np.empty((2, D.BLOCK)))
-        constants.append(found - (direct_log_prior(x, shape) if shape[0] < shape[1] else _uniform_log_prior(x)))
+        constants.append(
+            found - (direct_log_prior(x, shape) if shape[0] < shape[1] else _uniform_log_prior(x))
+        )
         assert theta == pytest.approx(np.exp(np.maximum(x, x.max() - D.FARTHEST)), rel=1e-7)
     assert np.ptp(constants) < 1e-4  # 16 nodes
 
@@ -165,7 +192,9 @@ def test_a_given_precision_scales_theta_and_inequalities_bound_it() -> None:
         g = np.exp(x - logsumexp(x))
         assert theta == pytest.approx(7.0 * g, rel=1e-6)
         if abs(g[0] - 0.5) > 1e-9:
-            assert (D.log_prior(x, bounded, theta, np.empty((2, D.BLOCK))) > -math.inf) == (g[0] > 0.5)
+            assert (D.log_prior(x, bounded, theta, np.empty((2, D.BLOCK))) > -math.inf) == (
+                g[0] > 0.5
+            )
 
 
 def test_the_effective_size_counts_weights() -> None:
@@ -205,7 +234,13 @@ def test_tempering_takes_as_much_of_a_surprise_as_the_weights_can_bear() -> None
 
 
 def moved(
-    x: Floats, rows: Floats, tied: Floats, prior: D.ParticlePrior, sweeps: int, key: int, last: float = 1.0
+    x: Floats,
+    rows: Floats,
+    tied: Floats,
+    prior: D.ParticlePrior,
+    sweeps: int,
+    key: int,
+    last: float = 1.0,
 ) -> Floats:
     x = x.copy()
     accepted = M.move(x, rows, tied, rows.shape[1], last, prior, np.uint64(key), sweeps)
@@ -213,7 +248,9 @@ def moved(
     return x
 
 
-def in_double(x: Floats, rows: Floats, tied: Floats, last: float, prior: D.ParticlePrior, key: Any, turns: int) -> int:
+def in_double(
+    x: Floats, rows: Floats, tied: Floats, last: float, prior: D.ParticlePrior, key: Any, turns: int
+) -> int:
     """``move`` as it would be without single precision."""
     (p, n), accepted = rows.shape, 0
     theta, work, proposal = np.empty(p), np.empty((2, D.BLOCK)), np.empty(x.shape[1])
@@ -240,7 +277,9 @@ def in_double(x: Floats, rows: Floats, tied: Floats, last: float, prior: D.Parti
 
 @pytest.mark.parametrize("lapse", [0.0, 1e-9, 1e-4, 0.1, None])
 @pytest.mark.parametrize("tie", [0.0, 0.05])
-@pytest.mark.parametrize(("n", "last", "size"), [(1, 1.0, 1.0), (70, 1.0, 0.2), (200, 0.3, 0.2), (400, 1.0, 30.0)])
+@pytest.mark.parametrize(
+    ("n", "last", "size"), [(1, 1.0, 1.0), (70, 1.0, 0.2), (200, 0.3, 0.2), (400, 1.0, 30.0)]
+)
 def test_single_precision_changes_no_decision(
     lapse: float | None, tie: float, n: int, last: float, size: float
 ) -> None:
@@ -258,9 +297,12 @@ def test_single_precision_changes_no_decision(
 
 
 @pytest.mark.parametrize(
-    ("lapse", "c", "far"), [(0.0, 20.0, 20.65), (1e-10, 20.0, 18.0), (0.0, 1e39, 5.0), (0.1, 1e39, 5.0)]
+    ("lapse", "c", "far"),
+    [(0.0, 20.0, 20.65), (1e-10, 20.0, 18.0), (0.0, 1e39, 5.0), (0.1, 1e39, 5.0)],
 )
-def test_single_precision_changes_no_decision_where_it_ends(lapse: float, c: float, far: float) -> None:
+def test_single_precision_changes_no_decision_where_it_ends(
+    lapse: float, c: float, far: float
+) -> None:
     p, n, rng = 3, 640, np.random.default_rng(1)
     prior = prior_of(p + 1, lapse=lapse, precision=c)
     rows = rng.normal(size=(p, n)) * min(far, 6.0) / c
@@ -269,7 +311,9 @@ def test_single_precision_changes_no_decision_where_it_ends(lapse: float, c: flo
     one, other = start.copy(), start.copy()
     with np.errstate(all="ignore"):
         accepted = M.move(one, rows, np.zeros(n, bool), n, 1.0, prior, np.uint64(5), 30)
-        assert in_double(other, rows, np.zeros(n, bool), 1.0, prior, np.uint64(5), 30) == accepted > 0
+        assert (
+            in_double(other, rows, np.zeros(n, bool), 1.0, prior, np.uint64(5), 30) == accepted > 0
+        )
     assert (one == other).all()
 
 
@@ -278,7 +322,10 @@ def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
     rng = np.random.default_rng(seed)
     p, n = int(rng.integers(1, 20)), int(rng.integers(1, 300))
     rows = rng.normal(size=(p, n)) * 10.0 ** rng.uniform(-4, 2)
-    tied, lapse = rng.random(n) < rng.choice([0.0, 0.1]), float(rng.choice([0.0, 1e-6, 1e-4, 0.05, 0.9]))
+    tied, lapse = (
+        rng.random(n) < rng.choice([0.0, 0.1]),
+        float(rng.choice([0.0, 1e-6, 1e-4, 0.05, 0.9])),
+    )
     theta = np.exp(rng.normal(size=p) * 2.0)
     width = float(rng.choice([0.0, 1e-6, 10.0 ** rng.uniform(-3, 3)]))
     small, work = np.empty((2, D.BLOCK), np.float32), np.empty((2, D.BLOCK))
@@ -288,7 +335,9 @@ def test_rough_likelihoods_keep_within_their_error(seed: int) -> None:
     slack = R.error(theta, rough, width)
     assert found >= exact - slack
     assert lapse < D.LEAST_LAPSE or found <= exact + slack
-    assert R.rough_likelihood(theta, rough, lapse, width, found - 1e-9, small) == pytest.approx(found, abs=1e-9)
+    assert R.rough_likelihood(theta, rough, lapse, width, found - 1e-9, small) == pytest.approx(
+        found, abs=1e-9
+    )
     assert R.rough_likelihood(theta, rough, lapse, width, found + 1e-6, small) == -math.inf
     assert slack < 1e-3 * n + 1e-5 * ((np.abs(rows).T @ theta).sum() + (n + D.BLOCK) * width)
 
@@ -356,7 +405,9 @@ def test_moves_reach_the_prior_from_elsewhere() -> None:
     ],
 )
 def test_moves_leave_a_posterior_as_it_is(lapse: float | None, tie: float, last: float) -> None:
-    """Started from draws of the prior that are weighted by the formula, the last answer's to a power."""
+    """Started from draws of the prior that are weighted by the formula, the last answer's to a
+    power.
+    """
     rng = np.random.default_rng(7)
     prior, laws = learning(prior_of(4, lapse=lapse), lapse is None, tie)
     rows, tied = rows_of(rng, 4, 12)
@@ -408,7 +459,9 @@ def test_answers_reweight_and_moves_follow_where_few_carry_the_weight() -> None:
     for n in range(1, 61):
         before, noise_before = x.copy(), noise[0]
         P.thetas(x, prior, theta := np.empty(x.T.shape), slip := np.empty((2, 400)))
-        proposed, accepted = P.learn(x, theta, slip, logs, noise, rows, tied, n, prior, np.uint64(n))
+        proposed, accepted = P.learn(
+            x, theta, slip, logs, noise, rows, tied, n, prior, np.uint64(n)
+        )
         assert P.effective_size(logs) >= P.FAIR * 400
         if not proposed:
             assert (x == before).all()
@@ -437,7 +490,8 @@ def test_swaps_are_as_likely_there_as_back() -> None:
     both = shares + shares.T
     off = np.abs(shares - shares.T)[both > 0] / np.sqrt(both[both > 0])
     assert off.max() < 4.5
-    # every two places, but not those of the two smallest gaps where a greater one lies on either side between them
+    # every two places, but not those of the two smallest gaps where a greater one lies on either
+    # side between them
     assert (both > 0).sum() == 24 * 6 - 8
 
 
@@ -468,7 +522,10 @@ def report() -> list[str]:
     )
     for more in settings:
         c = PosteriorComparator(4, particles=30, seed=3, **more).update(Answers(d, y))
-        lines.append(f"{[part.tobytes().hex() for part in c.draws]} {c.proposed} {c.accepted} {c.effective_size}")
+        lines.append(
+            f"{[part.tobytes().hex() for part in c.draws]} {c.proposed} {c.accepted} "
+            f"{c.effective_size}"
+        )
         lines.append(f"{c.compare(d).tolist()} {c.probability(d).tobytes().hex()}")
     return lines
 

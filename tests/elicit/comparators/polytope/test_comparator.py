@@ -1,4 +1,6 @@
-"""The polytope comparator's promises: verdicts that depend on the answers only, its centre, contradictions, errors."""
+"""The polytope comparator's promises: verdicts that depend on the answers only, its centre,
+contradictions, errors.
+"""
 
 import pickle
 import time
@@ -44,12 +46,16 @@ def setting(seed: int, k: int = 7, n: int = 40, asks: int = 60) -> Case:
     rng = np.random.default_rng(seed)
     truth = draw_truth(rng, k - 1)
     d = shares(rng, k, n)
-    return Case("setting", k, 1e-6, None, d, answered(rng, d, truth), questions(rng, d, truth, asks), truth)
+    return Case(
+        "setting", k, 1e-6, None, d, answered(rng, d, truth), questions(rng, d, truth, asks), truth
+    )
 
 
 def test_without_answers_it_knows_the_order_and_the_margin() -> None:
     c = PolytopeComparator(3, margin=0.125, tie=0.0)
-    steps = np.array([[-1, 1, 0], [0, 1, -1], [0, 0, 0], [-1, 2, -1], [-1, 7, -6], [-6, 7, -1]], dtype=float)
+    steps = np.array(
+        [[-1, 1, 0], [0, 1, -1], [0, 0, 0], [-1, 2, -1], [-1, 7, -6], [-6, 7, -1]], dtype=float
+    )
     assert c.compare(steps).tolist() == [BETTER, WORSE, EQUAL, UNKNOWN, UNKNOWN, UNKNOWN]
     # the gaps lie in [1/8, 7/8]: one step up against another down is decided from 7 to 1
     assert c.compare(from_tails([7.0, -1.0])).tolist() == [BETTER]
@@ -70,15 +76,26 @@ def test_the_closed_form_is_right_to_the_last_bit() -> None:
         d = np.concatenate([[0.0], np.append(t[:-1] - t[1:], t[-1])])
         exactly = exact(tails(d)[0])
         least = Fraction(margin) * sum(exactly) + (1 - (k - 1) * Fraction(margin)) * min(exactly)
-        assert PolytopeComparator(k, margin=margin, tie=0.0).compare(d)[0] == (BETTER if least >= 0 else UNKNOWN)
+        assert PolytopeComparator(k, margin=margin, tie=0.0).compare(d)[0] == (
+            BETTER if least >= 0 else UNKNOWN
+        )
 
 
 def test_closed_gaps_make_no_difference() -> None:
-    """Margin 0 and an answer against dominance: the gap is 0, and what differs by it only is equal."""
-    c = PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers([from_tails([0.0, 1.0, 0.0])], [-1]))
-    asked = [from_tails(t) for t in ([0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -5.0, 0.0], [1.0, 0.0, -1.0])]
+    """Margin 0 and an answer against dominance: the gap is 0, and what differs by it only is
+    equal.
+    """
+    c = PolytopeComparator(4, margin=0.0, tie=0.0).update(
+        Answers([from_tails([0.0, 1.0, 0.0])], [-1])
+    )
+    asked = [
+        from_tails(t)
+        for t in ([0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -5.0, 0.0], [1.0, 0.0, -1.0])
+    ]
     assert c.compare(asked).tolist() == [EQUAL, BETTER, BETTER, UNKNOWN]
-    assert decide(c, asked).tiers[:3].tolist() == [Tier.EXACT] * 3  # dominance itself would say too much
+    assert (
+        decide(c, asked).tiers[:3].tolist() == [Tier.EXACT] * 3
+    )  # dominance itself would say too much
     assert c.values[1] == pytest.approx(c.values[2])
 
 
@@ -105,7 +122,9 @@ def test_verdicts_depend_on_nothing_else(seed: int, k: int, n: int) -> None:
 
     one_by_one = PolytopeComparator(k, tie=0.0)
     for i in rng.permutation(n):
-        one_by_one.compare(case.ask[: rng.integers(10)])  # proofs found on the way are carried along
+        one_by_one.compare(
+            case.ask[: rng.integers(10)]
+        )  # proofs found on the way are carried along
         one_by_one = one_by_one.update(Answers(case.d[i : i + 1], case.y[i : i + 1]))
     assert (one_by_one.compare(case.ask) == expected).all()
     assert (one_by_one.values == case.known().values).all()
@@ -173,7 +192,9 @@ def decrement(rows: Floats, slack: Floats, flat: Floats) -> float:
     return float(np.linalg.norm(scaled @ step))
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))])
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 4))]
+)
 def test_the_centre_is_the_barriers_optimum(seed: int) -> None:
     checked = 0
     for case in cases([51, seed], 42, asks=1, most_answers=150):
@@ -186,7 +207,11 @@ def test_the_centre_is_the_barriers_optimum(seed: int) -> None:
         assert values[0] == 0.0
         assert values[-1] == pytest.approx(1.0, abs=1e-12)
         assert (slack > -2e-12 * np.maximum(size, 1e-12)).all(), case.kind
-        if case.kind not in ("thin", "tied", "parallel"):  # where a slack of 1e-9 is all there is, or none at all
+        if case.kind not in (
+            "thin",
+            "tied",
+            "parallel",
+        ):  # where a slack of 1e-9 is all there is, or none at all
             assert decrement(rows, slack, slack < 1e-10) < 1e-5, case.kind
             checked += 1
     assert checked > 20
@@ -195,7 +220,9 @@ def test_the_centre_is_the_barriers_optimum(seed: int) -> None:
 def test_the_centre_lies_strictly_inside() -> None:
     for k, n in ((3, 5), (6, 40), (12, 150), (25, 300)):
         case = setting(k, k=k, n=n, asks=0)
-        c = PolytopeComparator(k, margin=float(min(case.truth)) / 2, tie=case.tie).update(Answers(case.d, case.y))
+        c = PolytopeComparator(k, margin=float(min(case.truth)) / 2, tie=case.tie).update(
+            Answers(case.d, case.y)
+        )
         g = exact(np.diff(c.values))
         g = [x / sum(g) for x in g]
         region = region_of(k, c.margin, None, case.d, list(case.y))
@@ -206,7 +233,9 @@ def test_the_centre_lies_strictly_inside() -> None:
 
 def test_equal_gaps_before_any_answer() -> None:
     for k in (2, 3, 10, 25):
-        assert PolytopeComparator(k, tie=0.0).values == pytest.approx(np.linspace(0, 1, k), abs=1e-9)
+        assert PolytopeComparator(k, tie=0.0).values == pytest.approx(
+            np.linspace(0, 1, k), abs=1e-9
+        )
         assert PolytopeComparator(k, margin=1 / (k - 1), tie=0.0).values == pytest.approx(
             np.linspace(0, 1, k), abs=1e-12
         )
@@ -231,7 +260,9 @@ def test_known_centres() -> None:
 
 
 def test_ties_that_only_the_edge_of_the_band_satisfies() -> None:
-    """Two answers "equal" whose middles contradict each other leave a sliver, and values lie in it."""
+    """Two answers "equal" whose middles contradict each other leave a sliver, and values lie in
+    it.
+    """
     a, b = from_tails([1.0, -1.0, 0.0]), from_tails([1.0 + 2.0**-28, -1.0, 0.0])
     c = PolytopeComparator(4, margin=0.3, tie=0.0).update(Answers([a, b], [0, 0]))
     _, slack = slacks(c, np.diff(c.values))
@@ -243,14 +274,20 @@ def test_values_do_not_depend_on_the_order_of_the_answers() -> None:
     for case in cases(53, scaled(30, 140), asks=1, most_answers=60, most_levels=15):
         if case.kind not in ("plain", "touching", "equal gaps", "extreme"):
             order = rng.permutation(len(case.y))
-            shuffled = PolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
+            shuffled = PolytopeComparator(
+                case.k, margin=case.margin, prior=case.prior, tie=case.tie
+            )
             for part in np.array_split(order, 3):
                 shuffled = shuffled.update(Answers(case.d[part], case.y[part]))
             assert (shuffled.values == case.known().values).all(), case.kind
 
 
-def check_conflict(error: InconsistentAnswers, k: int, margin: float, prior: Any, d: Floats, y: Any) -> None:
-    """Empty, not empty without any one of them, and the margin is blamed rightly: all exactly, by another method."""
+def check_conflict(
+    error: InconsistentAnswers, k: int, margin: float, prior: Any, d: Floats, y: Any
+) -> None:
+    """Empty, not empty without any one of them, and the margin is blamed rightly: all exactly, by
+    another method.
+    """
     rows = [row for row, _ in error.answers]
     assert rows == sorted(set(rows))
     assert is_empty(region_of(k, margin, prior, d, y, rows))
@@ -271,7 +308,11 @@ def test_an_erring_tutor_is_caught_with_a_minimal_set(seed: int) -> None:
         y = np.where(rng.random(n) < 0.1, -1, 1) * answered(rng, d, truth)
         ids = [f"q{i}" for i in range(n)]
         margin = float(rng.choice([0.0, 1e-6, 1e-3]))
-        c, told, batch = PolytopeComparator(k, margin=margin, tie=0.0), 0, int(rng.choice([1, 7, n]))
+        c, told, batch = (
+            PolytopeComparator(k, margin=margin, tie=0.0),
+            0,
+            int(rng.choice([1, 7, n])),
+        )
         while told < n:
             part = slice(told, told + batch)
             ask = shares(rng, k, 5)
@@ -283,7 +324,9 @@ def test_an_erring_tutor_is_caught_with_a_minimal_set(seed: int) -> None:
             found += 1
             with pytest.raises(InconsistentAnswers) as caught:
                 c.update(Answers(d[part], y[part], ids[part]))
-            check_conflict(caught.value, k, margin, None, d[: told + batch], list(y[: told + batch]))
+            check_conflict(
+                caught.value, k, margin, None, d[: told + batch], list(y[: told + batch])
+            )
             assert all(name == ids[row] for row, name in caught.value.answers)
             assert len(c.answers) == told  # and nothing has changed
             assert (c.compare(ask) == before).all()
@@ -326,7 +369,9 @@ def test_a_real_contradiction_does_not_blame_the_margin() -> None:
     ],
 )
 def test_one_answer_against_dominance(t: list[float], y: int, margin: float, blamed: bool) -> None:
-    c = PolytopeComparator(4, margin=margin, tie=0.0).update(Answers([from_tails([1.0, -1.0, 0.0])], [1]))
+    c = PolytopeComparator(4, margin=margin, tie=0.0).update(
+        Answers([from_tails([1.0, -1.0, 0.0])], [1])
+    )
     with pytest.raises(InconsistentAnswers) as caught:
         c.update(Answers([from_tails(t)], [y], ["odd"]))
     assert caught.value.answers == ((1, "odd"),)
@@ -335,10 +380,14 @@ def test_one_answer_against_dominance(t: list[float], y: int, margin: float, bla
 
 def test_equal_levels_within_the_band_are_no_contradiction() -> None:
     step = from_tails([0.0, 1.0, 0.0])
-    assert PolytopeComparator(4, margin=1e-10, tie=0.0).update(Answers([step], [0])).compare(step).tolist() == [BETTER]
+    assert PolytopeComparator(4, margin=1e-10, tie=0.0).update(Answers([step], [0])).compare(
+        step
+    ).tolist() == [BETTER]
     with pytest.raises(InconsistentAnswers):
         PolytopeComparator(4, margin=1e-6, tie=0.0).update(Answers([step], [0]))
-    assert PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers([step], [-1])).compare(step).tolist() == [EQUAL]
+    assert PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers([step], [-1])).compare(
+        step
+    ).tolist() == [EQUAL]
 
 
 def test_the_prior_is_never_named() -> None:
@@ -353,7 +402,9 @@ def test_the_prior_is_never_named() -> None:
 
 
 def test_contradictions_by_the_last_bit() -> None:
-    """The truth lies exactly on a cut: moving a later cut by one unit in the last place decides consistency."""
+    """The truth lies exactly on a cut: moving a later cut by one unit in the last place decides
+    consistency.
+    """
     d = from_tails([3.0, -1.0])  # g = (1/4, 3/4)
     c = PolytopeComparator(3, tie=0.0).update(Answers([d, d], [1, -1]))
     touching, beyond = from_tails([-6.0, 2.0]), np.array([4.0, -8.0, 2.0 - 2.0**-52])
@@ -365,7 +416,8 @@ def test_contradictions_by_the_last_bit() -> None:
 
 
 @pytest.mark.parametrize(
-    ("k", "margin"), [(3, 0.51), (3, 0.5000000000000001), (11, 0.2), (4, -1e-9), (4, np.nan), (4, "a")]
+    ("k", "margin"),
+    [(3, 0.51), (3, 0.5000000000000001), (11, 0.2), (4, -1e-9), (4, np.nan), (4, "a")],
 )
 def test_a_margin_that_does_not_fit(k: int, margin: float) -> None:
     with pytest.raises(ValueError, match=r"margin eta must lie between 0 and 1/\(k-1\)") as caught:
@@ -387,7 +439,10 @@ def test_the_greatest_margin() -> None:
 @pytest.mark.parametrize(
     ("prior", "message"),
     [
-        (([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], [0.6, -0.5]), "no scale with margin 1e-06 .* satisfies the prior's"),
+        (
+            ([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], [0.6, -0.5]),
+            "no scale with margin 1e-06 .* satisfies the prior's",
+        ),
         (([[0.0, 0.0, 0.0]], [1e-9]), "no scale"),
         (([[0.0, 1.0, 0.0]], [1e300]), "no scale"),
         (([[0.0, 1.0]], [0.0]), r"the prior's A must have shape \(n, 3\)"),
@@ -449,13 +504,17 @@ def test_huge_and_tiny_in_one_difference() -> None:
     assert tails(odd)[0] == [1e280, -1e-300, 0.0]
     assert c.compare(odd).tolist() == [BETTER]
     assert PolytopeComparator(4, margin=0.0, tie=0.0).compare(odd).tolist() == [UNKNOWN]
-    pinned = PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers([from_tails([1.0, 0.0, 0.0])], [-1]))
+    pinned = PolytopeComparator(4, margin=0.0, tie=0.0).update(
+        Answers([from_tails([1.0, 0.0, 0.0])], [-1])
+    )
     assert pinned.compare(odd).tolist() == [WORSE]
     with pytest.raises(ValueError, match="row 0 of the answers holds both huge and tiny numbers"):
         c.update(Answers([odd], [1]))
 
 
-@pytest.mark.parametrize(("k", "flat"), [(10, 0), pytest.param(25, 0, marks=pytest.mark.slow), (12, 4)])
+@pytest.mark.parametrize(
+    ("k", "flat"), [(10, 0), pytest.param(25, 0, marks=pytest.mark.slow), (12, 4)]
+)
 def test_five_hundred_answers(k: int, flat: int) -> None:
     """With ties, nothing lies strictly inside: every doubtful sign is settled exactly."""
     rng = np.random.default_rng(13)
@@ -478,5 +537,9 @@ def test_a_contradiction_goes_by_its_documented_name() -> None:
     with pytest.raises(InconsistentAnswers) as caught:
         PolytopeComparator(3, tie=0.0).update(Answers(d, [1, 1], ["a", "b"]))
     assert type(caught.value) is InconsistentAnswers
-    assert repr(caught.value).startswith("InconsistentAnswers('no scale satisfies these answers together: row 0 (id a)")
-    assert "InconsistentAnswers: no scale satisfies" in "".join(traceback.format_exception(caught.value))
+    assert repr(caught.value).startswith(
+        "InconsistentAnswers('no scale satisfies these answers together: row 0 (id a)"
+    )
+    assert "InconsistentAnswers: no scale satisfies" in "".join(
+        traceback.format_exception(caught.value)
+    )

@@ -1,4 +1,6 @@
-"""Every verdict and bound of the polytope comparator, on random and adversarial cases, against exact rationals."""
+"""Every verdict and bound of the polytope comparator, on random and adversarial cases, against
+exact rationals.
+"""
 
 from collections import Counter
 from fractions import Fraction
@@ -7,14 +9,26 @@ import numpy as np
 import pytest
 
 from elicit import Answers, PolytopeComparator
-from tests.lp_cases import KINDS, Case, Oracle, cases, dot, exact, least_from_scratch, tails, verdict
+from tests.lp_cases import (
+    KINDS,
+    Case,
+    Oracle,
+    cases,
+    dot,
+    exact,
+    least_from_scratch,
+    tails,
+    verdict,
+)
 from tests.thoroughness import scaled
 
 PART = 80  # cases; the slow test has 20,000
 
 
 def told(case: Case, how: int) -> PolytopeComparator:
-    """The comparator that knows the case's answers: told at once, one by one in another order, or in halves."""
+    """The comparator that knows the case's answers: told at once, one by one in another order, or
+    in halves.
+    """
     comparator = PolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
     n = len(case.y)
     if how == 0 or n > 60:
@@ -39,7 +53,9 @@ def check(case: Case, how: int) -> Counter[int]:
         expected = verdict(least, greatest)
         seen[expected] += 1
         where = f"{case.kind}, k = {case.k}, {len(case.y)} answers, d = {d.tolist()}"
-        assert got == expected, f"{where}: {got} instead of {expected}, exactly {float(least)}..{float(greatest)}"
+        assert got == expected, (
+            f"{where}: {got} instead of {expected}, exactly {float(least)}..{float(greatest)}"
+        )
         # one part in 10^9 of |d|_1, or the last bit of numbers that have only a few
         room = Fraction(1e-9) * sum(map(abs, exact(d))) + Fraction(2) ** -1072
         least, greatest = least * 2**shift, greatest * 2**shift
@@ -51,7 +67,9 @@ def check(case: Case, how: int) -> Counter[int]:
     return seen
 
 
-@pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.slow) for part in range(1, 5))])
+@pytest.mark.parametrize(
+    "part", [0, *(pytest.param(part, marks=pytest.mark.slow) for part in range(1, 5))]
+)
 def test_verdicts_and_bounds_are_exact(part: int) -> None:
     seen: Counter[int] = Counter()
     for i, case in enumerate(cases([2024, part], scaled(PART // 2, PART))):

@@ -1,4 +1,6 @@
-"""The programs over K_t as cvxpy problems: their optima are the comparator's bounds, their labels say what is what."""
+"""The programs over K_t as cvxpy problems: their optima are the comparator's bounds, their labels
+say what is what.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,17 @@ from elicit.model.query import Answers
 from tests.lp_cases import shares
 from tests.thoroughness import quick_first
 
-SOLVERS = [solver for solver in (cp.CLARABEL, cp.SCIPY, cp.HIGHS) if solver in cp.installed_solvers()]
+SOLVERS = [
+    solver for solver in (cp.CLARABEL, cp.SCIPY, cp.HIGHS) if solver in cp.installed_solvers()
+]
 assert len(SOLVERS) >= 2
 NEAR = 2e-6  # what the solvers' own tolerances leave
 
 
 def drawn(seed, wrong=0.0):
-    """Levels, a margin, prior texts and answers, of which some are ties; a share of them are wrong."""
+    """Levels, a margin, prior texts and answers, of which some are ties; a share of them are
+    wrong.
+    """
     rng = np.random.default_rng(seed)
     k = int(rng.integers(2, 9))
     truth = np.concatenate([[0.0], np.cumsum(rng.dirichlet(np.full(k - 1, 0.7)))])
@@ -35,7 +41,11 @@ def drawn(seed, wrong=0.0):
     value = d @ truth
     y = np.where(np.abs(value) < 1e-12, 0, np.sign(value)).astype(int)
     y[rng.random(len(y)) < wrong] *= -1
-    prior = [f"e{k} - e{k - 1} >= {0.9 * (1 - truth[-2]):.6f}"] if k > 2 and rng.random() < 0.5 else None
+    prior = (
+        [f"e{k} - e{k - 1} >= {0.9 * (1 - truth[-2]):.6f}"]
+        if k > 2 and rng.random() < 0.5
+        else None
+    )
     margin = float(min(np.diff(truth).min() / 2, 1e-3)) if rng.random() < 0.5 else 0.0
     return k, margin, prior, Answers(d, y), shares(rng, k, 3)
 
@@ -70,7 +80,10 @@ def test_cases_cover_priors_ties_contradictions_and_no_answers():
     assert any((answers.y == 0).any() for *_, answers, _ in seen)
     assert any(len(answers) == 0 for *_, answers, _ in seen)
     wrong = [drawn(seed, wrong=0.3) for seed in range(15)]
-    relaxed = [RelaxedPolytopeComparator(k, 0.01, margin, prior).update(a) for k, margin, prior, a, _ in wrong]
+    relaxed = [
+        RelaxedPolytopeComparator(k, 0.01, margin, prior).update(a)
+        for k, margin, prior, a, _ in wrong
+    ]
     assert any(comparator.violation > 0.001 for comparator in relaxed)
 
 
@@ -83,7 +96,15 @@ def test_every_constraint_is_labelled_by_where_it_comes_from():
     comparator = PolytopeComparator(4, 1e-3, prior).update(Answers(D, [-1, 0, 1, 0]))
     least, greatest = comparator.problems([0.1, 0.2, -0.7, 0.4])
     # the second answer's vectors are the same: it says nothing
-    labels = ["worst level", "best level", "order", *comparator.prior.names, "answer 1", "answer 3", "answer 4"]
+    labels = [
+        "worst level",
+        "best level",
+        "order",
+        *comparator.prior.names,
+        "answer 1",
+        "answer 3",
+        "answer 4",
+    ]
     assert labels[3:5] == ["well is twice poor", "e3 >= e2 + 0.05"]
     for problem, goal in ((least, "minimize"), (greatest, "maximize")):
         assert [constraint.label for constraint in problem.constraints] == labels
@@ -92,7 +113,9 @@ def test_every_constraint_is_labelled_by_where_it_comes_from():
         assert "order: 0.001 <= e[1:4] + -(e[0:3])" in lines
         assert "well is twice poor: 0.0 <= [0, -2, 0, 1] @ e" in lines
         assert "answer 1: 0.0 <= [0.5, -0.9, 0.6, -0.2] @ e" in lines  # "worse", so turned round
-        assert "answer 3: 0.0 <= [0.6, -1.4, 1, -0.2] @ e" in lines  # in its own unit, a power of two
+        assert (
+            "answer 3: 0.0 <= [0.6, -1.4, 1, -0.2] @ e" in lines
+        )  # in its own unit, a power of two
         assert lines[-1].startswith("answer 4: norm1([-0.8, 1, 0, -0.2] @ e) <= ")
         assert len(lines) == 1 + len(labels)  # however many levels, one line each
 
@@ -117,7 +140,9 @@ def test_the_problems_share_the_variable_and_nothing_else():
     (e,), (other,) = least.variables(), greatest.variables()
     assert e is other
     assert (e.name(), e.shape) == ("e", (4,))
-    assert not {constraint.id for constraint in least.constraints} & {c.id for c in greatest.constraints}
+    assert not {constraint.id for constraint in least.constraints} & {
+        c.id for c in greatest.constraints
+    }
     least.solve(solver=cp.CLARABEL)
     held = [np.copy(constraint.dual_value) for constraint in least.constraints]
     greatest.solve(solver=cp.CLARABEL)
@@ -131,19 +156,29 @@ def test_a_cone_and_a_penalty_extend_them():
     least, greatest = comparator.problems(d)
     e = least.variables()[0]
     inner = [
-        cp.Problem(problem.objective, [*problem.constraints, cp.norm(e - guess) <= 0.1]).solve(solver=cp.CLARABEL)
+        cp.Problem(problem.objective, [*problem.constraints, cp.norm(e - guess) <= 0.1]).solve(
+            solver=cp.CLARABEL
+        )
         for problem in (least, greatest)
     ]
     low, high = comparator.bounds(d)
     assert low[0] + 0.01 < inner[0] < inner[1] < high[0] - 0.01
     cp.Problem(cp.Minimize(cp.sum_squares(e - guess)), least.constraints).solve(solver=cp.CLARABEL)
     assert e.value == pytest.approx(guess, abs=1e-4)  # which fits
-    assert PolytopeComparator(4, prior=least.constraints).bounds(d)[0] == pytest.approx(low, abs=1e-9)
+    assert PolytopeComparator(4, prior=least.constraints).bounds(d)[0] == pytest.approx(
+        low, abs=1e-9
+    )
 
 
 def test_violations_are_named_and_limited():
     told = Answers(
-        [[-0.2, 0.5, -0.3, 0.0], [-0.2, 0.2, 0.3, -0.3], [-0.3, 0.6, 0.0, -0.3], [0.2, -0.5, 0.2, 0.1]], [1, -1, 0, 1]
+        [
+            [-0.2, 0.5, -0.3, 0.0],
+            [-0.2, 0.2, 0.3, -0.3],
+            [-0.3, 0.6, 0.0, -0.3],
+            [0.2, -0.5, 0.2, 0.1],
+        ],
+        [1, -1, 0, 1],
     )
     comparator = RelaxedPolytopeComparator(4, 0.02, tie=0.0).update(told)
     assert comparator.violation > 0.01
@@ -168,12 +203,18 @@ def test_without_slack_consistent_answers_make_the_polytopes_problems():
     told = Answers(D, [-1, 0, 1, 0])
     relaxed, exact = RelaxedPolytopeComparator(4).update(told), PolytopeComparator(4).update(told)
     d = [0.1, 0.2, -0.7, 0.4]
-    assert [str(problem) for problem in relaxed.problems(d)] == [str(problem) for problem in exact.problems(d)]
+    assert [str(problem) for problem in relaxed.problems(d)] == [
+        str(problem) for problem in exact.problems(d)
+    ]
 
 
-@pytest.mark.parametrize("comparator", [PolytopeComparator(4), RelaxedPolytopeComparator(4, 0.1)], ids=repr)
+@pytest.mark.parametrize(
+    "comparator", [PolytopeComparator(4), RelaxedPolytopeComparator(4, 0.1)], ids=repr
+)
 def test_only_one_difference_at_a_time(comparator):
     with pytest.raises(ValueError, match=re.escape("d must have shape (n, 4)")):
         comparator.problems([0.5, -0.5])
-    with pytest.raises(ValueError, match=re.escape("problems takes one difference of shape (4,), not 2 of them")):
+    with pytest.raises(
+        ValueError, match=re.escape("problems takes one difference of shape (4,), not 2 of them")
+    ):
         comparator.problems(D[:2])

@@ -1,5 +1,5 @@
-"""Explanations: every proof checked in rationals by code of its own, every listed answer shown to be needed by telling
-the others alone, and the sentences word by word."""
+"""Explanations: every proof checked in rationals by code of its own, every listed answer shown to
+be needed by telling the others alone, and the sentences word by word."""
 
 import pickle
 from collections import Counter
@@ -16,7 +16,18 @@ from elicit import Answers, PolytopeComparator, Verdict
 from elicit.comparators.polytope.explanation import Explanation, Proof
 from elicit.comparators.polytope.minimal_proof import explain
 from elicit.lp.prior_inequalities import as_prior, inequality
-from tests.lp_cases import KINDS, TIE_BAND, Case, Oracle, cases, dot, exact, from_tails, shares, tails
+from tests.lp_cases import (
+    KINDS,
+    TIE_BAND,
+    Case,
+    Oracle,
+    cases,
+    dot,
+    exact,
+    from_tails,
+    shares,
+    tails,
+)
 from tests.thoroughness import examples, scaled
 
 LABELS = ["critical", "stable", "well"]
@@ -30,14 +41,22 @@ def told(
     comparator = PolytopeComparator(k, margin=margin, prior=known, tie=0.0)
     if answers:
         d, y = zip(*answers, strict=True)
-        comparator = comparator.update(Answers(np.array(d, dtype=float), y, ids=[f"q{i}" for i in range(len(y))]))
+        comparator = comparator.update(
+            Answers(np.array(d, dtype=float), y, ids=[f"q{i}" for i in range(len(y))])
+        )
     return comparator
 
 
-def of_case(case: Case, rows: Sequence[int] | None = None, prior: Sequence[int] | None = None) -> PolytopeComparator:
+def of_case(
+    case: Case, rows: Sequence[int] | None = None, prior: Sequence[int] | None = None
+) -> PolytopeComparator:
     """The comparator that knows a case, or only some of its answers and prior inequalities."""
     keep = slice(None) if rows is None else list(rows)
-    given = case.prior if prior is None or case.prior is None else tuple(x[list(prior)] for x in case.prior)
+    given = (
+        case.prior
+        if prior is None or case.prior is None
+        else tuple(x[list(prior)] for x in case.prior)
+    )
     comparator = PolytopeComparator(case.k, margin=case.margin, prior=given, tie=case.tie)
     return comparator.update(Answers(case.d[keep], case.y[keep]))
 
@@ -48,7 +67,9 @@ def in_units_of(d: Sequence[float]) -> list[Fraction]:
 
 
 def band(d: Sequence[float], tie: float) -> Fraction:
-    """What an answer "equal" about d allows: elicit draws it wider by less than one part in 10^12."""
+    """What an answer "equal" about d allows: elicit draws it wider by less than one part in
+    10^12.
+    """
     return max(TIE_BAND * sum(map(abs, exact(d))), Fraction(tie))
 
 
@@ -58,7 +79,9 @@ def least_gap(comparator: PolytopeComparator) -> Fraction:
 
 
 def check_proof(proof: Proof, d: Any, comparator: PolytopeComparator) -> None:
-    """The identity, in gaps: d.e = t.g with the tail sums t, e_{j+1} - e_j = g_j and e_k - e_1 = 1."""
+    """The identity, in gaps: d.e = t.g with the tail sums t, e_{j+1} - e_j = g_j and e_k - e_1 =
+    1.
+    """
     answers, prior = comparator.answers, comparator.prior
     total, bound, wider = [proof.remainder] * (comparator.k - 1), proof.remainder, Fraction(0)
     for row, name, sign, weight, equal in proof.answers:
@@ -66,7 +89,9 @@ def check_proof(proof: Proof, d: Any, comparator: PolytopeComparator) -> None:
         assert sign == answers.y[row] or (answers.y[row] == 0 and sign in (1, -1))
         assert equal == (answers.y[row] == 0)
         assert weight > 0
-        total = [a + weight * sign * x for a, x in zip(total, in_units_of(answers.d[row]), strict=True)]
+        total = [
+            a + weight * sign * x for a, x in zip(total, in_units_of(answers.d[row]), strict=True)
+        ]
         wider += weight * band(answers.d[row], comparator.tie) if answers.y[row] == 0 else 0
     for row, name, weight in proof.prior:
         assert prior is not None
@@ -96,7 +121,11 @@ def check_scales(explanation: Explanation, comparator: PolytopeComparator) -> No
         assert min(g) >= least_gap(comparator)
         for d, y in zip(answers.d, answers.y, strict=True):
             value = dot(in_units_of(d), g)
-            assert y * value >= 0 if y else abs(value) <= band(d, comparator.tie) * (1 + Fraction(1e-12))
+            assert (
+                y * value >= 0
+                if y
+                else abs(value) <= band(d, comparator.tie) * (1 + Fraction(1e-12))
+            )
         for a, b in zip(prior.a, prior.b, strict=True) if prior is not None else ():
             assert dot(in_units_of(a), g) >= Fraction(float(b))
         signs.append(np.sign(dot(t, g)))
@@ -108,11 +137,15 @@ def check_scales(explanation: Explanation, comparator: PolytopeComparator) -> No
         assert signs == [int(explanation.verdict)]
 
 
-def explained(d: Any, comparator: PolytopeComparator, labels: list[str] | None = None) -> Explanation:
+def explained(
+    d: Any, comparator: PolytopeComparator, labels: list[str] | None = None
+) -> Explanation:
     """The explanation of d, whose proofs and scales hold."""
     found = explain(d, comparator, labels)
     assert found.verdict == comparator.compare(d)[0]
-    signs = {Verdict.BETTER: [1], Verdict.WORSE: [-1], Verdict.EQUAL: [1, -1], Verdict.UNKNOWN: []}[found.verdict]
+    signs = {Verdict.BETTER: [1], Verdict.WORSE: [-1], Verdict.EQUAL: [1, -1], Verdict.UNKNOWN: []}[
+        found.verdict
+    ]
     assert [proof.sign for proof in found.proofs] == (signs if any(in_units_of(found.d)) else [])
     for proof in found.proofs:
         check_proof(proof, found.d, comparator)
@@ -128,9 +161,15 @@ def check_minimal(explanation: Explanation, case: Case) -> None:
     d, verdict = explanation.d, explanation.verdict
     assert of_case(case, rows, prior).compare(d)[0] == verdict
     for row in rows:
-        assert of_case(case, [r for r in rows if r != row], prior).compare(d)[0] != verdict, (case.kind, row)
+        assert of_case(case, [r for r in rows if r != row], prior).compare(d)[0] != verdict, (
+            case.kind,
+            row,
+        )
     for row in prior:
-        assert of_case(case, rows, [r for r in prior if r != row]).compare(d)[0] != verdict, (case.kind, -1 - row)
+        assert of_case(case, rows, [r for r in prior if r != row]).compare(d)[0] != verdict, (
+            case.kind,
+            -1 - row,
+        )
 
 
 def check(case: Case, d: Any, oracle: Oracle | None = None) -> Explanation:
@@ -138,7 +177,11 @@ def check(case: Case, d: Any, oracle: Oracle | None = None) -> Explanation:
     for proof in explanation.proofs if oracle is not None and 0 not in case.y else ():
         assert proof.bound <= oracle.least([proof.sign * x for x in in_units_of(d)])
     check_minimal(explanation, case)
-    first = "ask: " if explanation.verdict is Verdict.UNKNOWN and explanation.told_equal is None else "not asked"
+    first = (
+        "ask: "
+        if explanation.verdict is Verdict.UNKNOWN and explanation.told_equal is None
+        else "not asked"
+    )
     assert str(explanation).startswith(first)
     return explanation
 
@@ -146,7 +189,9 @@ def check(case: Case, d: Any, oracle: Oracle | None = None) -> Explanation:
 @pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_every_proof_holds_and_every_listed_answer_is_needed(part: int) -> None:
     seen: Counter[str] = Counter()
-    for i, case in enumerate(cases([32, part], scaled(4, 7) * len(KINDS), asks=2, most_levels=12, most_answers=60)):
+    for i, case in enumerate(
+        cases([32, part], scaled(4, 7) * len(KINDS), asks=2, most_levels=12, most_answers=60)
+    ):
         oracle = Oracle(case.region()) if i % 4 == 0 else None
         for d in case.ask:
             found = check(case, d, oracle)
@@ -156,8 +201,20 @@ def test_every_proof_holds_and_every_listed_answer_is_needed(part: int) -> None:
             seen["several"] += len(found.rows) > 1
             seen["bound 0"] += any(proof.bound == 0 for proof in found.proofs)
             seen["margin"] += any(proof.needs_margin for proof in found.proofs)
-    wanted = {"BETTER", "WORSE", "EQUAL", "UNKNOWN", "answers", "prior", "several", "bound 0", "margin"}
-    assert wanted <= {name for name, times in seen.items() if times}  # the cases are worth their time
+    wanted = {
+        "BETTER",
+        "WORSE",
+        "EQUAL",
+        "UNKNOWN",
+        "answers",
+        "prior",
+        "several",
+        "bound 0",
+        "margin",
+    }
+    assert wanted <= {
+        name for name, times in seen.items() if times
+    }  # the cases are worth their time
 
 
 def test_a_pair_that_was_answered_is_explained_by_the_first_such_answer_alone() -> None:
@@ -231,7 +288,10 @@ def test_the_edge_of_a_cone_is_told_from_what_lies_beside_it() -> None:
     first, second = np.array([2.0, -1.0, 0.0]), np.array([0.0, 2.0, -1.0])
     comparator = told(4, [(from_tails(first), 1), (from_tails(-second), -1)], margin=0.0)
     found = explained(from_tails(first + second), comparator)
-    assert [(used.row, used.sign, used.multiplier) for used in found.answers] == [(0, 1, 1), (1, -1, 1)]
+    assert [(used.row, used.sign, used.multiplier) for used in found.answers] == [
+        (0, 1, 1),
+        (1, -1, 1),
+    ]
     assert (found.order, found.proofs[0].bound, len(found.scales)) == ((), 0, 1)
     beside = explained(from_tails(first + second - [0.0, 2.0**-50, 0.0]), comparator)
     assert beside.verdict is Verdict.UNKNOWN
@@ -241,8 +301,12 @@ LEFT, RIGHT, EVEN = (
     f"not asked: {who}, because it follows from "
     for who in ("left is better", "right is better", "left and right are equally good")
 )
-DOMINATES = " is better whatever the values, since it has at least as much time at or above every level"
-OPEN = "ask: what is known leaves it open; left is better if, say, stable = {}, right if stable = {} "
+DOMINATES = (
+    " is better whatever the values, since it has at least as much time at or above every level"
+)
+OPEN = (
+    "ask: what is known leaves it open; left is better if, say, stable = {}, right if stable = {} "
+)
 TWICE = inequality("e3 >= 2*e2", k=3, name="well is at least twice stable")
 CASES: list[tuple[dict[str, Any], list[float], list[str] | None, str]] = [
     ({"k": 3}, [0, 0, 0], LABELS, "not asked: left and right are the same at every level"),
@@ -294,11 +358,18 @@ CASES: list[tuple[dict[str, Any], list[float], list[str] | None, str]] = [
         LABELS,
         EVEN + "critical < stable < well and from the margin of 0.5 between neighbouring levels",
     ),
-    ({"k": 3, "prior": ["0.25 <= e2 <= 0.25"]}, [0.0, -1.0, 0.25], LABELS, EVEN + '"e2 <= 0.25" and "0.25 <= e2"'),
+    (
+        {"k": 3, "prior": ["0.25 <= e2 <= 0.25"]},
+        [0.0, -1.0, 0.25],
+        LABELS,
+        EVEN + '"e2 <= 0.25" and "0.25 <= e2"',
+    ),
 ]
 
 
-@pytest.mark.parametrize(("known", "d", "labels", "sentence"), CASES, ids=[case[-1] for case in CASES])
+@pytest.mark.parametrize(
+    ("known", "d", "labels", "sentence"), CASES, ids=[case[-1] for case in CASES]
+)
 def test_what_an_explanation_says(
     known: dict[str, Any], d: list[float], labels: list[str] | None, sentence: str
 ) -> None:
@@ -309,17 +380,24 @@ def test_what_an_explanation_says(
 
 def test_many_answers_and_levels_are_listed_as_people_do() -> None:
     k = 6
-    steps = [np.eye(k)[j] * 2 - np.eye(k)[j - 1] - np.eye(k)[j + 1] for j in range(1, k - 1)]  # gaps shrink upwards
+    steps = [
+        np.eye(k)[j] * 2 - np.eye(k)[j - 1] - np.eye(k)[j + 1] for j in range(1, k - 1)
+    ]  # gaps shrink upwards
     comparator = told(k, [(np.eye(k)[5] - np.eye(k)[3], 1), *((step, 1) for step in steps)])
     far = explained(np.eye(k)[1] - np.eye(k)[0] - np.eye(k)[4] + np.eye(k)[3], comparator)
     assert str(far) == "not asked: left is better, because it follows from your answers 2, 3 and 4"
     assert far.rows == (1, 2, 3)
     assert [used.id for used in far.answers] == ["q1", "q2", "q3"]
     assert [used.multiplier for used in far.answers] == [1, 1, 1]
-    answer, more = np.array([2.0, -1.0, 2.0, -1.0, 2.0, 2.0, 2.0]), np.array([0.0, 0.0, 2.0, 3.0, 1.5, 0.5, 1.0])
+    answer, more = (
+        np.array([2.0, -1.0, 2.0, -1.0, 2.0, 2.0, 2.0]),
+        np.array([0.0, 0.0, 2.0, 3.0, 1.5, 0.5, 1.0]),
+    )
     five = explained(from_tails(answer + more), told(8, [(from_tails(answer), 1)]))
     assert (
-        str(five) == "not asked: left is better, because it follows from your answer 1 and from the order of the levels"
+        str(five)
+        == "not asked: left is better, because it follows from your answer 1 and from the order of "
+        "the levels"
     )
     assert [used.gap for used in five.order] == [2, 3, 4, 5, 6]
 
@@ -327,17 +405,26 @@ def test_many_answers_and_levels_are_listed_as_people_do() -> None:
 def test_steps_are_named_in_chains_and_apart() -> None:
     answer = np.array([2.0, -1.0, 2.0, -1.0, 2.0, 2.0])
     comparator = told(7, [(from_tails(answer), 1)])
-    found = explained(from_tails(answer + np.array([0.0, 1.0, 2.0, 0.0, 0.0, 3.0])), comparator, list("abcdefg"))
+    found = explained(
+        from_tails(answer + np.array([0.0, 1.0, 2.0, 0.0, 0.0, 3.0])), comparator, list("abcdefg")
+    )
     assert (
-        str(found) == "not asked: left is better, because it follows from your answer 1, from b < c < d and from g > f"
+        str(found)
+        == "not asked: left is better, because it follows from your answer 1, from b < c < d and "
+        "from g > f"
     )
     assert [(used.gap, used.multiplier) for used in found.order] == [(1, 1), (2, 2), (5, 3)]
-    assert str(found.proofs[0]) == ("d.e = 1*(d of answer 1).e + 1*(e3 - e2) + 2*(e4 - e3) + 3*(e7 - e6) >= 6e-06")
+    assert str(found.proofs[0]) == (
+        "d.e = 1*(d of answer 1).e + 1*(e3 - e2) + 2*(e4 - e3) + 3*(e7 - e6) >= 6e-06"
+    )
 
 
 def test_the_identity_is_printed_with_its_signs() -> None:
     comparator = told(3, [([-0.5, 1.0, -0.5], -1)], prior=["e2 >= 0.25"])
-    assert str(explained([0.4, -1.0, 0.6], comparator).proofs[0]) == "d.e = 1*(-d of answer 1).e + 0.1 >= 0.1"
+    assert (
+        str(explained([0.4, -1.0, 0.6], comparator).proofs[0])
+        == "d.e = 1*(-d of answer 1).e + 0.1 >= 0.1"
+    )
     assert str(explained([0.0, 1.0, -0.125], comparator).proofs[0]) == (
         'd.e = 1*(A of "e2 >= 0.25").e - 0.125 >= 0.125'
     )

@@ -1,4 +1,6 @@
-"""The relaxed polytope: the reliable one where answers are consistent, a linear program's set where they are not."""
+"""The relaxed polytope: the reliable one where answers are consistent, a linear program's set where
+they are not.
+"""
 
 import time
 from collections import Counter
@@ -29,7 +31,12 @@ class Fit:
     """Least total violation, and least d.e where the total violation is at most some number."""
 
     def __init__(
-        self, k: int, margin: float, prior: tuple[Floats, Floats] | None, answers: Answers, tie: float = 0.0
+        self,
+        k: int,
+        margin: float,
+        prior: tuple[Floats, Floats] | None,
+        answers: Answers,
+        tie: float = 0.0,
     ) -> None:
         self.k, self.n, self.most = k, len(answers), np.inf
         none, rows, limits = np.zeros(self.n), [], []
@@ -38,7 +45,10 @@ class Fit:
                 rows.append(np.append(sign * d, np.eye(self.n)[i]))
                 limits.append(-max(TIE_BAND * np.abs(d).sum(), tie) if y == 0 else 0.0)
         steps = np.eye(k)[1:] - np.eye(k)[:-1]
-        for a, b in [*((step, margin) for step in steps), *(zip(*prior, strict=True) if prior is not None else ())]:
+        for a, b in [
+            *((step, margin) for step in steps),
+            *(zip(*prior, strict=True) if prior is not None else ()),
+        ]:
             rows.append(np.append(a, none))
             limits.append(b)
         self.rows, self.limits = -np.array(rows), -np.array(limits)
@@ -87,10 +97,14 @@ def noisy(seed: int, k: int, n: int, rate: float) -> tuple[Floats, Answers]:
     e = np.concatenate([[0.0], np.cumsum(rng.dirichlet(np.ones(k - 1)))])
     d = shares(rng, k, n, 1.0)
     wrong = rng.random(n) < rate
-    return e, Answers(d, np.where(wrong, -1, 1) * np.sign(d @ e).astype(int), [f"a{i}" for i in range(n)])
+    return e, Answers(
+        d, np.where(wrong, -1, 1) * np.sign(d @ e).astype(int), [f"a{i}" for i in range(n)]
+    )
 
 
-def check_against(fit: Fit, comparator: RelaxedPolytopeComparator, ask: Floats, size: float) -> Counter[int]:
+def check_against(
+    fit: Fit, comparator: RelaxedPolytopeComparator, ask: Floats, size: float
+) -> Counter[int]:
     assert comparator.violation == pytest.approx(fit.violation(), abs=1e-9 * size)
     fit.within(budget_of(comparator) + 1e-13)
     verdicts, (low, high), seen = comparator.compare(ask), comparator.bounds(ask), Counter[int]()
@@ -112,7 +126,11 @@ def test_verdicts_and_bounds_are_those_of_the_linear_programs(part: int) -> None
     n_cases = scaled(28, 56)
     for seed in range(n_cases * part, n_cases * (part + 1)):
         rng = np.random.default_rng(seed)
-        k, n, slack = int(rng.integers(3, 9)), int(rng.integers(8, 36)), float(rng.choice([0, 0.003, 0.05, 0.3]))
+        k, n, slack = (
+            int(rng.integers(3, 9)),
+            int(rng.integers(8, 36)),
+            float(rng.choice([0, 0.003, 0.05, 0.3])),
+        )
         _, told = noisy(seed, k, n, 0.3)
         y = np.where(rng.random(n) < 0.1, 0, told.y)
         told = Answers(told.d, y) + Answers(told.d[:3], y[:3])  # some of them twice
@@ -135,13 +153,17 @@ def flipped(case: Case, seed: int) -> Answers:
 
 @pytest.mark.slow
 def test_nasty_answers_turned_round() -> None:
-    """Ties, parallel and duplicated cuts, flat and thin polytopes, priors, tiny answers: with wrong ones among them."""
+    """Ties, parallel and duplicated cuts, flat and thin polytopes, priors, tiny answers: with wrong
+    ones among them.
+    """
     inconsistent = 0
     for i, case in enumerate(cases(77, scaled(28, 84), most_levels=9, most_answers=40)):
         if case.kind == "extreme":
             continue
         told, slack = flipped(case, i), (0.0, 0.01, 0.2)[i % 3]
-        comparator = RelaxedPolytopeComparator(case.k, slack, case.margin, case.prior, tie=case.tie).update(told)
+        comparator = RelaxedPolytopeComparator(
+            case.k, slack, case.margin, case.prior, tie=case.tie
+        ).update(told)
         inconsistent += comparator.violation > 0
         ask = case.ask / np.maximum(np.abs(case.ask).sum(axis=1, keepdims=True), 1e-300)
         size = max(1.0, np.abs(told.d).max(initial=0.0))
@@ -169,7 +191,9 @@ def test_consistent_answers_and_no_slack_are_the_polytope_comparator() -> None:
     for i, case in enumerate(cases(31, scaled(28, 56), most_levels=11, most_answers=60)):
         told = Answers(case.d, case.y)
         plain = PolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
-        relaxed = RelaxedPolytopeComparator(case.k, margin=case.margin, prior=case.prior, tie=case.tie)
+        relaxed = RelaxedPolytopeComparator(
+            case.k, margin=case.margin, prior=case.prior, tie=case.tie
+        )
         half = len(told) // 2
         relaxed = relaxed.update(told[:half]).update(told[half:])
         plain = plain.update(told)
@@ -190,12 +214,16 @@ def test_slack_only_ever_loosens() -> None:
         told = flipped(case, i) if i % 2 else Answers(case.d, case.y)
         slacks = (0.0, 1e-12, 1e-3, 0.1, 1e9)
         several = [
-            RelaxedPolytopeComparator(case.k, x, case.margin, case.prior, tie=case.tie).update(told) for x in slacks
+            RelaxedPolytopeComparator(case.k, x, case.margin, case.prior, tie=case.tie).update(told)
+            for x in slacks
         ]
         for tight, loose in pairwise(several):
             assert loose.violation == tight.violation
             narrow, wide = tight.compare(case.ask), loose.compare(case.ask)
-            assert ((wide == UNKNOWN) | (wide == narrow) | (narrow == EQUAL)).all(), (case.kind, tight.slack)
+            assert ((wide == UNKNOWN) | (wide == narrow) | (narrow == EQUAL)).all(), (
+                case.kind,
+                tight.slack,
+            )
             ends = tight.bounds(case.ask), loose.bounds(case.ask)
             room = 1e-9 * np.abs(case.ask).sum(axis=1)
             with np.errstate(all="ignore"):
@@ -210,14 +238,18 @@ def test_slack_only_ever_loosens() -> None:
 
 
 def test_cuts_hold_exactly() -> None:
-    """Of any rows and weights, in rationals: the cut asks no more of any g >= 0 of total 1 than the weighted sum."""
+    """Of any rows and weights, in rationals: the cut asks no more of any g >= 0 of total 1 than the
+    weighted sum.
+    """
     for i, case in enumerate(cases(33, 56, most_levels=12, most_answers=60)):
         rng, hinges = np.random.default_rng(i), Hinges.of(flipped(case, i), case.tie)
         if not len(hinges.rows):
             continue
         for _ in range(5):
             some = rng.random(len(hinges.rows)) < 0.5
-            weights = hinges.weights * np.where(some, 1.0 if rng.random() < 0.5 else rng.random(len(some)), 0.0)
+            weights = hinges.weights * np.where(
+                some, 1.0 if rng.random() < 0.5 else rng.random(len(some)), 0.0
+            )
             budget = float(10.0 ** rng.uniform(-10, 1))
             row, limit = hinges.cut(weights, budget)
             total = [dot(exact(weights), exact(hinges.rows[:, j])) for j in range(case.k - 1)]
@@ -244,7 +276,9 @@ def test_the_best_fit_is_a_scale_and_its_violation_no_less_than_told() -> None:
             if weight > 2.0**-1000:
                 size = max(map(abs, exact(t))) * 2**shift
                 assert size == max(map(abs, exact(row))) * Fraction(weight) * unit
-        order = PlausibleSet(PolytopeComparator(case.k, case.margin, case.prior, tie=case.tie).region)
+        order = PlausibleSet(
+            PolytopeComparator(case.k, case.margin, case.prior, tie=case.tie).region
+        )
         g = best_fit(hinges, order)
         true = [x / sum(exact(g)) for x in exact(g)]
         region = region_of(case.k, case.margin, case.prior, case.d[:0], [])
@@ -266,7 +300,11 @@ def test_repeated_answers_count_repeatedly() -> None:
     assert once.violation == pytest.approx(1.90625 * 0.6 - 1, abs=1e-10)
     assert once.values[1] == pytest.approx(0.6, abs=1e-8)
     assert once.violated == ((1, "down"),)
-    assert once.compare([UP - 1e-3 * np.eye(3)[2], UP + 1e-3 * np.eye(3)[2], DOWN]).tolist() == [WORSE, BETTER, WORSE]
+    assert once.compare([UP - 1e-3 * np.eye(3)[2], UP + 1e-3 * np.eye(3)[2], DOWN]).tolist() == [
+        WORSE,
+        BETTER,
+        WORSE,
+    ]
     twice = once.update(Answers([DOWN], [1], ["again"]))
     assert twice.violation == pytest.approx(1.5 - 2.5 / 1.90625, abs=1e-10)
     assert twice.values[1] == pytest.approx(1 / 1.90625, abs=1e-8)
@@ -275,7 +313,8 @@ def test_repeated_answers_count_repeatedly() -> None:
     low, high = once.bounds([[0, 1, 0]])
     assert (low[0], high[0]) == pytest.approx((0.6, 0.6), abs=1e-8)
     loose = RelaxedPolytopeComparator(3, slack=0.19, tie=0.0).update(Answers([UP, DOWN], [1, 1]))
-    # between the cuts f falls by .59375 a unit, beyond 0.6 it rises by 1.90625, below 1/1.90625 by 2.5
+    # between the cuts f falls by .59375 a unit, beyond 0.6 it rises by 1.90625, below 1/1.90625 by
+    # 2.5
     wide = [0.6 - 0.19 / 0.59375, 0.6 + 0.19 / 1.90625]
     wide[0] = (1.5 - once.violation - 0.19) / 2.5  # beyond the other cut
     assert [b[0] for b in loose.bounds([[0, 1, 0]])] == pytest.approx(wide, abs=1e-9)
@@ -291,7 +330,9 @@ def test_a_tie_is_violated_by_what_exceeds_its_band() -> None:
 
 
 def test_where_the_blame_can_be_put_either_way_all_are_named() -> None:
-    """g_1 >= 0.6 and g_1 <= 0.4, equally steep: every g_1 between is a best fit, and violates both."""
+    """g_1 >= 0.6 and g_1 <= 0.4, equally steep: every g_1 between is a best fit, and violates
+    both.
+    """
     told = Answers([from_tails([0.4, -0.6]), from_tails([-0.6, 0.4])], [1, 1], ["a", "b"])
     c = RelaxedPolytopeComparator(3, tie=0.0).update(told)
     assert c.violation == pytest.approx(0.2, abs=1e-10)
@@ -315,7 +356,10 @@ def test_violated_names_whom_some_best_fit_violates() -> None:
             continue
         blamed = np.flatnonzero(most > 1e-6).tolist() if c.violation > 0 else []
         assert [row for row, _ in c.violated] == blamed
-        several += c.violation > 0 and c.bounds(np.eye(4)[1:3])[1].sum() - c.bounds(np.eye(4)[1:3])[0].sum() > 1e-3
+        several += (
+            c.violation > 0
+            and c.bounds(np.eye(4)[1:3])[1].sum() - c.bounds(np.eye(4)[1:3])[0].sum() > 1e-3
+        )
     assert several >= 5
 
 
@@ -339,7 +383,9 @@ def test_what_the_order_alone_leaves_at_zero() -> None:
         assert fresh.compare([d, -d]).tolist() == [BETTER, WORSE]
 
 
-@pytest.mark.parametrize("prior", [["e3 >= 0.5", "e3 <= 0.5"], ["e2 >= 2*e3 - e4", "e2 <= 2*e3 - e4"]])
+@pytest.mark.parametrize(
+    "prior", [["e3 >= 0.5", "e3 <= 0.5"], ["e2 >= 2*e3 - e4", "e2 <= 2*e3 - e4"]]
+)
 def test_a_prior_that_leaves_a_flat_set(prior: list[str]) -> None:
     _, told = noisy(3, 5, 30, 0.2)
     for slack in (0.0, 0.05):
@@ -424,13 +470,20 @@ def test_what_is_retracted_was_never_told() -> None:
 
 @pytest.mark.slow
 def test_extreme_answers_turned_round() -> None:
-    """As large and as small as floats can be: nothing overflows, and what is decided does not depend on the unit."""
+    """As large and as small as floats can be: nothing overflows, and what is decided does not
+    depend on the unit.
+    """
     seen = 0
     for i, case in enumerate(c for c in cases(35, 14 * 12, most_levels=8) if c.kind == "extreme"):
         for slack in (0.0, 0.1):
-            c = RelaxedPolytopeComparator(case.k, slack, case.margin, tie=case.tie).update(flipped(case, i))
+            c = RelaxedPolytopeComparator(case.k, slack, case.margin, tie=case.tie).update(
+                flipped(case, i)
+            )
             verdicts, (low, high) = c.compare(case.ask), c.bounds(case.ask)
-            assert (low[verdicts == BETTER] >= -1e-9 * np.abs(case.ask[verdicts == BETTER]).max(initial=0.0)).all()
+            assert (
+                low[verdicts == BETTER]
+                >= -1e-9 * np.abs(case.ask[verdicts == BETTER]).max(initial=0.0)
+            ).all()
             assert (low <= high).all()
             assert c.violation >= 0
             assert isinstance(c.violated, tuple)
@@ -441,7 +494,9 @@ def test_extreme_answers_turned_round() -> None:
 
 def test_errors() -> None:
     for slack in (-0.1, np.nan, np.inf, "a", None):
-        with pytest.raises(ValueError, match=f"slack must be a finite number of at least 0.*not {slack!r}"):
+        with pytest.raises(
+            ValueError, match=f"slack must be a finite number of at least 0.*not {slack!r}"
+        ):
             RelaxedPolytopeComparator(4, slack, tie=0.0)
     with pytest.raises(ValueError, match="margin eta must lie between 0 and"):
         RelaxedPolytopeComparator(4, margin=0.5, tie=0.0)
@@ -455,7 +510,9 @@ def test_errors() -> None:
 
 
 def test_slack_brings_the_truth_back() -> None:
-    """One wrong answer among 60: with no slack the truth is never plausible, and every 20th verdict wrong."""
+    """One wrong answer among 60: with no slack the truth is never plausible, and every 20th verdict
+    wrong.
+    """
     inside, wrong = Counter[float](), Counter[float]()
     runs = 10
     for seed in range(runs):
@@ -479,7 +536,9 @@ def test_slack_brings_the_truth_back() -> None:
 
 @pytest.mark.slow
 def test_it_is_fast_enough() -> None:
-    """10,000 comparisons after 60 answers, some wrong: .2 to .9 s of computing time; an answer: 3 ms."""
+    """10,000 comparisons after 60 answers, some wrong: .2 to .9 s of computing time; an answer: 3
+    ms.
+    """
     k = 10
     _, told = noisy(2, k, 60, 0.05)
     ask = shares(np.random.default_rng(3), k, 10_000, 1.0)

@@ -15,7 +15,10 @@ from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, execut
 
 WIDE = {"width": 1100, "height": 760}
 NARROW = {"width": 390, "height": 844}
-CONFLICTING = "4 recovered and 6 died rather than 10 moderate", "10 moderate as good as 5 recovered and 5 died"
+CONFLICTING = (
+    "4 recovered and 6 died rather than 10 moderate",
+    "10 moderate as good as 5 recovered and 5 died",
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +37,9 @@ class Windows:
         self._context: Any = None
 
     def open(self, server: Any, size: dict[str, int] = WIDE, **how: Any) -> Any:
-        """A window of the page. The first one of a server is let in by its address; later ones have the cookie."""
+        """A window of the page. The first one of a server is let in by its address; later ones have
+        the cookie.
+        """
         self._context = self._context or self._chromium.new_context(viewport=size, **how)
         page = self._context.new_page()
         page.set_viewport_size(size)
@@ -52,7 +57,9 @@ class Windows:
 
     def entries(self) -> list[tuple[str, Verdict | None, bool]]:
         """The query, the verdict, and whether it stands, of every answer in the log."""
-        return [(e.answer.query.id, e.answer.verdict, not e.retracted) for e in AnswerLog.read(self.log)]
+        return [
+            (e.answer.query.id, e.answer.verdict, not e.retracted) for e in AnswerLog.read(self.log)
+        ]
 
 
 @pytest.fixture
@@ -87,8 +94,15 @@ def truthfully(page: Any) -> str:
     """The choice of somebody to whom moderate is worth 55 of 100: by what the page shows."""
     worth = []
     for card in page.locator(".card").all():
-        rows = dict(row.split(" ", 1)[::-1] for row in map(clean, card.locator(".row").all_inner_texts()))
-        worth.append(sum({"recovered": 100, "moderate": 55, "died": 0}[label] * int(n) for label, n in rows.items()))
+        rows = dict(
+            row.split(" ", 1)[::-1] for row in map(clean, card.locator(".row").all_inner_texts())
+        )
+        worth.append(
+            sum(
+                {"recovered": 100, "moderate": 55, "died": 0}[label] * int(n)
+                for label, n in rows.items()
+            )
+        )
     return "equal" if worth[0] == worth[1] else "a" if worth[0] > worth[1] else "b"
 
 
@@ -109,17 +123,27 @@ def test_a_session_by_mouse(windows: Windows) -> None:
         for n in range(1, 6):
             at(page, f"Question {n}")
             assert page.title() == f"Question {n} - ICU-Sepsis"
-            assert page.inner_text(".saved").endswith("Nothing answered yet" if n == 1 else "saved on this computer")
+            assert page.inner_text(".saved").endswith(
+                "Nothing answered yet" if n == 1 else "saved on this computer"
+            )
             click(page, truthfully(page))
         at(page, "Finished")
         assert page.evaluate("document.activeElement.tagName") == "H1"
         assert "The plan rests on 5 answers and may lose at most 0.8%." in page.inner_text(".body")
-        assert page.locator(".worth tbody tr").all_inner_texts()[0].split() == ["recovered", "100", "fixed"]
+        assert page.locator(".worth tbody tr").all_inner_texts()[0].split() == [
+            "recovered",
+            "100",
+            "fixed",
+        ]
         with page.expect_download() as kept:
             name(page, "Keep a report").click()
         page.locator("button:focus", has_text="Keep a report").wait_for()
-        assert re.fullmatch(r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename)
-        assert "10 moderate rather than 4 recovered and 6 died" in Path(kept.value.path()).read_text()
+        assert re.fullmatch(
+            r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename
+        )
+        assert (
+            "10 moderate rather than 4 recovered and 6 died" in Path(kept.value.path()).read_text()
+        )
     assert [(id, verdict) for id, verdict, _ in windows.entries()] == TRUTH
 
 
@@ -156,7 +180,16 @@ def test_keys_that_are_held_or_meant_for_something_else_do_not_answer(windows: W
     with served(windows.log) as server:
         page = windows.open(server)
         practise(page)
-        for key in ("Control+a", "Alt+a", "Shift+ArrowLeft", "Meta+b", "Backspace", "Control+Shift+z", "u", "x"):
+        for key in (
+            "Control+a",
+            "Alt+a",
+            "Shift+ArrowLeft",
+            "Meta+b",
+            "Backspace",
+            "Control+Shift+z",
+            "u",
+            "x",
+        ):
             page.keyboard.press(key)
         at(page, "Question 1")
         page.keyboard.down("a")
@@ -202,7 +235,8 @@ def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
             click(page, truthfully(page))
             at(page, f"Question {n}")
         assert re.match(
-            "Takes back: .* (5 recovered|10 moderate)", name(page, "Undo last answer").get_attribute("title")
+            "Takes back: .* (5 recovered|10 moderate)",
+            name(page, "Undo last answer").get_attribute("title"),
         )
         name(page, "Undo last answer").click()
         at(page, "Question 3")
@@ -216,7 +250,11 @@ def test_undo_and_taking_back_an_old_answer(windows: Windows) -> None:
         page.locator(".gone").nth(1).wait_for()
         name(page, "Back to the question").click()
         at(page, "Question 2")
-    assert [(id, stands) for id, _, stands in windows.entries()] == [("q0", False), ("q1", True), ("q2", False)]
+    assert [(id, stands) for id, _, stands in windows.entries()] == [
+        ("q0", False),
+        ("q1", True),
+        ("q2", False),
+    ]
 
 
 def test_a_question_in_two_tabs_is_answered_once(windows: Windows) -> None:
@@ -229,7 +267,9 @@ def test_a_question_in_two_tabs_is_answered_once(windows: Windows) -> None:
         at(one, "Question 2")
         click(other, "b")
         at(other, "Question 2")
-        assert other.inner_text(".note").startswith("That question was answered already, perhaps in another window: ")
+        assert other.inner_text(".note").startswith(
+            "That question was answered already, perhaps in another window: "
+        )
         click(other, "a")
         at(other, "Question 3")
         one.evaluate("window.dispatchEvent(new Event('focus'))")  # the person comes back to it
@@ -249,7 +289,10 @@ def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
         at(page, "Finished")
         assert page.inner_text(".note").startswith("This does not go together with earlier answers")
         box = page.locator(".conflict")
-        assert box.locator("h2").inner_text() == "These two answers do not go together: which would you change?"
+        assert (
+            box.locator("h2").inner_text()
+            == "These two answers do not go together: which would you change?"
+        )
         assert box.locator("li span").all_inner_texts() == list(CONFLICTING)
         box.get_by_role("button", name=f"Take back: {CONFLICTING[0]}").click()
         at(page, "Question 3")
@@ -293,7 +336,11 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
 def test_what_is_computed_beside_is_asked_for_until_it_is_there(windows: Windows) -> None:
     replies = [
         {"why": [], "to_come": None, "ready": False},
-        {"why": ["It is still open how <i>you</i> weigh this."], "to_come": [10, 20], "ready": True},
+        {
+            "why": ["It is still open how <i>you</i> weigh this."],
+            "to_come": [10, 20],
+            "ready": True,
+        },
     ]
 
     def outlook(route: Any) -> None:
@@ -354,7 +401,8 @@ def fits(page: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "size", [pytest.param(WIDE, id="wide", marks=pytest.mark.slow), pytest.param(NARROW, id="narrow")]
+    "size",
+    [pytest.param(WIDE, id="wide", marks=pytest.mark.slow), pytest.param(NARROW, id="narrow")],
 )
 def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict[str, int]) -> None:
     def check() -> None:
@@ -369,7 +417,9 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
         page.click("summary")
         check()
         page.click("summary")
-        assert page.evaluate("document.querySelector('.mid').getBoundingClientRect().bottom < window.innerHeight")
+        assert page.evaluate(
+            "document.querySelector('.mid').getBoundingClientRect().bottom < window.innerHeight"
+        )
         click(page, "a")
         at(page, "Question 2")
         click(page, "cannot tell")
@@ -401,16 +451,30 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
 
 LONG = '<b>bold</b> & "quoted"', "Supercalifragilisticexpialidocious", "a long name with many words"
 ODD = tuple(f"{LONG[i % 3]} {i}" for i in range(20))
-ODD_WORDS = Words('<i>units</i> of "much"', "go", "<script>alert(1)</script>", "<img src=x onerror=alert(1)>")
+ODD_WORDS = Words(
+    '<i>units</i> of "much"', "go", "<script>alert(1)</script>", "<img src=x onerror=alert(1)>"
+)
 
 
 @pytest.mark.parametrize("total", [30, pytest.param(2_000_000, marks=pytest.mark.slow)])
-def test_odd_names_many_levels_and_large_numbers_are_only_shown(windows: Windows, total: int) -> None:
+def test_odd_names_many_levels_and_large_numbers_are_only_shown(
+    windows: Windows, total: int
+) -> None:
     rng = np.random.default_rng(0)
-    questions = bags(*((rng.multinomial(total, np.ones(20) / 20), total * np.eye(20, dtype=int)[7]) for _ in range(2)))
+    questions = bags(
+        *(
+            (rng.multinomial(total, np.ones(20) / 20), total * np.eye(20, dtype=int)[7])
+            for _ in range(2)
+        )
+    )
     with ExitStack() as stack:
         server = stack.enter_context(
-            served(windows.log, [type(q)(q.id, q.left * total, q.right * total) for q in questions], ODD, ODD_WORDS)
+            served(
+                windows.log,
+                [type(q)(q.id, q.left * total, q.right * total) for q in questions],
+                ODD,
+                ODD_WORDS,
+            )
         )
         page = windows.open(server)
         practise(page)
@@ -418,7 +482,8 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(windows: Windows
             page.set_viewport_size(size)
             fits(page)
             tops = [
-                [row.bounding_box()["y"] for row in card.locator(".row").all()] for card in page.locator(".card").all()
+                [row.bounding_box()["y"] for row in card.locator(".row").all()]
+                for card in page.locator(".card").all()
             ]
             assert (tops[0] == tops[1]) == (size == WIDE)
         assert ODD[0] in page.inner_text(".body")
@@ -441,11 +506,15 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(windows: Windows
 def test_the_sides_are_named_as_the_problem_says(windows: Windows) -> None:
     with served(windows.log, labels=LABELS, words=Words("days", side="holiday")) as server:
         page = windows.open(server)
-        assert page.inner_text("h1").endswith("Two holidays of 10 days: which would you rather have?")
+        assert page.inner_text("h1").endswith(
+            "Two holidays of 10 days: which would you rather have?"
+        )
         assert page.locator(".card h2").all_inner_texts() == ["Holiday A", "Holiday B"]
 
 
-def test_where_the_browser_is_missing_a_user_is_told_and_ci_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_the_browser_is_missing_a_user_is_told_and_ci_fails(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("PATH", "")
     monkeypatch.setenv("CI", "true")
     with pytest.raises(pytest.fail.Exception, match="apt-get install chromium-headless-shell"):
@@ -459,8 +528,12 @@ def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows
     with served(windows.log, bags(((0, 0, 10), (10, 0, 0)))) as server:
         page = windows.open(server)
         practise(page)
-        click(page, "b" if "10 recovered" in clean(page.locator(".card").first.inner_text()) else "a")
+        click(
+            page, "b" if "10 recovered" in clean(page.locator(".card").first.inner_text()) else "a"
+        )
         at(page, "Finished")
-        assert page.inner_text(".conflict h2").startswith("This answer does not go with the order of the levels")
+        assert page.inner_text(".conflict h2").startswith(
+            "This answer does not go with the order of the levels"
+        )
         page.locator(".conflict").get_by_role("button").click()
         at(page, "Question 1")

@@ -78,7 +78,9 @@ def person(host: WebServer) -> Visitor:
 
 
 def raw(server: WebServer, request: str | bytes) -> bytes:
-    """What the server sends until it closes the connection, which it may do before the request ends."""
+    """What the server sends until it closes the connection, which it may do before the request
+    ends.
+    """
     found = b""
     with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:
         with suppress(ConnectionResetError, BrokenPipeError):
@@ -136,7 +138,9 @@ def test_the_cookie_is_strict_and_named_by_the_port(server: WebServer) -> None:
     visitor = Visitor(f"http://127.0.0.1:{server.port}/?token=x")
     _, headers, body = visitor.fetch("GET", server.new_address().split(str(server.port))[1])
     given = headers["set-cookie"]
-    assert re.fullmatch(rf"elicit-{server.port}=[\w-]{{43}}; HttpOnly; Path=/; SameSite=strict", given)
+    assert re.fullmatch(
+        rf"elicit-{server.port}=[\w-]{{43}}; HttpOnly; Path=/; SameSite=strict", given
+    )
     assert (headers["location"], body) == ("/", b"")
 
 
@@ -153,11 +157,26 @@ def test_who_has_the_cookie_may_open_the_address_again(server: WebServer) -> Non
 def test_there_is_nothing_without_the_cookie(visitor: Visitor) -> None:
     name, value = visitor.cookie.split("=")
     origin = f"http://{visitor.at.netloc}"
-    for path in ("/", "/page/page.js", "/page/style.css", "/api", "/nothing", "/docs", "/openapi.json"):
+    for path in (
+        "/",
+        "/page/page.js",
+        "/page/style.css",
+        "/api",
+        "/nothing",
+        "/docs",
+        "/openapi.json",
+    ):
         for method in ("GET", "HEAD", "POST", "PUT", "OPTIONS", "DELETE"):
             status, headers, body = visitor.fetch(method, path, b"{}", origin=origin)
             assert (status, b"this is" in body, "set-cookie" in headers) == (403, False, False)
-        for cookie in (f"{name}=", f"{name}={value[:-1]}", f"{name}1={value}", f"elicit-1={value}", value, "=;=;;"):
+        for cookie in (
+            f"{name}=",
+            f"{name}={value[:-1]}",
+            f"{name}1={value}",
+            f"elicit-1={value}",
+            value,
+            "=;=;;",
+        ):
             status, headers, body = visitor.fetch("GET", path, cookie=cookie)
             assert (status, b"this is" in body, "set-cookie" in headers) == (403, False, False)
 
@@ -173,7 +192,11 @@ def test_what_there_is_with_the_cookie(visitor: Visitor) -> None:
         status, headers, body = visitor.fetch("GET", path, cookie=visitor.cookie)
         return status, headers["content-type"], body
 
-    assert got("/") == got("/page/page.html") == (200, "text/html; charset=utf-8", b"this is page.html")
+    assert (
+        got("/")
+        == got("/page/page.html")
+        == (200, "text/html; charset=utf-8", b"this is page.html")
+    )
     assert got("/page/page.js") == (200, "text/javascript; charset=utf-8", b"this is page.js")
     assert got("/page/style.css") == (200, "text/css; charset=utf-8", b"this is style.css")
     inside = "../secret.js %2e%2e/secret.js ..%2fsecret.js %2e%2e%2fsecret.js ..%5csecret.js"
@@ -191,7 +214,13 @@ def test_what_there_is_with_the_cookie(visitor: Visitor) -> None:
     for path in [*(f"/page/{file}" for file in files), *others]:
         status, _, body = got(path)
         assert (status, b"secret" in body) == (404, False), path
-    for method, path in (("PUT", "/"), ("POST", "/"), ("GET", "/api"), ("TRACE", "/"), ("DELETE", "/page/page.js")):
+    for method, path in (
+        ("PUT", "/"),
+        ("POST", "/"),
+        ("GET", "/api"),
+        ("TRACE", "/"),
+        ("DELETE", "/page/page.js"),
+    ):
         origin = f"http://{visitor.at.netloc}"
         assert visitor.fetch(method, path, cookie=visitor.cookie, origin=origin)[0] == 405
     status, headers, body = visitor.fetch("HEAD", "/", cookie=visitor.cookie)
@@ -202,7 +231,13 @@ def test_another_name_for_this_machine_is_refused(server: WebServer, visitor: Vi
     port = server.port
     for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"LOCALHOST:{port}", f"[::1]:{port}"):
         assert status_of(raw(server, head(visitor, host=host))) == 200
-    evil = ("evil.example", f"evil.example:{port}", "127.0.0.1", f"127.0.0.1:{port + 1}", f"127.0.0.1.evil:{port}")
+    evil = (
+        "evil.example",
+        f"evil.example:{port}",
+        "127.0.0.1",
+        f"127.0.0.1:{port + 1}",
+        f"127.0.0.1.evil:{port}",
+    )
     for host in (*evil, f"127.0.0.1:{port}, evil.example"):
         reply = raw(server, head(visitor, host=host))
         assert (status_of(reply), b"this is" in reply) == (421, False), host
@@ -210,21 +245,38 @@ def test_another_name_for_this_machine_is_refused(server: WebServer, visitor: Vi
     twice = head(visitor).replace("\r\n\r\n", "\r\nhost: evil.example\r\n\r\n")
     assert status_of(raw(server, twice)) == 400
     # the name in the request line counts for nothing
-    assert status_of(raw(server, head(visitor, f"GET http://127.0.0.1:{port}/ HTTP/1.1", host="evil.example"))) == 421
+    assert (
+        status_of(
+            raw(
+                server, head(visitor, f"GET http://127.0.0.1:{port}/ HTTP/1.1", host="evil.example")
+            )
+        )
+        == 421
+    )
     assert status_of(raw(server, head(visitor, "GET http://evil.example/ HTTP/1.1"))) == 404
 
 
 def test_what_another_page_sends_is_refused(server: WebServer, visitor: Visitor) -> None:
     state = {"do": "state"}
     ours = f"http://{visitor.at.netloc}"
-    for origin in ("http://evil.example", "null", "", ours.replace("http", "https"), ours + "1", "http://127.0.0.1"):
+    for origin in (
+        "http://evil.example",
+        "null",
+        "",
+        ours.replace("http", "https"),
+        ours + "1",
+        "http://127.0.0.1",
+    ):
         assert visitor.post(state, origin=origin)[0] == 403, origin
     for site in ("cross-site", "same-site"):
         assert visitor.post(state, sec_fetch_site=site)[0] == 403
     assert visitor.post(state, sec_fetch_site="same-origin")[0] == 200
     nowhere = posted(visitor, origin="", content_length="14") + '{"do":"state"}'
     assert status_of(raw(server, nowhere)) == 403
-    from_here = posted(visitor, origin="", content_length="14", sec_fetch_site="same-origin") + '{"do":"state"}'
+    from_here = (
+        posted(visitor, origin="", content_length="14", sec_fetch_site="same-origin")
+        + '{"do":"state"}'
+    )
     assert status_of(raw(server, from_here)) == 200
     for site in ("cross-site", "same-site"):
         for mode in ("no-cors", "cors", "same-origin", "websocket"):
@@ -234,19 +286,28 @@ def test_what_another_page_sends_is_refused(server: WebServer, visitor: Visitor)
         sent = {"cookie": visitor.cookie, "sec_fetch_site": site, "sec_fetch_mode": "navigate"}
         assert visitor.fetch("GET", "/", **sent)[0] == 200  # a link was followed
         assert visitor.fetch("GET", "/page/page.js", **sent)[0] == 403
-    assert visitor.fetch("GET", "/page/page.js", cookie=visitor.cookie, origin="http://evil.example")[0] == 403
+    assert (
+        visitor.fetch("GET", "/page/page.js", cookie=visitor.cookie, origin="http://evil.example")[
+            0
+        ]
+        == 403
+    )
 
 
 def test_a_link_on_another_page_lets_in_too(server: WebServer) -> None:
     """A browser sends no strict cookie along where such a link is redirected."""
     visitor = Visitor(f"http://127.0.0.1:{server.port}/?token=x")
     query = server.new_address().split("?")[1]
-    status, headers, _ = visitor.fetch("GET", f"/?{query}", sec_fetch_site="cross-site", sec_fetch_mode="navigate")
+    status, headers, _ = visitor.fetch(
+        "GET", f"/?{query}", sec_fetch_site="cross-site", sec_fetch_mode="navigate"
+    )
     assert (status, headers["refresh"]) == (200, "0; url=/")
     assert visitor.fetch("GET", "/", cookie=headers["set-cookie"].split(";")[0])[0] == 200
 
 
-def test_every_response_has_the_headers(server: WebServer, visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_response_has_the_headers(
+    server: WebServer, visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Interview, "handle", MagicMock(side_effect=RuntimeError("no")))
     cookie = visitor.cookie
     replies = {
@@ -267,10 +328,15 @@ def test_every_response_has_the_headers(server: WebServer, visitor: Visitor, mon
         lines = reply.split("\r\n\r\n")[0].split("\r\n")
         policy = next(line for line in lines if line.startswith("content-security-policy: "))
         assert policy == (
-            "content-security-policy: default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+            "content-security-policy: default-src 'none'; script-src 'self'; style-src 'self'; "
+            "connect-src 'self'; "
             "img-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
         )
-        wanted = {"x-content-type-options: nosniff", "x-frame-options: deny", "referrer-policy: no-referrer"}
+        wanted = {
+            "x-content-type-options: nosniff",
+            "x-frame-options: deny",
+            "referrer-policy: no-referrer",
+        }
         wanted |= {"cache-control: no-store", "cross-origin-resource-policy: same-origin"}
         assert wanted <= {*lines}
         assert not [line for line in lines if line.startswith(("server:", "access-control-"))]
@@ -281,8 +347,23 @@ def test_a_message_is_json_and_short(server: WebServer, visitor: Visitor) -> Non
     for kind in ("text/plain", "application/x-www-form-urlencoded", "application/jsonx", ""):
         assert visitor.post({"do": "state"}, content_type=kind)[0] == 415
     assert visitor.post({"do": "state"}, content_type="Application/JSON; charset=utf-8")[0] == 200
-    bad = ("", "{", "[]", "null", '"state"', "[" * 9000, b"\xff", "{}", '{"do": 1}', '{"do": "state", "id": "x"}')
-    worse = ('{"do": "answer", "id": ["x"], "choice": "a"}', '{"do": "__init__"}', f'{{"do": {"9" * 5000}}}')
+    bad = (
+        "",
+        "{",
+        "[]",
+        "null",
+        '"state"',
+        "[" * 9000,
+        b"\xff",
+        "{}",
+        '{"do": 1}',
+        '{"do": "state", "id": "x"}',
+    )
+    worse = (
+        '{"do": "answer", "id": ["x"], "choice": "a"}',
+        '{"do": "__init__"}',
+        f'{{"do": {"9" * 5000}}}',
+    )
     for message in (*bad, *worse, '{"do": "answer", "id": "x"}'):
         assert visitor.post(message)[0] == 400, message
     for id in ("x" * 9000, "\ud800", "\x00", "../../x"):
@@ -291,7 +372,9 @@ def test_a_message_is_json_and_short(server: WebServer, visitor: Visitor) -> Non
     assert visitor.screen()["answered"] == 0
 
 
-def test_a_body_is_bounded_whether_its_length_is_said_or_not(server: WebServer, visitor: Visitor) -> None:
+def test_a_body_is_bounded_whether_its_length_is_said_or_not(
+    server: WebServer, visitor: Visitor
+) -> None:
     for length in ("16385", "99999999999999999999"):
         assert status_of(raw(server, posted(visitor, content_length=length))) == 413
     for length in ("-1", "x", "+1", "1, 2", "1e3", "1" * 400):
@@ -319,7 +402,10 @@ def test_who_is_slow_does_not_keep_a_connection(
 
 def test_a_websocket_is_not_opened(server: WebServer, visitor: Visitor) -> None:
     wanted = {"upgrade": "websocket", "connection": "upgrade, close", "sec_websocket_version": "13"}
-    assert status_of(raw(server, head(visitor, "GET /api HTTP/1.1", **wanted, sec_websocket_key="x"))) == 405
+    assert (
+        status_of(raw(server, head(visitor, "GET /api HTTP/1.1", **wanted, sec_websocket_key="x")))
+        == 405
+    )
 
 
 @pytest.mark.parametrize(
@@ -331,17 +417,19 @@ def test_a_websocket_is_not_opened(server: WebServer, visitor: Visitor) -> None:
         (
             OSError("well 1 ill 2"),
             507,
-            "This could not be saved: the disk may be full. What was saved before is not lost. Free",
+            "This could not be saved: the disk may be full. What was saved before is not lost. Free",  # noqa: E501
         ),
         (
             OSError(errno.ENOSPC, "No space left on device", "well 1 ill 2"),
             507,
-            "could not be saved: No space left on device. What was saved before is not lost. Free some space, and",
+            "could not be saved: No space left on device. What was saved before is not lost. Free "
+            "some space, and",
         ),
         (
             OSError(errno.EROFS, "Read-only file system", "well 1 ill 2"),
             507,
-            "could not be saved: Read-only file system. What was saved before is not lost. Mend that, and try again.",
+            "could not be saved: Read-only file system. What was saved before is not lost. Mend "
+            "that, and try again.",
         ),
     ],
 )
@@ -381,7 +469,9 @@ def test_after_a_failed_write_the_question_stays_and_can_be_answered(
     assert len(AnswerLog.read(session.log.path)) == 2
 
 
-def test_while_one_message_is_computed_others_are_answered(visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_while_one_message_is_computed_others_are_answered(
+    visitor: Visitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
     begun, go_on = threading.Event(), threading.Event()
 
     def slow(self: Interview, id: str) -> dict[str, Any]:
@@ -393,7 +483,9 @@ def test_while_one_message_is_computed_others_are_answered(visitor: Visitor, mon
     monkeypatch.setattr(
         Interview,
         "handle",
-        lambda self, message: slow(self, "x") if message["do"] == "outlook" else handled(self, message),
+        lambda self, message: (
+            slow(self, "x") if message["do"] == "outlook" else handled(self, message)
+        ),
     )
     with ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(visitor.post, {"do": "outlook", "id": "x"})
@@ -426,7 +518,9 @@ def test_two_browsers_on_one_question(session: Session, host: WebServer) -> None
     assert len(session.log) == 1
     taken = other.screen("undo", id=question["id"])
     assert (taken["answered"], taken["question"]) == (0, question)
-    assert one.screen("answer", id=after["question"]["id"], choice="a")["note"].startswith("That question is not open")
+    assert one.screen("answer", id=after["question"]["id"], choice="a")["note"].startswith(
+        "That question is not open"
+    )
     assert [entry.retracted for entry in session.log] == [True]
 
 
@@ -463,7 +557,10 @@ def test_a_clock_that_goes_backwards_matters_to_no_answer(tmp_path: Path, sessio
 
 def test_others_are_let_in_only_where_that_is_said(session: Session) -> None:
     for host in ("192.0.2.1", "0.0.0.0", "::"):
-        with pytest.raises(ValueError, match=f"{host} can be reached by other machines, and what is sent there is not"):
+        with pytest.raises(
+            ValueError,
+            match=f"{host} can be reached by other machines, and what is sent there is not",
+        ):
             WebServer(session, Subject(LABELS), host)
     with pytest.raises(OSError, match=r"cannot listen on 192\.0\.2\.1, port 0"):
         WebServer(session, Subject(LABELS), "192.0.2.1", let_others_in=True)
@@ -474,7 +571,10 @@ def test_others_are_let_in_only_where_that_is_said(session: Session) -> None:
 
 
 def test_the_other_loopback_address(session: Session) -> None:
-    with suppress(OSError), WebServer(session, Subject(LABELS), "::1") as server:  # where there is one
+    with (
+        suppress(OSError),
+        WebServer(session, Subject(LABELS), "::1") as server,
+    ):  # where there is one
         visitor = Visitor(server.new_address())
         assert visitor.at.netloc == f"[::1]:{server.port}"
         assert visitor.screen()["stage"] == "practice"
@@ -482,14 +582,18 @@ def test_the_other_loopback_address(session: Session) -> None:
 
 def test_only_this_machine_is_listened_to(server: WebServer) -> None:
     listening = [socket.gethostbyname("localhost"), "127.0.0.1"]
-    others = [where[4][0] for where in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)]
+    others = [
+        where[4][0] for where in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)
+    ]
     for address in {"127.0.0.2", *map(str, others)} - {*listening}:
         with pytest.raises(OSError, match=r"refused|unreachable|timed out"):
             socket.create_connection((address, server.port), timeout=5)
 
 
 def test_a_port_in_use_is_said(session: Session, server: WebServer) -> None:
-    with pytest.raises(OSError, match=f"cannot listen on 127.0.0.1, port {server.port}: Address already in use"):
+    with pytest.raises(
+        OSError, match=f"cannot listen on 127.0.0.1, port {server.port}: Address already in use"
+    ):
         WebServer(session, Subject(LABELS), port=server.port)
 
 
@@ -506,13 +610,16 @@ def test_after_close_nothing_listens_and_the_session_goes_on(session: Session) -
 
 def test_a_missing_package_is_named() -> None:
     code = (
-        "import sys\nfrom elicit.person.hosts.web import WebServer\nfor package in ('starlette', 'uvicorn'):\n"
+        "import sys\nfrom elicit.person.hosts.web import WebServer\nfor package in ('starlette', "
+        "'uvicorn'):\n"
         "    sys.modules[package] = None\n"
-        "    try:\n        WebServer(None, None)\n    except ModuleNotFoundError as error:\n        print(error)\n"
+        "    try:\n        WebServer(None, None)\n    except ModuleNotFoundError as error:\n       "
+        " print(error)\n"
         "    del sys.modules[package]\n"
     )
     assert run(code) == [
-        f"{package} is not installed: pip install 'elicit-qlearn[web]'" for package in ("starlette", "uvicorn")
+        f"{package} is not installed: pip install 'elicit-qlearn[web]'"
+        for package in ("starlette", "uvicorn")
     ]
 
 

@@ -1,4 +1,6 @@
-"""The widget speaks the messages of ``elicit.person.hosts.widget``, and says what is missing where it cannot."""
+"""The widget speaks the messages of ``elicit.person.hosts.widget``, and says what is missing where
+it cannot.
+"""
 
 from typing import Any
 
@@ -28,7 +30,9 @@ class Recorded(BaseComm):
     def say(self, content: Any) -> Any:
         """What comes back to a custom message."""
         self.sent.clear()
-        self.handle_msg({"content": {"data": {"method": "custom", "content": content}}, "buffers": []})
+        self.handle_msg(
+            {"content": {"data": {"method": "custom", "content": content}}, "buffers": []}
+        )
         said = [data["content"] for data in self.sent if data.get("method") == "custom"]
         assert len(said) == 1
         return said[0]
@@ -47,7 +51,9 @@ def session():
 @pytest.fixture
 def widget(session, monkeypatch):
     monkeypatch.setattr(comm, "create_comm", Recorded)
-    one = elicit.InterviewWidget(session, elicit.Subject(LABELS, elicit.Words(title="Three courses")))
+    one = elicit.InterviewWidget(
+        session, elicit.Subject(LABELS, elicit.Words(title="Three courses"))
+    )
     yield one
     one.close()
 
@@ -74,7 +80,9 @@ def test_a_session_goes_to_its_end_in_messages_and_its_result_can_be_read(widget
     assert repr(widget) == f"a session of Three courses: {len(session.log)} answered"
 
 
-def test_what_goes_wrong_is_told_in_a_sentence_and_the_next_message_is_taken(widget, session, monkeypatch):
+def test_what_goes_wrong_is_told_in_a_sentence_and_the_next_message_is_taken(
+    widget, session, monkeypatch
+):
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
@@ -90,7 +98,10 @@ def test_what_goes_wrong_is_told_in_a_sentence_and_the_next_message_is_taken(wid
             "error": "[Errno 28] No space left on device",
         }
         patch.setattr(session, "question", broken)
-        assert widget.comm.say({"id": 4, "message": {"do": "state"}}) == {"id": 4, "error": "KeyError: 'broken'"}
+        assert widget.comm.say({"id": 4, "message": {"do": "state"}}) == {
+            "id": 4,
+            "error": "KeyError: 'broken'",
+        }
     assert widget.comm.say({"id": 5, "message": {"do": "state"}})["reply"]["stage"] == "question"
 
 

@@ -1,4 +1,6 @@
-"""The widget in a real JupyterLab: a session by mouse and by keyboard, across a reload, on the disk."""
+"""The widget in a real JupyterLab: a session by mouse and by keyboard, across a reload, on the
+disk.
+"""
 
 import json
 import os
@@ -27,7 +29,7 @@ def make(known):
 session = elicit.Session(make, "answers.jsonl")
 subject = elicit.Subject(("died", "severe", "mild", "well"), elicit.Words("patients", "fare", "Six courses"))
 elicit.InterviewWidget(session, subject)
-"""
+"""  # noqa: E501
 READS = "print('the best is', session.result().best, 'after', session.result().asked)"
 BEST = 1
 PATIENCE = 240_000  # ms; on a fresh machine the kernel compiles first
@@ -35,7 +37,9 @@ PATIENCE = 240_000  # ms; on a fresh machine the kernel compiles first
 
 @contextmanager
 def jupyterlab(folder: Path, *sources: str) -> Iterator[str]:
-    """The address of a JupyterLab that has a notebook of these cells open and nothing of the user's own."""
+    """The address of a JupyterLab that has a notebook of these cells open and nothing of the user's
+    own.
+    """
     cells = [new_code_cell(source.strip()) for source in sources]
     python = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
     nbformat.write(new_notebook(cells=cells, metadata=python), folder / "session.ipynb")
@@ -52,7 +56,12 @@ def jupyterlab(folder: Path, *sources: str) -> Iterator[str]:
         "IPYTHONDIR": "ipython",
     }
     more = {name: str(own / place) for name, place in places.items()} | {"PYTHONPATH": str(ROOT)}
-    options = ["--no-browser", "--ServerApp.token=secret", "--ServerApp.port=0", "--ServerApp.allow_root=True"]
+    options = [
+        "--no-browser",
+        "--ServerApp.token=secret",
+        "--ServerApp.port=0",
+        "--ServerApp.allow_root=True",
+    ]
     with open(own / "log", "w") as log:
         server = subprocess.Popen(
             [sys.executable, "-m", "jupyterlab", *options, "--LabApp.extension_manager=readonly"],
@@ -63,7 +72,10 @@ def jupyterlab(folder: Path, *sources: str) -> Iterator[str]:
         )
     try:
         end = time.monotonic() + 60
-        while not (found := list((own / "runtime").glob("jpserver-*.json"))) or not found[0].read_text():
+        while (
+            not (found := list((own / "runtime").glob("jpserver-*.json")))
+            or not found[0].read_text()
+        ):
             stopped = server.poll() is not None or time.monotonic() > end
             assert not stopped, (own / "log").read_text()
             time.sleep(0.05)
@@ -96,14 +108,19 @@ def truthful(page: Any) -> str:
     """The side, "a" or "b", that is worth more by the values, read from what the question shows."""
     rows = [card.locator("li").all() for card in page.locator(".elicit .card").all()]
     a, b = (
-        sum(int(row.locator(".n").inner_text()) * VALUES[row.locator(".label").inner_text()] for row in side)
+        sum(
+            int(row.locator(".n").inner_text()) * VALUES[row.locator(".label").inner_text()]
+            for row in side
+        )
         for side in rows
     )
     return "a" if a > b else "b"
 
 
 def stands(page: Any, answered: int) -> bool:
-    """Wait until so many answers stand and the next screen can be used; whether it has a question."""
+    """Wait until so many answers stand and the next screen can be used; whether it has a
+    question.
+    """
     question = page.locator(".elicit h1", has_text=f"Question {answered + 1}.")
     end = page.locator(".elicit h1", has_text="no more questions")
     question.or_(end).wait_for(timeout=PATIENCE)
@@ -112,7 +129,9 @@ def stands(page: Any, answered: int) -> bool:
 
 
 @pytest.mark.slow
-def test_a_session_by_mouse_and_keyboard_goes_on_after_a_reload_and_each_answer_is_in_its_log(tmp_path):
+def test_a_session_by_mouse_and_keyboard_goes_on_after_a_reload_and_each_answer_is_in_its_log(
+    tmp_path,
+):
     complaints: list[str] = []
     said: list[str] = []
     with browser() as chromium, jupyterlab(tmp_path, MAKES, READS) as url:
