@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from qlearn.environments.level_rewards import LevelVector, OrdinalReward
     from qlearn.environments.rollout_shares import RolloutShares
     from qlearn.environments.rollouts import rollout_shares
+    from qlearn.experiments.loss_history import LossHistory
     from qlearn.learners.learner import Learner, Result, drive
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
@@ -37,6 +38,7 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.learners.q_learning": ("InteractiveQLearning",),
     "qlearn.learners.q_learning_asking_late": ("LateQLearning",),
     "qlearn.learners.value_iteration": ("InteractiveValueIteration", "LateValueIteration"),
+    "qlearn.experiments.loss_history": ("LossHistory",),
     "qlearn.mdp.equal_gaps": ("UnaskedLoss", "equal_gaps_policy", "unasked_loss"),
     "qlearn.mdp.ordinal_mdp": ("OrdinalMDP",),
     "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
@@ -71,6 +73,7 @@ __all__ = [
     "LateValueIteration",
     "Learner",
     "LevelVector",
+    "LossHistory",
     "OrdinalMDP",
     "OrdinalReward",
     "Result",
