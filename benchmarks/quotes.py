@@ -25,7 +25,7 @@ PAGES = (
     ROOT / "README.md",
     *(
         ROOT / "docs" / f"{name}.md"
-        for name in ("before-you-ask", "choosing", "evidence", "options", "paper")
+        for name in ("before-you-ask", "choosing", "evidence", "families", "options", "paper")
     ),
 )
 ALL = "all lines"

@@ -10,13 +10,16 @@ if TYPE_CHECKING:
     from qlearn.environments.level_rewards import LevelVector, OrdinalReward
     from qlearn.environments.rollout_shares import RolloutShares
     from qlearn.environments.rollouts import rollout_shares
+    from qlearn.experiments.loss_history import LossHistory
     from qlearn.learners.learner import Learner, Result, drive
     from qlearn.learners.policy_iteration import InteractivePolicyIteration
     from qlearn.learners.q_learning import InteractiveQLearning
     from qlearn.learners.q_learning_asking_late import LateQLearning
     from qlearn.learners.value_iteration import InteractiveValueIteration, LateValueIteration
+    from qlearn.mdp.equal_gaps import UnaskedLoss, equal_gaps_policy, unasked_loss
     from qlearn.mdp.ordinal_mdp import OrdinalMDP
     from qlearn.mdp.planning import evaluate_policy, policy_loss, value_iteration
+    from qlearn.problems.hidden_scales import hidden_scales
     from qlearn.problems.icu_sepsis import icu_sepsis
     from qlearn.problems.random_mdp import draw_values, random_mdp
     from qlearn.solving import solve
@@ -35,8 +38,11 @@ _NAMES = {  # imported when first used, so that the command line starts fast
     "qlearn.learners.q_learning": ("InteractiveQLearning",),
     "qlearn.learners.q_learning_asking_late": ("LateQLearning",),
     "qlearn.learners.value_iteration": ("InteractiveValueIteration", "LateValueIteration"),
+    "qlearn.experiments.loss_history": ("LossHistory",),
+    "qlearn.mdp.equal_gaps": ("UnaskedLoss", "equal_gaps_policy", "unasked_loss"),
     "qlearn.mdp.ordinal_mdp": ("OrdinalMDP",),
     "qlearn.mdp.planning": ("evaluate_policy", "policy_loss", "value_iteration"),
+    "qlearn.problems.hidden_scales": ("hidden_scales",),
     "qlearn.problems.icu_sepsis": ("icu_sepsis",),
     "qlearn.problems.random_mdp": ("draw_values", "random_mdp"),
     "qlearn.solving": ("solve",),
@@ -52,6 +58,7 @@ _MODULES = {  # to be written as qlearn.strategies.max_regret, say
     "figure_runs": "qlearn.paper.figure_runs",
     "gym_environments": "qlearn.problems.gymnasium",
     "paper_figures": "qlearn.paper.figures",
+    "problems": "qlearn.problems",
     "strategies": "qlearn.learners.query_strategies",
 }
 
@@ -66,6 +73,7 @@ __all__ = [
     "LateValueIteration",
     "Learner",
     "LevelVector",
+    "LossHistory",
     "OrdinalMDP",
     "OrdinalReward",
     "Result",
@@ -73,15 +81,19 @@ __all__ = [
     "Status",
     "TrainedPolicy",
     "TrainingResult",
+    "UnaskedLoss",
     "draw_values",
     "drive",
+    "equal_gaps_policy",
     "evaluate_policy",
+    "hidden_scales",
     "icu_sepsis",
     "loss_bound",
     "policy_loss",
     "random_mdp",
     "rollout_shares",
     "solve",
+    "unasked_loss",
     "value_iteration",
 ]
 

@@ -1,10 +1,14 @@
 """What learners ask, by value, in runs that a last bit could turn: symmetric grids, ties, audits,
 batches, errors.
+
+``python -m tests.processor_cases`` writes the record anew, after a change that is meant to change
+the questions.
 """
 
 import hashlib
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +17,9 @@ import elicit
 import qlearn
 from elicit.model.pairs import pair_numbers, whole_numbers
 from elicit.model.scale import tail_sums
+
+RECORD = Path(__file__).parent / "asked_on_every_processor.txt"
+"""The lines of ``report``, which every processor must give."""
 
 
 def grid(side: int, k: int, seed: int) -> qlearn.OrdinalMDP:
@@ -96,3 +103,7 @@ def resumed(run: Run) -> tuple[list[elicit.Answer], list[elicit.Answer]]:
     whole = answered(run.make(), run.tutor)
     half = len(whole) // 2
     return whole[half:], answered(run.make(known=whole[:half]), elicit.ReplayTutor(whole))
+
+
+if __name__ == "__main__":
+    RECORD.write_text("\n".join(report()) + "\n", encoding="utf-8")

@@ -29,6 +29,7 @@ from qlearn.learners.learner import Result
 from qlearn.learners.policy_iteration import InteractivePolicyIteration
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
+from qlearn.problems.families.words import WORDS
 
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
 _MOST_STATES = 12  # that are listed
@@ -92,6 +93,8 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         words = next((part for part in parts if isinstance(part, Words)), Words(title=problem.name))
         return parts[0], words, ""
     entry = PROBLEMS[problem]
+    if entry.family is not None:
+        return entry.family(seed), WORDS[problem], ""
     if entry.factory is None:
         mdp, _ = entry.instance(seed, _RANDOM)
         preamble = "Level 1 is the worst. There is no right or wrong answer."

@@ -14,6 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from elicit.catalogue import ALWAYS, COMPARATORS, ComparatorEntry
+from qlearn.problems.families.catalogue import FAMILIES
 
 if TYPE_CHECKING:
     from elicit.model.comparator import Comparator
@@ -81,14 +82,16 @@ class ProblemEntry:
 
     name     its one name: on the command line, in rows of results, in journals
     label    its name in tables and pictures
-    factory  makes the MDP; None for random MDPs, which depend on a seed and a size. Raises
-             ImportError without the problem's package
+    factory  makes the MDP; None for random MDPs, which depend on a seed and a size, and for
+             families. Raises ImportError without the problem's package
+    family   makes the MDP of a family from a seed
     taught   whether ``qlearn teach`` offers it
     """
 
     name: str
     label: str
     factory: Callable[[], OrdinalMDP] | None = None
+    family: Callable[[int], OrdinalMDP] | None = None
     taught: bool = False
 
     def instance(self, seed: int, size: Size) -> tuple[OrdinalMDP, Floats]:
@@ -98,9 +101,12 @@ class ProblemEntry:
         """
         from qlearn.problems.random_mdp import draw_values, random_mdp
 
-        if self.factory is None:
+        if self.family is not None:
+            mdp = self.family(seed)
+        elif self.factory is not None:
+            mdp = _made_once(self.factory)
+        else:
             return random_mdp(*size, seed=seed)
-        mdp = _made_once(self.factory)
         return mdp, draw_values(mdp.k, seed=seed)
 
 
@@ -183,6 +189,10 @@ _PROBLEMS = (
     ProblemEntry(name="icu-sepsis", label="ICU-Sepsis", factory=_icu_sepsis, taught=True),
     ProblemEntry(name="frozen-lake", label="FrozenLake 8x8", factory=_frozen_lake),
     ProblemEntry(name="deep-sea-treasure", label="deep-sea-treasure", factory=_deep_sea_treasure),
+    *(
+        ProblemEntry(name=name, label=name.replace("-", " "), family=family, taught=True)
+        for name, family in FAMILIES.items()
+    ),
 )
 PROBLEMS: Mapping[str, ProblemEntry] = {entry.name: entry for entry in _PROBLEMS}
 """The problems by name."""

@@ -241,7 +241,7 @@ class AblationSettings(Settings):
     problems: tuple[str | Own, ...] = setting(
         ("random", "icu-sepsis"),
         NameOrOwn(tuple(PROBLEMS), "(seed) returns (mdp, values)"),
-        "random MDPs; real and known tasks; your own",
+        "random MDPs; real and known tasks; families in which asking matters; your own",
     )
     learners: tuple[str | Own, ...] = setting(
         tuple(LEARNERS),
@@ -272,7 +272,9 @@ class AblationSettings(Settings):
     states: int = setting(100, COUNT, "number of states")
     actions: int = setting(5, COUNT, "number of actions")
     levels: int = setting(10, LEVELS, "number of levels")
-    discount: float = setting(0.95, BELOW_1, "discount factor (ICU-Sepsis, FrozenLake: 0.99)")
+    discount: float = setting(
+        0.95, BELOW_1, "discount factor of random MDPs; other problems have their own"
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

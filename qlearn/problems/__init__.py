@@ -1,4 +1,8 @@
-"""Problems to learn on: random MDPs, ICU-Sepsis, Gymnasium's known tasks.
+"""Problems to learn on: random MDPs, ICU-Sepsis, Gymnasium's known tasks, families of problems.
 
 Imports from ``mdp`` and elicit.
 """
+
+from qlearn.problems.families.catalogue import FAMILIES
+
+__all__ = ["FAMILIES"]

@@ -21,6 +21,7 @@ from benchmarks.asking import (
     about_equal,
     certificates,
     certify_at_scale,
+    headroom,
     person_sessions,
     question_counts,
     question_rules,
@@ -129,6 +130,12 @@ def equal(text: str) -> Iterator[str | Cells]:
     start = ("polytope", "policy iteration", "0.02")
     count = number(text, *start, place=3) // len(about_equal.LEVELS)
     yield [*about_equal.row(*start[:2], float(start[2]), count)]
+
+
+def unasked(text: str) -> Iterator[str | Cells]:
+    count = int(re.search(r"of (\d+) draws", text)[1])
+    for name in ("career", "plant"):
+        yield [*headroom.described(name, headroom.losses(name, range(count), ["even"])["even"])]
 
 
 def sessions(text: str) -> Iterator[str | Cells]:
@@ -332,6 +339,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-questions", questions("certify, max regret", "posterior", 0.1), SLOW),
     ("RESULTS-question-rules", ruled, SLOW),
     ("about-equal", equal, SLOW),
+    ("RESULTS-headroom", unasked),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
     ("RESULTS-growth", grown, SLOW),

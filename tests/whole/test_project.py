@@ -25,6 +25,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.person.hosts",),
     ("elicit",),  # the modules at the top, and __init__ itself
     ("qlearn.mdp", "qlearn.environments"),
+    ("qlearn.problems.families",),
     ("qlearn.problems",),
     ("qlearn.certificates",),
     ("qlearn.learners.rounds",),

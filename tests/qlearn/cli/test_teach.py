@@ -25,6 +25,7 @@ from qlearn import (
 )
 from qlearn.cli.main import main
 from qlearn.cli.teach_subjects import read_alternatives, taught_by
+from qlearn.problems import FAMILIES
 from tests.interpreter import run
 from tests.scripted_person import Teach, Typing, answer_all, truthful
 
@@ -625,7 +626,7 @@ def test_bad_options_end_in_2(capsys: pytest.CaptureFixture[str]) -> None:
     for options, said in (
         (
             "--problem nothing",
-            "invalid choice: 'nothing' (choose from 'random', 'icu-sepsis', or your own",
+            "invalid choice: 'nothing' (choose from 'random', 'icu-sepsis', 'rover', 'hazards', ",
         ),
         ("--problem nowhere:f", "there is no module 'nowhere'"),
         ("--days 1", "'1' is not a whole number of at least 2"),
@@ -646,3 +647,20 @@ def test_help_imports_nothing_heavy() -> None:
     *shown, heavy = run(code)
     assert "[answers-PROBLEM.jsonl, here]" in " ".join(" ".join(shown).split())
     assert heavy == "heavy: []"
+
+
+def test_a_family_is_taught_in_its_own_words_and_a_seed_draws_it(
+    lets_answer: Callable[..., str], tmp_path: Path
+) -> None:
+    hidden = {"ruined": 0.0, "in training": 0.1, "in a steady post": 0.3, "famous": 1.0}
+    shown = lets_answer(hidden, "--problem", "career", "--seed", "4", "--log", "log.jsonl")
+    mdp = FAMILIES["career"](4)
+    header = AnswerLog.read(tmp_path / "log.jsonl").header
+    assert (header["problem"], header["unit"], header["labels"]) == (
+        mdp.fingerprint,
+        "years",
+        [*mdp.labels],
+    )
+    assert "A steady post or a venture" in shown
+    assert "Two groups of 10 years" in shown
+    assert "falls short of your best plan by at most" in report(shown)

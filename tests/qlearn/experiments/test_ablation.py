@@ -23,6 +23,7 @@ from qlearn.experiments.metrics import MEASURES
 from qlearn.experiments.run import Run, run
 from qlearn.experiments.settings import ORDER, TUTORS, AblationSettings, Settings
 from qlearn.learners.exploration import EXPLORATIONS
+from qlearn.problems import FAMILIES
 from tests.sweep_cases import TINY
 
 
@@ -222,6 +223,27 @@ def test_a_run_has_linear_algebra_on_one_thread(monkeypatch: pytest.MonkeyPatch)
     with threadpool_limits(2):
         one_run()
     assert {*seen} == {1}
+
+
+def test_families_are_problems_of_the_ablation_drawn_by_its_seeds() -> None:
+    cells = {
+        "learners": ["policy-iteration"],
+        "comparators": ["polytope"],
+        "error_rates": [0.0],
+        "audit": 0.0,
+    }
+    rows = ablate(problems=["career", "plant"], seeds=2, jobs=1, **cells)
+    assert rows.problem.tolist() == ["career"] * 2 + ["plant"] * 2
+    assert (rows.loss <= AblationSettings().tolerance).all()
+    assert rows.asked.min() > 0
+    assert {name for name, entry in runs.PROBLEMS.items() if entry.family is not None} == {
+        *FAMILIES
+    }
+    mdps = [runs.instance("career", seed, (1, 1, 2, 0.5)) for seed in (3, 3, 4)]
+    assert [mdp.fingerprint for mdp, _ in mdps] == [
+        FAMILIES["career"](seed).fingerprint for seed in (3, 3, 4)
+    ]
+    assert all(len(values) == mdp.k for mdp, values in mdps)
 
 
 def test_every_name_has_something_that_it_stands_for() -> None:
