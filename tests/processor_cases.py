@@ -11,8 +11,8 @@ import numpy as np
 
 import elicit
 import qlearn
+from elicit.model.difference import tail_sums
 from elicit.model.pairs import pair_numbers, whole_numbers
-from elicit.model.scale import tail_sums
 
 
 def grid(side: int, k: int, seed: int) -> qlearn.OrdinalMDP:

@@ -1,3 +1,3 @@
-"""Whoever answers: simulated tutors, and the log of answers with its replay. Imports from ``model``
-and below.
+"""Whoever answers: simulated tutors, and the log of answers with its replay. Imports from ``lp``,
+``model`` and below.
 """

@@ -15,7 +15,8 @@ from elicit import Answers, BradleyTerryComparator, PolytopeComparator, Posterio
 from elicit._support.fixed_order import product
 from elicit.comparators.bradley_terry.particle_comparator import LAPSE
 from elicit.model.comparator import ALLOWANCE, lapse_of
-from elicit.model.scale import dominance, order_bounds, tail_sums, values_of
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.scale import order_bounds, values_of
 from elicit.testing import check_comparator, sample_differences
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from tests.interpreter import run
