@@ -105,26 +105,21 @@ def answer_rows(
     owner : (m,)
     """
     d, t, exponent = of_order_one(answers.d, "the answers")
-    with np.errstate(over="ignore"):
-        tied = np.minimum(np.ldexp(tie, -exponent), 1.0)  # |t.g| <= 1 at this scale
-    # a little wider, so that rounding cannot exclude any scale that the band allows
-    band = -(1 + 1e-14) * np.maximum(
-        TIE_BAND * np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND), tied
-    )
-    rows, rhs, owner = [], [], []
-    for i, y in enumerate(answers.y):
-        if not t[i].any():
-            continue
-        for sign in (1, -1) if y == 0 else (int(y),):
-            rows.append(sign * t[i] + 0.0)
-            rhs.append(band[i] if y == 0 else 0.0)
-            owner.append(first + i)
-    p = answers.k - 1
-    return (
-        np.array(rows).reshape(-1, p),
-        np.array(rhs, dtype=np.float64),
-        np.array(owner, dtype=np.int64),
-    )
+    cutting = np.flatnonzero(t.any(axis=1))
+    number = np.repeat(cutting, 2 - np.abs(answers.y[cutting]))  # of a tie both sides
+    sign, rhs = answers.y[number], np.zeros(len(number))
+    tied = sign == 0
+    if tied.any():
+        sides = np.flatnonzero(tied)
+        sign = sign.copy()
+        sign[sides[::2]], sign[sides[1::2]] = 1, -1
+        with np.errstate(over="ignore"):
+            width = np.minimum(np.ldexp(tie, -exponent), 1.0)  # |t.g| <= 1 at this scale
+        sizes = np.minimum(np.abs(d).sum(axis=1), 1 / TIE_BAND)
+        # a little wider, so that rounding cannot exclude any scale that the band allows
+        band = -(1 + 1e-14) * np.maximum(TIE_BAND * sizes, width)
+        rhs[tied] = band[number[tied]]
+    return sign[:, None] * t[number] + 0.0, rhs, first + number
 
 
 def prior_rows(

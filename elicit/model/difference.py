@@ -97,6 +97,8 @@ def of_order_one(d: Floats, name: str = "d") -> OrderOne:
     power = exponent[:, None]
     with np.errstate(over="ignore", under="ignore"):
         small = OrderOne(np.ldexp(d, -power), np.ldexp(t, -power) + 0.0, exponent)
+        if (exponent <= 0).all():  # nothing was made smaller
+            return small
         kept = (np.ldexp(small.t, power) == t) & (np.ldexp(small.d, power) == d)[:, 1:]
     if not kept.all():
         row = int(np.argmin(kept.all(axis=1)))
