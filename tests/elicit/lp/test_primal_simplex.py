@@ -44,6 +44,11 @@ def starts(known: Known) -> Any:
     return np.flatnonzero(known.kind[: known.counts[USED]] != CERTAIN_POINT)
 
 
+def of(known: Known) -> tuple[float, Floats, Floats]:
+    """K_t as the functions of ``rounding`` take it."""
+    return known.margin, known.cuts, known.limits
+
+
 @pytest.mark.parametrize("seed", quick_first(range(3), 1))
 def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -> None:
     rng, kept = np.random.default_rng(seed), 0
@@ -67,7 +72,7 @@ def test_a_walk_is_right_or_does_not_know_and_keeps_what_is_certain(seed: int) -
             assert len(set(known.active[q])) == r.p - 1
             if kind == "plain":
                 corner_of(known.inverses[q], known.active[q], known, g)
-                slacks_of(g, known, slack)
+                slacks_of(g, *of(known), slack)
                 assert np.abs(slack[known.active[q]]).max() < 1e-9
                 assert slack.min() > -1e-9
                 assert np.abs(known.points[:, q] - g).max() < 1e-9
@@ -118,11 +123,11 @@ def test_a_point_pulled_inside_is_inside(seed: int) -> None:
             g = g + rng.choice([0.0, 1e-15, 1e-12, 1e-9, 0.3, 1e3]) * rng.normal(size=p)
             if rng.random() < 0.7:
                 g /= g.sum()
-            slacks_of(g, known, slack)
+            slacks_of(g, *of(known), slack)
             slack += rng.choice([0.0, 1e-13, 1.0]) * rng.normal(
                 size=len(slack)
             )  # as pivots let it drift
-            if pulled_inside(g, slack, known, point):
+            if pulled_inside(g, slack, known.inside, known.room, *of(known), point):
                 pulled += 1
                 assert exactly(r).contains(normalised(point)), kind
                 s = rng.normal(size=p) + rng.choice([0.0, 1.0]) * -float(rng.normal())
@@ -154,7 +159,7 @@ def test_a_point_on_the_border_is_not_surely_inside() -> None:
             )
             g = known.inside + length * towards
             g /= g.sum()
-            sure = surely_inside(g, known, slack)
+            sure = surely_inside(g, *of(known), slack)
             seen[bool(sure)] += 1
             assert not sure or exactly(r).contains(normalised(g)), kind
             assert sure or slack.min() < 1e-12 * (1 + known.margin)
@@ -166,10 +171,10 @@ def test_nothing_is_inside_without_a_point_inside() -> None:
     assert np.isnan(flat.inside[0])
     for g in ([1 / 3] * 3, [0.25, 0.25, 0.5], [math.nan] * 3):
         point, slack = np.empty(3), np.empty(5)
-        slacks_of(np.array(g), flat, slack)
-        assert not surely_inside(np.array(g), flat, slack.copy())
-        assert not pulled_inside(np.array(g), slack, flat, point)
-        assert not pulled_inside(np.array(g), np.ones(5), flat, point)
+        slacks_of(np.array(g), *of(flat), slack)
+        assert not surely_inside(np.array(g), *of(flat), slack.copy())
+        assert not pulled_inside(np.array(g), slack, flat.inside, flat.room, *of(flat), point)
+        assert not pulled_inside(np.array(g), np.ones(5), flat.inside, flat.room, *of(flat), point)
 
 
 def matrix_of(active: Any, r: Region) -> Floats:
