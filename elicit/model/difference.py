@@ -48,7 +48,8 @@ def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Flo
         row, column = np.unravel_index(size.argmax(), size.shape)
         raise ValueError(
             f"numbers of {name} must lie between -2^1000 and 2^1000 (about 1e301), but "
-            f"row {row}, level {column + 2} is {rows[row, column + 1]:g}: divide all of them by the same number"
+            f"row {row}, level {column + 2} is {rows[row, column + 1]:g}: divide all of them by "
+            "the same number"
         )
     return rows
 
