@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from elicit.diagnostics.tutor_report import tutor_report
     from elicit.lp.prior_inequalities import Inequality, inequalities, inequality
     from elicit.model.comparator import Comparator, Tier, simultaneous_bounds
+    from elicit.model.difference import as_differences
     from elicit.model.needs import Needs
     from elicit.model.outcomes import Status
     from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-    from elicit.model.scale import as_differences
     from elicit.model.scale_variable import scale_variable
     from elicit.model.tutor import Tutor
     from elicit.person.hosts.widget import InterviewWidget as InterviewWidget
@@ -59,7 +59,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
         "StaleAnswer",
         "Verdict",
     ],
-    "elicit.model.scale": ["as_differences"],
+    "elicit.model.difference": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
     "elicit.tutors.replay": ["ReplayTutor"],

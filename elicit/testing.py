@@ -50,8 +50,9 @@ from elicit.model.comparator import (
     offers,
     simultaneous_bounds,
 )
+from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors, Tutor, TutorOfMany, check_tutor_made
 
 if __doc__ is not None:  # python -OO leaves it out

@@ -29,9 +29,10 @@ from numpy.typing import NDArray
 from elicit._support.hashing import fold, uniform
 from elicit.comparators.baselines import AlwaysAsk
 from elicit.model.comparator import Comparator
+from elicit.model.difference import dominance, tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.scale import Floats
 from elicit.model.tutor import Tutor
 from qlearn.learners.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION
 from qlearn.mdp.ordinal_mdp import OrdinalMDP

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from elicit import Answer, Answers, Query
 from elicit.model.comparator import Comparator, check_answers
-from elicit.model.scale import Floats, as_vectors, normalise, tail_sums
+from elicit.model.difference import as_vectors, tail_sums
+from elicit.model.scale import Floats, normalise
 from qlearn import InteractivePolicyIteration, Learner, OrdinalMDP, random_mdp
 
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from qlearn.learners.query_strategies import Candidates, Strategy
 
 # of the mean weight: draws of less count as not plausible where a maximum is taken over draws

@@ -21,7 +21,8 @@ from scipy.optimize import linprog
 from benchmarks.comparing.recorded_streams import cuts, unit
 from elicit import Answers, PolytopeComparator, Verdict
 from elicit.model.comparator import Verdicts
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.scale import Floats
 
 
 class Method(Protocol):

@@ -19,7 +19,8 @@ from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit._support.hashing import key_of
 from elicit.lp.region import TIE_BAND
 from elicit.model.comparator import Verdicts
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.scale import Floats
 from qlearn import random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
 from qlearn.reference import interactive_q_learning, interactive_value_iteration

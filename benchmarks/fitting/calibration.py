@@ -37,8 +37,9 @@ from benchmarks.stamps import sources
 from elicit.comparators.bradley_terry.bootstrap_comparator import BradleyTerryComparator
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
 from elicit.model.comparator import Comparator, Tier
+from elicit.model.difference import as_vectors, tail_sums
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_vectors, tail_sums, values_of
+from elicit.model.scale import Floats, values_of
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, Signs, TruthfulTutor
 from qlearn import InteractiveQLearning, InteractiveValueIteration, drive, random_mdp
 from qlearn.experiments.metrics import Watch, reference_differences

@@ -16,7 +16,8 @@ from benchmarks.fitting.fit_methods import FREE, LEVEL, ORDERED, RIDGED, Problem
 from benchmarks.fitting.tutor_data import Data
 from elicit.comparators.bradley_terry.likelihood import derivatives
 from elicit.model.comparator import Verdicts
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 
 References = dict[
     Problem, Floats

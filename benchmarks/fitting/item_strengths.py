@@ -25,7 +25,8 @@ from scipy.special import expit
 from benchmarks.fitting.tutor_data import SPREAD
 from benchmarks.reporting import markdown
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights, fit
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 
 LIBRARIES = ("choix", "evalica")
 PER_ITEM = 10  # answers at least: with fewer, most resamples have no finite maximum to be fitted

@@ -9,7 +9,8 @@ import numpy as np
 from elicit import Answers, BradleyTerryTutor, Verdict
 from elicit.comparators.bradley_terry.likelihood import bootstrap_weights
 from elicit.model.comparator import Verdicts
-from elicit.model.scale import Floats, dominance, dot, tail_sums, values_of
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.scale import Floats, dot, values_of
 
 SPREAD = 2.0  # standard deviation of the tutor's logits over the pairs
 FRESH = 2000  # pairs to decide, for each data set

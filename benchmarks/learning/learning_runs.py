@@ -29,7 +29,8 @@ from elicit import (
     TruthfulTutor,
 )
 from elicit._support.hashing import key_of
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from qlearn import InteractiveQLearning, OrdinalMDP, drive, policy_loss, random_mdp
 from qlearn.learners.learner import Result
 

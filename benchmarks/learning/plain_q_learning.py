@@ -23,7 +23,8 @@ from benchmarks.comparing import lp_methods as methods
 from benchmarks.comparing.recorded_streams import unit
 from elicit import Answers, Verdict
 from elicit._support.hashing import fold, uniform
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.scale import Floats
 from qlearn import OrdinalMDP
 from qlearn.learners.q_learning import rescaled_linear_rate
 from qlearn.learners.q_learning_kernel import ACTION, EXPLORE, FIRST_BEST, RESTART, TRANSITION

@@ -15,8 +15,9 @@ import numpy as np
 from scipy.special import digamma, expit, gammaln, log_expit
 
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, LAPSE, PRECISION
+from elicit.model.difference import tail_sums
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 
 Density = Callable[
     [Floats], tuple[Floats, Floats]

@@ -46,7 +46,8 @@ from benchmarks.posteriors.markov_chains import (
 from benchmarks.reporting import machine, markdown, publish, with_interval
 from benchmarks.stamps import sources
 from elicit import Answers, BradleyTerryTutor, FlippingTutor, PosteriorComparator, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.scale import Floats
 from qlearn.experiments.parallel import Cell, sweep
 
 FRESH = 300  # held-out pairs

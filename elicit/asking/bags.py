@@ -23,7 +23,9 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, is_whole, require
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import check_levels
-from elicit.model.scale import Floats, as_vectors, tail_sums
+from elicit.model.difference import as_vectors, tail_sums
+from elicit.model.erring_tutor import says_left
+from elicit.model.scale import Floats
 
 _LEAST = 1e-3  # bits: what tells less is no question
 MOST_QUESTIONS = 200_000
@@ -135,23 +137,6 @@ def ease(days: int, good: int, ends: bool) -> float:
     are the easiest to have in mind.
     """
     return 2.0 * gcd(days, good) / days * (1.0 if ends else 0.7)
-
-
-def says_left(scores: Floats, precision: Floats, lapse: float) -> Floats:
-    """Return the probability (n, m) that a tutor says "left is better".
-
-    It is that of eq. (6), for d.e (n, m) under m scales and precisions (m,), with a coin in a share
-    ``lapse`` of the answers. An infinite precision never errs, but tosses a coin at d.e = 0.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        chance = np.asarray(-(precision * scores))
-        if not np.isfinite(precision).all():
-            chance = np.nan_to_num(chance, nan=0.0)
-        np.exp(chance, out=chance)
-        chance += 1.0
-        np.divide(1.0 - lapse, chance, out=chance)
-        chance += 0.5 * lapse
-    return chance
 
 
 def entropy(chance: Floats) -> Floats:

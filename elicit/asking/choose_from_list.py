@@ -28,9 +28,10 @@ from elicit.model.comparator import (
     check_comparator_made,
     simultaneous_bounds,
 )
+from elicit.model.difference import as_vectors, tail_sums
 from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.model.scale import Floats, as_vectors, dot, tail_sums
+from elicit.model.scale import Floats, dot
 
 _CONTENDERS = (
     8  # best of: a question is about two of so many; more saves none and costs bounds of more pairs

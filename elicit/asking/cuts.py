@@ -15,9 +15,10 @@ from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator, rough_bounds
+from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 
 _OWN = (
     4  # of the differences themselves, those of the greatest bounds, that are weighed against cuts

@@ -47,11 +47,12 @@ from elicit.model.comparator import (
     offers,
     tie_of,
 )
+from elicit.model.difference import tail_sums
+from elicit.model.difference_kernel import UNSETTLED
 from elicit.model.needs import Needs
 from elicit.model.pairs import first_of_each_pair
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
-from elicit.model.scale import Floats, tail_sums
-from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.model.scale import Floats
 from elicit.tutors.answer_log import EXPECTED, Entry
 
 _IN_A_ROW = 5
@@ -401,6 +402,37 @@ class Elicitation:
         self._publish(
             comparator=comparator, answers=self.answers + told, _number=number, asked=asked
         )
+
+    def take_at_once(self, left: Floats, right: Floats, verdict: Verdict) -> bool:
+        """Learn one answer about vectors left and right (k,) without query objects.
+
+        The effect is as if the pair had been opened and told; only a person or a log needs the
+        objects. Returns False, and changes nothing, where only ``open`` and ``tell`` will do: where the
+        answer is "equal", or contradicts the others, or may end a row of such answers.
+        """
+        if verdict == Verdict.EQUAL or self._equal_in_a_row or self.pending or self.guesses:
+            return False
+        name = query_id(self._fingerprint, self._number, left, right)
+        told = Answers((left - right)[None, :], [int(verdict)], [name])
+        try:
+            comparator, _ = learn(self.comparator, told, one_by_one=False)
+        except InconsistentAnswers:
+            return False
+        answered, counts = self._answered.copy(), self.counts.copy()
+        answered.add(told.d[0], verdict, binding=False)
+        counts[Tier.TUTOR] += 1
+        self._publish(
+            comparator=comparator,
+            answers=self.answers + told,
+            asked=self.asked + 1,
+            counts=counts,
+            _answered=answered,
+            _number=self._number + 1,
+        )
+        if self.watch is not None:  # last, for it may fail
+            tiers = np.array([Tier.TUTOR], np.int8)
+            self.watch(told.d, Decisions(told.y.copy(), tiers))
+        return True
 
     @property
     def audits_left(self) -> int:

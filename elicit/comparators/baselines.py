@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from elicit.decision.comparator_rule import Rule, asking, silent
 from elicit.decision.verdicts import decide_by
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
+from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_differences, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, order_bounds, values_of
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
 
-from elicit.lp.vertices import Known, nothing_known
+from elicit.lp.primal_simplex import Known, nothing_known
 from elicit.model.comparator import Comparator, Decisions
 from elicit.model.scale import Floats
 

@@ -23,84 +23,51 @@ from elicit.decision.comparator_rule import (
     Rule,
 )
 from elicit.decision.votes import by_box, by_count, by_weight, spare_score
-from elicit.lp.primal_simplex import doubt_at, largest
-from elicit.lp.sign_proofs import (
-    BY_DOMINANCE,
-    BY_EQUAL,
-    BY_SCREEN,
-    BY_SIMPLEX,
-    NOWHERE,
-    glance,
-    lifting_row,
-    search,
-    side_of,
-    signs_at_points,
-    to_unit,
-)
-from elicit.lp.vertices import EPS, SMALL, USED, Known
+from elicit.lp.primal_simplex import Known
+from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, prove, signs_at_points
 from elicit.model.comparator import Tier
-from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_dominance, tail_sums_into
+from elicit.model.difference_kernel import (
+    EQUAL,
+    UNKNOWN,
+    UNSETTLED,
+    by_dominance,
+    largest,
+    tail_sums_into,
+    to_order_one,
+)
 
 BY_MODEL = int(Tier.MODEL)
 NEAR = 1e-12  # of the largest tail sum: what is no farther from 0 at a point inside may be 0
-LARGE = (
-    2.0**900
-)  # votes on differences beyond it, or below its inverse, are cast on multiples of them
+BLOCK = 256  # differences whose tail sums are held at once
 
 
 @compiled
 def judge_all(d: Any, rule: Rule, verdicts: Any, tiers: Any) -> int:
-    """Verdicts (n,) and tiers (n,) of differences d (n, k), dominance included, written into the
-    last two arguments. Returns how many are left UNSETTLED."""
-    # proofs with the arrays one by one: to hand over the whole rule for every row would cost half
-    # as much again
-    k, kind, known = d.shape[1], rule.kind, rule.known
-    inside, rows, lifted, masks, counts = (
-        known.inside,
-        known.rows,
-        known.lifted,
-        known.masks,
-        known.counts,
-    )
-    corners = (
-        known.margin,
-        known.cuts,
-        known.limits,
-        known.points,
-        known.inverses,
-        known.active,
-        known.kind,
-    )
-    row, t, y, rest, nothing = (
-        np.empty(k),
-        np.empty(k - 1),
-        np.empty(k - 1),
-        np.empty(k - 1),
-        np.empty(0),
-    )
-    at, left = np.empty(len(known.kind)), 0
-    for i in range(len(d)):
-        tail_sums_into(d, i, t)
-        verdict = by_dominance(t)
-        tier = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
-        if verdict == UNKNOWN or (verdict != EQUAL and not rule.dominance):
-            if kind == PROVEN:
-                size = to_unit(t)
-                doubt = doubt_at(k - 1, size)
-                side = side_of(t, inside, doubt)
-                if side != 0 and lifting_row(t, side, rows, lifted, masks, counts) != NOWHERE:
-                    verdict, tier = side, BY_SCREEN
-                else:
-                    verdict, corner = glance(t, doubt, side, counts[USED], corners, at, y, rest)
-                    tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
-                    if verdict == UNSETTLED:
-                        verdict, tier = search(t, known)
-            else:
-                if kind in (BOX, ENSEMBLE):
-                    in_range(d, i, row, t)
-                verdict, tier, _ = judge(row, t, 0.0, nothing, rule)
-            left += verdict == UNSETTLED
-        verdicts[i], tiers[i] = verdict, tier
+    """Write verdicts (n,) and tiers (n,) of differences d (n, k), dominance included, into the last
+    two arguments.
+
+    Returns the number of those left UNSETTLED.
+    """
+    n, k = d.shape
+    t, row, nothing, left = np.empty((BLOCK, k - 1)), np.empty(k), np.empty(0), 0
+    for start in range(0, n, BLOCK):
+        stop = min(n, start + BLOCK)
+        for i in range(start, stop):
+            sums = t[i - start]
+            tail_sums_into(d, i, sums)
+            verdict = by_dominance(sums)
+            tiers[i] = BY_EQUAL if verdict == EQUAL else BY_DOMINANCE
+            verdicts[i] = verdict if verdict == EQUAL or rule.dominance else UNKNOWN
+        if rule.kind == PROVEN:
+            prove(t, nothing, rule.known, verdicts[start:stop], tiers[start:stop])
+        for i in range(start, stop):
+            if rule.kind != PROVEN and verdicts[i] == UNKNOWN:
+                sums = t[i - start]
+                _, exponent = to_order_one(sums)
+                for j in range(k if rule.kind == BOX else 0):
+                    row[j] = math.ldexp(d[i, j], -exponent)
+                verdicts[i], tiers[i], _ = judge(row, sums, 0.0, nothing, rule)
+            left += verdicts[i] == UNSETTLED
     return left
 
 
@@ -170,50 +137,23 @@ def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
 
 @compiled
 def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int, int, bool]:
-    """By the proofs of ``lp.sign_proofs``, cheapest first; a certificate is wanted of those first
-    that give wide ones. Since the gaps total 1, t.g + shift is (t + shift).g."""
+    """Return verdict, tier and whether there is a certificate, by the proofs of
+    ``lp.sign_proofs``.
+
+    Since the gaps total 1, t.g + shift is (t + shift).g.
+    """
     p = len(t)
-    for j in range(p):
-        t[j] += shift
-    size = largest(t)
     if shift != 0.0:
+        for j in range(p):
+            t[j] += shift
         verdict = by_dominance(t)
         if verdict != UNKNOWN:
             return verdict, BY_SCREEN, False
-    scaled = to_unit(t)
-    doubt, wanted, row = doubt_at(p, scaled), len(certificate) > 0 and shift == 0.0, NOWHERE
-    side = side_of(t, known.inside, doubt)
-    if not wanted and side != 0:
-        row = lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts)
-    if row != NOWHERE:
-        return side, BY_SCREEN, False
-    corners = (
-        known.margin,
-        known.cuts,
-        known.limits,
-        known.points,
-        known.inverses,
-        known.active,
-        known.kind,
-    )
-    at, y, rest, certified = np.empty(len(known.kind)), np.empty(p), np.empty(p), False
-    verdict, corner = glance(t, doubt, side, known.counts[USED], corners, at, y, rest)
-    tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
-    if wanted and corner != NOWHERE:
-        certified = below_by_corner(t, verdict, y, rest, corner, known, certificate)
-    elif wanted and verdict == UNSETTLED and side != 0:
-        row = lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts)
-        if row != NOWHERE:
-            verdict, certified = (
-                side,
-                below_by_row(t, side, row, known.rows, known.lifted, certificate),
-            )
-    if verdict == UNSETTLED:
-        verdict, tier = search(t, known)
-    if certified:
-        for j in range(p):
-            certificate[j] *= size / scaled  # a power of two
-    return verdict, tier, certified
+        certificate = certificate[:0]
+    verdicts, tiers = np.empty(1, dtype=np.int8), np.empty(1, dtype=np.int8)
+    verdicts[0] = UNKNOWN
+    certified = prove(t.reshape(1, p), certificate, known, verdicts, tiers)
+    return int(verdicts[0]), int(tiers[0]), certified
 
 
 @compiled
@@ -240,62 +180,3 @@ def by_votes(
                 certificate[j] = verdict * t[j] - spare
             return verdict, BY_MODEL, True
     return verdict, BY_MODEL, False
-
-
-@compiled
-def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificate: Any) -> bool:
-    """A certificate from the row that settled t: of the multiples of it that lie below side * t,
-    the middle one.
-    """
-    least, most = 0.0, math.inf
-    for j in range(len(t)):
-        entry, w = side * t[j], rows[row, j]
-        if w < 0.0:
-            least = max(least, entry / w)
-        elif w > 0.0:
-            most = min(most, entry / w)
-    if not most < 1e9 * least:
-        most = 2.0 * least
-    factor = 0.5 * (least + most)
-    if not (least > SMALL and least < most):
-        return False
-    for j in range(len(t)):
-        certificate[j] = factor * lifted[row, j]
-        if not side * t[j] >= certificate[j]:
-            return False
-    return True
-
-
-@compiled
-def below_by_corner(
-    t: Any, side: int, y: Any, rest: Any, corner: int, known: Known, certificate: Any
-) -> bool:
-    """A certificate from the multipliers y (p,) of a corner, which leave ``rest`` (p,) of side * t:
-    that may sink until half of its least entry is gone."""
-    p = len(t)
-    size, gained, weight, least = largest(t), 0.0, 0.0, rest[0]
-    for j in range(p):
-        least = min(least, rest[j])
-    for i in range(p - 1):
-        active = known.active[corner, i]
-        if active >= p and y[i + 1] > 0.0:
-            weight += y[i + 1]
-            gained += y[i + 1] * known.limits[active - p]
-    if not (gained >= 0.0 and least > 16.0 * (2 * p + 8) * EPS * (4.0 * size + 6.0 * weight)):
-        return False
-    for j in range(p):
-        certificate[j] = side * t[j] - rest[j] + 0.5 * least
-    return True
-
-
-@compiled
-def in_range(d: Any, i: int, row: Any, t: Any) -> None:
-    """Row i of d (n, k) into row (k,), and its tail sums into t (p,): times a power of two if it is
-    very large or very small, so that no product with it overflows or vanishes."""
-    size = largest(d[i, 1:])
-    power = -math.frexp(size)[1] if size > LARGE or size < 1.0 / LARGE else 0
-    for j in range(len(row)):
-        row[j] = math.ldexp(d[i, j], power) if power != 0 else d[i, j]
-    if power != 0:
-        row[0] = 0.0  # level 1 never enters
-        tail_sums_into(row.reshape(1, len(row)), 0, t)

@@ -12,9 +12,10 @@ from elicit._support import jit
 from elicit.decision.comparator_rule import Rule, Settling, compares_by_rule, rule_of
 from elicit.decision.judge_kernel import judge_all
 from elicit.model.comparator import Comparator, Decisions, Tier, Verdicts, offers
+from elicit.model.difference import as_differences, dominance, tail_sums
+from elicit.model.difference_kernel import UNKNOWN, UNSETTLED
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, as_differences, dominance, tail_sums
-from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
+from elicit.model.scale import Floats
 
 
 def decide(comparator: Comparator, d: ArrayLike) -> Decisions:

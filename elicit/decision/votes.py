@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from elicit._support.jit import compiled, loosely
-from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, WORSE
+from elicit.model.difference_kernel import BETTER, UNKNOWN, WORSE
 
 LEVEL_ROUNDING = 1e-9  # a level is reached by sums of weights that fall short of it by less
 BLOCK = 64  # scales whose votes are counted before it is asked whether a level can still be reached

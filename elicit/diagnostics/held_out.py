@@ -7,7 +7,7 @@ from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, ndtri
+from scipy.special import ndtri
 
 from elicit._support.hashing import Seed, fold, key_of, name_code
 from elicit._support.seeds import seed_of
@@ -17,9 +17,11 @@ from elicit.asking.options import EarlierAnswers
 from elicit.comparators.bradley_terry.particle_comparator import PosteriorComparator
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, check_level, read_log
 from elicit.model.comparator import Comparator, PredictsAnswers, learn, offers
+from elicit.model.difference import tail_sums
+from elicit.model.erring_tutor import says_left
 from elicit.model.pairs import pair_numbers
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, dot, tail_sums
+from elicit.model.scale import Floats, dot
 
 Folds = int | Literal["sequential"]
 _RESAMPLES = 1000
@@ -269,10 +271,7 @@ def _foretell(comparator: Comparator, d: Floats) -> Floats:
     t, chance = tail_sums(d), np.full(len(d), math.nan)
     if isinstance(comparator, PosteriorComparator):
         draws = comparator.draws
-        each = comparator.lapse / 2 + (1 - comparator.lapse) * expit(
-            t @ draws.gaps * draws.precision
-        )
-        chance = each @ draws.weights
+        chance = says_left(t @ draws.gaps, draws.precision, comparator.lapse) @ draws.weights
     elif offers(comparator, "probability"):
         found = cast(PredictsAnswers, comparator).probability(d)
         chance = found[-1] if isinstance(found, tuple) else found

@@ -13,9 +13,9 @@ from typing import NamedTuple, TypeAlias
 import networkx as nx
 import numpy as np
 
+from elicit.model.difference import dominance as by_order
+from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Verdict
-from elicit.model.scale import dominance as by_order
-from elicit.model.scale import tail_sums
 from elicit.tutors.answer_log import Entry, entries_of
 
 

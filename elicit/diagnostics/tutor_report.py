@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
-from scipy.special import expit
 from scipy.stats import binomtest
 
 from elicit._support.hashing import Seed, key_of
@@ -24,9 +23,10 @@ from elicit.asking.options import EarlierAnswers
 from elicit.comparators.bradley_terry.particle_comparator import PRECISION, PosteriorComparator
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.erring_tutor import says_left
 from elicit.model.pairs import pair_numbers, ways_round
 from elicit.model.query import Answers
-from elicit.model.scale import dominance, tail_sums
 from elicit.tutors.answer_log import AnswerLog, entries_of
 
 _ROOTS = np.linspace(
@@ -383,11 +383,11 @@ def _fit_model(
         draws = model.update(answers).draws
         every.append(draws)
         scores = t @ draws.gaps
-        sigma = expit(scores * draws.precision)
-        slope = (0.5 - sigma) / (lapse / 2 + (1 - lapse) * sigma)
-        slope[tied] = (
-            slope[tied] + (sigma[tied] - 0.5) / (lapse / 2 + (1 - lapse) * (1 - sigma[tied]))
-        ) / 2
+        slope, opposite = (
+            (0.5 - says_left(at, draws.precision, 0.0)) / says_left(at, draws.precision, lapse)
+            for at in (scores, -scores[tied])
+        )  # of the logarithm of an answer's probability, along the lapse
+        slope[tied] = (slope[tied] + opposite) / 2
         slopes.append(slope.sum(axis=0) @ draws.weights)
         shares.append((scores[~tied] < 0).mean(axis=0))
         doubts.append((scores < 0) @ draws.weights)

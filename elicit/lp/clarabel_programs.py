@@ -10,7 +10,8 @@ from scipy import sparse
 
 from elicit._support.fixed_order import product
 from elicit.lp.dual_simplex import minimise, minimise_exactly
-from elicit.lp.region import Region, certified_bound, pull_inside, rounding
+from elicit.lp.region import Region
+from elicit.lp.rounding import certified_bound, pull_inside, rounding
 from elicit.model.scale import Floats
 
 TIGHT = 4e-10  # bounds are proven to be as tight as this, for t of order 1

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
-from elicit.lp.region import Region, rounding
+from elicit.lp.region import Region
+from elicit.lp.rounding import rounding
 from elicit.model.scale import Floats
 
 Numbers = NDArray[Any]  # float64, or object holding ints or Fractions

@@ -7,14 +7,72 @@ through a bound that holds for any multipliers.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from elicit._support.jit import compiled
-from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, EPS, SLOT, TINY, USED, Known
+from elicit.lp.rounding import EPS, bound_of, pulled_inside, score_doubt, slacks_of
+from elicit.model.difference_kernel import largest
+from elicit.model.scale import Floats
+
+CERTAIN_POINT, CORNER, DOUBTFUL_CORNER = 0, 1, 2
+"""What a known corner is good for: its point alone, its point and its basis, its basis alone. A
+later cut may have taken the corner itself, by a hair, and left the point beside it: a basis is
+where to start, no proof of its own."""
+USED, SLOT, ROW = (
+    0,
+    1,
+    2,
+)  # counters: corners in use, the next to be replaced, the row that settled last
 
 NEARLY = 1e-12  # multipliers this far below zero are set to zero, which keeps the bound valid
+
+
+class Known(NamedTuple):
+    """What is known of K_t = {g >= margin, sum g = 1, rows g >= limits}, as plain arrays; p gaps, m
+    rows.
+
+    The corners' arrays and the counters change as walks find new corners.
+    """
+
+    margin: float
+    cuts: Floats  # (p, m) the rows, transposed
+    limits: Floats  # (m,)
+    rows: Floats  # (r, p) rows w with w.g >= 0 on K_t
+    # (r, p) a little larger: t >= lambda * lifted, in floats, implies t >= lambda * w; else nan
+    lifted: Floats
+    masks: NDArray[np.uint64]  # (r,) bit j: entry j is not negative (of the first 64)
+    inside: Floats  # (p,) a point strictly inside K_t; not a number where none is known
+    room: Floats  # (p + m,) its distances to the constraints
+    points: Floats  # (p, q) the corners' points
+    inverses: Floats  # (q, p, p) of [1; active constraints]
+    active: NDArray[np.int64]  # (q, p - 1) j < p: g_j >= margin; p + i: row i
+    kind: NDArray[np.int8]  # (q,)
+    age: NDArray[np.int64]  # (q,) pivots since the inverse was computed afresh
+    counts: NDArray[np.int64]  # (3,)
+
+
+def nothing_known(margin: float, rows: Floats, limits: Floats, corners: int) -> Known:
+    """Only what defines K_t, rows (m, p) and limits (m,), with places for so many corners."""
+    p = rows.shape[1]
+    return Known(
+        margin=margin,
+        cuts=np.ascontiguousarray(rows.T),
+        limits=limits,
+        rows=np.empty((0, p)),
+        lifted=np.empty((0, p)),
+        masks=np.empty(0, dtype=np.uint64),
+        inside=np.full(p, np.nan),
+        room=np.full(p + len(rows), np.nan),
+        points=np.zeros((p, corners)),
+        inverses=np.zeros((corners, p, p)),
+        active=np.zeros((corners, max(0, p - 1)), dtype=np.int64),
+        kind=np.zeros(corners, dtype=np.int8),
+        age=np.zeros(corners, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
+    )
 
 
 @compiled
@@ -39,7 +97,7 @@ def walk(s: Any, start: int, known: Known, out: Any, target: float) -> int:
     y, rest, g = np.empty(p), np.empty(p), np.empty(p)
     slack, rate = np.empty(p + m), np.empty(p + m)
     corner_of(inverse[0], active[0], known, g)
-    slacks_of(g, known, slack)
+    slacks_of(g, known.margin, known.cuts, known.limits, slack)
     tried = False
     for step in range(50 + 10 * p):
         value = 0.0
@@ -97,50 +155,15 @@ def redundant(known: Known) -> Any:
 
 
 @compiled
-def bound_of(
-    rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, limits: Any
-) -> float:
-    """A lower bound on s.g over K_t for any multipliers y (1 + p-1,) of corner q's active
-    constraints, negative ones set to zero: the closed form over K_0 of s - rows'y, plus y.limits,
-    less every rounding. Rows are at most 1, their limits at most 2. Of the order's constraints the
-    closed form knows the best multipliers itself. ``rest`` (p,) holds s, and on return what the
-    multipliers leave of it, s - rows'y."""
-    p = len(rest)
-    size, gained, weight = largest(rest), 0.0, 0.0
-    for i in range(p - 1):
-        if active[q, i] >= p and y[i + 1] > 0.0:
-            row = active[q, i] - p
-            weight += y[i + 1]
-            gained += y[i + 1] * limits[row]
-            for j in range(p):
-                rest[j] -= y[i + 1] * cuts[j, row]
-    bound: float = least_in_order(rest, margin) + gained
-    if not math.isfinite(bound):
-        return -math.inf
-    return bound - (2 * p + 8) * EPS * (4.0 * size + 6.0 * weight) - TINY
-
-
-@compiled
-def least_in_order(t: Any, margin: float) -> float:
-    """Least t.g over K_0 = {g >= margin, sum g = 1}, in closed form (``scale.order_bounds`` of one
-    row).
-    """
-    total, least = 0.0, t[0]
-    for j in range(len(t)):
-        total += t[j]
-        least = min(least, t[j])
-    bound: float = margin * total + (1.0 - len(t) * margin) * least
-    return bound
-
-
-@compiled
 def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known: Known) -> bool:
     """Keep a corner and a point beside it that is certainly in K_t; says whether s < 0 is certain
     there.
     """
     p = len(g)
     point = np.empty(p)
-    certain = pulled_inside(g, slack, known, point)
+    certain = pulled_inside(
+        g, slack, known.inside, known.room, known.margin, known.cuts, known.limits, point
+    )
     if age > 40:
         if not inverse_of(active, known, inverse):
             return False
@@ -156,51 +179,7 @@ def keep(s: Any, g: Any, slack: Any, inverse: Any, active: Any, age: int, known:
         known.active[q, i] = active[i]
     known.kind[q] = CORNER if certain else DOUBTFUL_CORNER
     known.age[q] = age
-    return certain and value < -doubt_at(p, largest(s))
-
-
-@compiled
-def pulled_inside(g: Any, slack: Any, known: Known, point: Any) -> bool:
-    """The nearest mixture of g and the known inner point that is certainly inside K_t, if floats
-    find one.
-    """
-    p, m = len(g), len(known.limits)
-    least = 1e-11 * known.margin + 1e-300
-    share = 0.0
-    for c in range(p + m):
-        doubt = least if c < p else doubt_of(known.limits[c - p], p)
-        if not slack[c] > doubt:
-            if not known.room[c] > 4.0 * doubt:
-                return False
-            share = max(share, (2.0 * doubt - slack[c]) / (known.room[c] - slack[c]))
-    at = np.empty(p + m)
-    for more in (1.0, 2.0, 10.0):
-        mixed = share * more
-        if not mixed < 1.0:
-            return False
-        total = 0.0
-        for j in range(p):
-            point[j] = (1.0 - mixed) * g[j] + mixed * known.inside[j]
-            total += point[j]
-        for j in range(p):
-            point[j] /= total
-        if abs(total - 1.0) < 1e-9 and surely_inside(point, known, at):
-            return True
-    return False
-
-
-@compiled
-def surely_inside(point: Any, known: Known, slack: Any) -> bool:
-    """Whether a point of total 1 satisfies every constraint by more than any rounding; by how much
-    goes into ``slack`` (p + m,)."""
-    p = len(point)
-    slacks_of(point, known, slack)
-    for c in range(len(slack)):
-        if not slack[c] > (
-            1e-11 * known.margin + 1e-300 if c < p else doubt_of(known.limits[c - p], p)
-        ):
-            return False
-    return True
+    return certain and value < -score_doubt(p, largest(s))
 
 
 @compiled
@@ -226,19 +205,6 @@ def corner_of(inverse: Any, active: Any, known: Known, g: Any) -> None:
         if limit != 0.0:
             for j in range(p):
                 g[j] += inverse[j, i + 1] * limit
-
-
-@compiled
-def slacks_of(g: Any, known: Known, slack: Any) -> None:
-    """By how much g exceeds each constraint's limit (p + m,)."""
-    p, m = len(g), len(known.limits)
-    for j in range(p):
-        slack[j] = g[j] - known.margin
-    for i in range(m):
-        slack[p + i] = -known.limits[i]
-    for j in range(p):
-        for i in range(m):
-            slack[p + i] += known.cuts[j, i] * g[j]
 
 
 @compiled
@@ -353,28 +319,3 @@ def inverse_of(active: Any, known: Known, inverse: Any) -> bool:
                     matrix[r, j] -= factor * matrix[c, j]
                     inverse[r, j] -= factor * inverse[c, j]
     return True
-
-
-@compiled
-def largest(t: Any) -> float:
-    """The size of the largest entry."""
-    size = 0.0
-    for j in range(len(t)):
-        size = max(size, abs(t[j]))
-    return size
-
-
-@compiled
-def doubt_at(p: int, size: float) -> float:
-    """More than the rounding error of t.g at a known point, where no entry of t exceeds
-    ``size``.
-    """
-    return (p + 8) * EPS * 4.0 * size + TINY
-
-
-@compiled
-def doubt_of(limit: float, p: int) -> float:
-    """More than the rounding error of a row's slack at a point whose components total 1 to within
-    1e-12.
-    """
-    return 4.0 * ((p + 8) * EPS * (1.0 + abs(limit)) + TINY) + 1e-11 * abs(limit)

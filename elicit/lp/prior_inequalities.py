@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike
 
 from elicit._support.validation import is_list, require
 from elicit.model.comparator import check_levels
-from elicit.model.scale import Floats, as_vectors
+from elicit.model.difference import as_vectors
+from elicit.model.scale import Floats
 from elicit.model.scale_variable import is_constraint, linear_rows
 
 if TYPE_CHECKING:

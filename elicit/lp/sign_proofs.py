@@ -1,12 +1,12 @@
-"""Cheap proofs about the sign of t.g over K_t, one difference at a time, in compiled code.
+"""Proofs of the sign of t.g over K_t, cheapest first, in compiled code: the one cascade, ``prove``.
 
-They come in the order that pays: one known row lifted over t (dominance after adding an answer),
-known points of both signs, multipliers at the best vertex known, the closed form over K_0, and last
-a walk from vertex to vertex of K_t (the primal simplex method, started at the best vertex known). A
-walk ends at a point that shows t.g < 0, or at multipliers y >= 0 whose bound, less every rounding,
-shows t.g > 0. If none of them can show a sign, the difference is left UNSETTLED. Nothing here is a
-guess, and nothing kept between two calls changes a verdict. Dominance comes before all of this
-(``decision.judge_kernel``).
+The proofs come in the order that pays: one known row lifted over t (dominance after adding an
+answer), known points of both signs, multipliers at the best vertex known, the closed form over K_0,
+and last a walk from vertex to vertex of K_t (the primal simplex method, started at the best vertex
+known). A walk ends at a point that shows t.g < 0, or at multipliers y >= 0 whose bound, less every
+rounding, shows t.g > 0. If none of them can show a sign, the difference is left UNSETTLED. Nothing
+here is a guess, and nothing kept between two calls changes a verdict. Dominance comes before all of
+this.
 """
 
 import math
@@ -15,27 +15,94 @@ from typing import Any
 import numpy as np
 
 from elicit._support.jit import compiled, compiled_beside
-from elicit.lp.primal_simplex import bound_of, doubt_at, largest, least_in_order, multipliers, walk
-from elicit.lp.vertices import CERTAIN_POINT, CORNER, DOUBTFUL_CORNER, ROW, SMALL, USED, Known
-from elicit.model.tail_sums_kernel import BETTER, UNKNOWN, UNSETTLED, WORSE, by_dominance
+from elicit.lp.primal_simplex import (
+    CERTAIN_POINT,
+    CORNER,
+    DOUBTFUL_CORNER,
+    ROW,
+    USED,
+    Known,
+    multipliers,
+    walk,
+)
+from elicit.lp.rounding import SMALL, bound_of, least_in_order, rounding_of, score_doubt
+from elicit.model.difference_kernel import (
+    BETTER,
+    UNKNOWN,
+    UNSETTLED,
+    WORSE,
+    by_dominance,
+    largest,
+    to_order_one,
+)
 
 BY_EQUAL, BY_DOMINANCE, BY_SCREEN, BY_SIMPLEX = 0, 1, 2, 3  # codes of Tier
 NOWHERE = -1  # no row, no vertex
 
 
 @compiled
-def settle(t: Any, known: Known) -> int:
-    """Return the verdict (or UNSETTLED) on tail sums t (p,) of order 1, dominance included."""
-    by_order = by_dominance(t)
-    if by_order != UNKNOWN:
-        return by_order
-    side = side_of(t, known.inside, doubt_at(len(t), 1.0))
-    if (
-        side != 0
-        and lifting_row(t, side, known.rows, known.lifted, known.masks, known.counts) != NOWHERE
-    ):
-        return side
-    return search(t, known)[0]
+def prove(t: Any, certificate: Any, known: Known, verdicts: Any, tiers: Any) -> bool:
+    """Decide the sign of t.g over K_t for each row of tail sums t (n, p) whose verdict is UNKNOWN.
+
+    Verdicts (n,), UNSETTLED where no proof is found, and tiers (n,) are written into the last two
+    arguments. Many rows share one call, for to hand over all that is known costs as much as a cheap
+    proof.
+
+    ``certificate`` is (0,), or (p,) to write in if there is one row and a certificate is wanted: a
+    vector f with f.g >= 0 on K_t, below t times the verdict. Returns whether there is one. Then the
+    proofs that give wide certificates come first.
+    """
+    margin, inside, counts = known.margin, known.inside, known.counts
+    rows, lifted, masks = known.rows, known.lifted, known.masks
+    corners = (
+        margin,
+        known.cuts,
+        known.limits,
+        known.points,
+        known.inverses,
+        known.active,
+        known.kind,
+    )
+    n, p = len(verdicts), t.shape[1]
+    s, y, rest, at = np.empty(p), np.empty(p), np.empty(p), np.empty(len(known.kind))
+    wanted, certified = len(certificate) > 0, False
+    for i in range(n):
+        if verdicts[i] != UNKNOWN:
+            continue
+        for j in range(p):
+            s[j] = t[i, j]
+        size, exponent = to_order_one(s)
+        doubt = score_doubt(p, size)
+        side, row = side_of(s, inside, doubt), NOWHERE
+        if side != 0 and not wanted:
+            row = lifting_row(s, side, rows, lifted, masks, counts)
+        if row != NOWHERE:
+            verdicts[i], tiers[i] = side, BY_SCREEN
+            continue
+        verdict, corner = glance(s, doubt, side, counts[USED], corners, at, y, rest)
+        tier = BY_SCREEN if corner == NOWHERE else BY_SIMPLEX
+        if wanted and corner != NOWHERE:
+            certified = below_by_corner(s, verdict, y, rest, corner, known, certificate)
+        elif wanted and verdict == UNSETTLED and side != 0:
+            row = lifting_row(s, side, rows, lifted, masks, counts)
+            if row != NOWHERE:
+                verdict, certified = side, below_by_row(s, side, row, rows, lifted, certificate)
+        if verdict == UNSETTLED:
+            verdict, tier = search(s, known)
+        verdicts[i], tiers[i] = verdict, tier
+        if certified:
+            for j in range(p):
+                certificate[j] = math.ldexp(certificate[j], exponent)
+    return certified
+
+
+@compiled
+def sign_of(t: Any, known: Known) -> int:
+    """Return the verdict (or UNSETTLED) on tail sums t (p,), dominance included."""
+    verdicts, tiers = np.empty(1, dtype=np.int8), np.empty(1, dtype=np.int8)
+    verdicts[0] = by_dominance(t)
+    prove(t.reshape(1, len(t)), np.empty(0), known, verdicts, tiers)
+    return int(verdicts[0])
 
 
 @compiled
@@ -142,7 +209,7 @@ def search(t: Any, known: Known) -> tuple[int, int]:
         opposite[j] = -t[j]
     if not math.isfinite(total):  # t is too large to be summed: nothing follows
         return UNSETTLED, BY_SIMPLEX
-    doubt = doubt_at(p, largest(t))
+    doubt = score_doubt(p, largest(t))
     if least_in_order(t, known.margin) > doubt:
         return BETTER, BY_SCREEN
     if least_in_order(opposite, known.margin) > doubt:
@@ -167,25 +234,6 @@ def search(t: Any, known: Known) -> tuple[int, int]:
             return WORSE, BY_SIMPLEX
         above = found < 0
     return (UNKNOWN if above and below else UNSETTLED), BY_SIMPLEX
-
-
-@compiled
-def to_unit(t: Any) -> float:
-    """Scale t by a power of two to a largest entry in [1/2, 1), if no bit is lost, and return that
-    entry.
-    """
-    size = largest(t)
-    fraction, exponent = math.frexp(size)
-    if exponent == 0:
-        return size
-    for j in range(len(t)):
-        scaled = math.ldexp(t[j], -exponent)
-        if exponent > 0 and math.ldexp(scaled, exponent) != t[j]:
-            for i in range(j):
-                t[i] = math.ldexp(t[i], exponent)
-            return size
-        t[j] = scaled
-    return fraction
 
 
 @compiled
@@ -240,4 +288,50 @@ def lifts(t: Any, side: int, row: int, rows: Any, lifted: Any) -> bool:
         lift = rows[row, j] if least == 1.0 else least * lifted[row, j]
         if not side * t[j] >= lift:
             return False
+    return True
+
+
+@compiled
+def below_by_row(t: Any, side: int, row: int, rows: Any, lifted: Any, certificate: Any) -> bool:
+    """Write a certificate from the row that decided t: the middle one of its multiples that lie
+    below side * t.
+    """
+    least, most = 0.0, math.inf
+    for j in range(len(t)):
+        entry, w = side * t[j], rows[row, j]
+        if w < 0.0:
+            least = max(least, entry / w)
+        elif w > 0.0:
+            most = min(most, entry / w)
+    if not most < 1e9 * least:
+        most = 2.0 * least
+    factor = 0.5 * (least + most)
+    if not (least > SMALL and least < most):
+        return False
+    for j in range(len(t)):
+        certificate[j] = factor * lifted[row, j]
+        if not side * t[j] >= certificate[j]:
+            return False
+    return True
+
+
+@compiled
+def below_by_corner(
+    t: Any, side: int, y: Any, rest: Any, corner: int, known: Known, certificate: Any
+) -> bool:
+    """Write a certificate from the multipliers y (p,) of a corner, which leave ``rest`` (p,) of
+    side * t: that may sink until half of its least entry is gone."""
+    p = len(t)
+    size, gained, weight, least = largest(t), 0.0, 0.0, rest[0]
+    for j in range(p):
+        least = min(least, rest[j])
+    for i in range(p - 1):
+        active = known.active[corner, i]
+        if active >= p and y[i + 1] > 0.0:
+            weight += y[i + 1]
+            gained += y[i + 1] * known.limits[active - p]
+    if not (gained >= 0.0 and least > 16.0 * rounding_of(2 * p, 4.0 * size + 6.0 * weight)):
+        return False
+    for j in range(p):
+        certificate[j] = side * t[j] - rest[j] + 0.5 * least
     return True

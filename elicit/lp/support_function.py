@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from elicit._support.jit import compiled, expect
-from elicit.lp.primal_simplex import bound_of, largest, multipliers, walk
-from elicit.lp.region import rounding
-from elicit.lp.sign_proofs import NOWHERE, outermost, signs_at_points, to_unit
-from elicit.lp.vertices import CERTAIN_POINT, SLOT, USED, Known
-from elicit.model.scale import Floats, order_bounds, tail_sums
+from elicit.lp.primal_simplex import CERTAIN_POINT, SLOT, USED, Known, multipliers, walk
+from elicit.lp.rounding import bound_of, rounding
+from elicit.lp.sign_proofs import NOWHERE, outermost, signs_at_points
+from elicit.model.difference import tail_sums
+from elicit.model.difference_kernel import to_order_one
+from elicit.model.scale import Floats, order_bounds
 
 
 def greatest(d: Floats, known: Known) -> Floats:
@@ -53,7 +54,7 @@ def greatest_all(t: Any, known: Known, high: Any) -> None:
     for i in range(n):
         for j in range(p):
             s[j] = -t[i, j]
-        size = to_unit(s)
+        size, exponent = to_order_one(s)
         if size == 0.0 or not math.isfinite(size):
             continue
         at = np.empty(known.counts[USED])
@@ -74,5 +75,5 @@ def greatest_all(t: Any, known: Known, high: Any) -> None:
                 found, bound_of(rest, y, known.active, q, known.margin, known.cuts, known.limits)
             )
         if found > -math.inf:
-            unit = largest(t[i]) / size
+            unit = math.ldexp(1.0, exponent)
             high[i] = min(high[i], -found * unit + 4e-16 * abs(found) * unit)

@@ -1,8 +1,8 @@
 """The upkeep of what is known of K_t: made from a region, cut by answers, pruned of what follows
 from the rest.
 
-Everything here works on the arrays of ``vertices.Known``; a cut makes new ones, so that an older
-comparator still answers as before.
+Everything here works on the arrays of ``primal_simplex.Known``; a cut makes new ones, so that an
+older comparator still answers as before.
 """
 
 import math
@@ -15,26 +15,26 @@ from elicit._support.jit import compiled
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.dual_simplex import minimise
 from elicit.lp.primal_simplex import (
+    CERTAIN_POINT,
+    DOUBTFUL_CORNER,
+    ROW,
+    SLOT,
+    USED,
+    Known,
     corner_of,
     inverse_of,
     keep,
     next_slot,
-    redundant,
-    slacks_of,
-    surely_inside,
-)
-from elicit.lp.region import Region, strictly_inside
-from elicit.lp.vertices import (
-    CERTAIN_POINT,
-    DOUBTFUL_CORNER,
-    EPS,
-    ROW,
-    SLOT,
-    SMALL,
-    TINY,
-    USED,
-    Known,
     nothing_known,
+    redundant,
+)
+from elicit.lp.region import Region
+from elicit.lp.rounding import (
+    SMALL,
+    rounding_of,
+    slacks_of,
+    strictly_inside,
+    surely_inside,
 )
 from elicit.model.scale import Floats
 
@@ -100,7 +100,7 @@ def beyond_doubt(known: Known, row: Any, limit: float, stays: Any) -> None:
             excess += row[j] * known.points[j, q]
             size += abs(row[j] * known.points[j, q])
         # the last term: a point's components total 1 only to about 1e-12
-        doubt = (p + 8) * EPS * size + TINY + 1e-11 * abs(limit)
+        doubt = rounding_of(p, size) + 1e-11 * abs(limit)
         stays[q] = excess > (-1e-9 if known.kind[q] == DOUBTFUL_CORNER else doubt)
 
 
@@ -115,7 +115,7 @@ def know_rows(known: Known, rows: Any, limits: Any) -> None:
         for j in range(rows.shape[1]):
             w = rows[i, j]
             if limit != 0.0:
-                w += -limit + (10 * EPS * (abs(w) + abs(limit)) + TINY)
+                w += -limit + rounding_of(2, abs(w) + abs(limit))
             known.rows[i, j] = w
             known.lifted[i, j] = w * (1.0 + 2.0**-48 + (2.0**-50 if w > 0.0 else -(2.0**-50)))
             tiny = tiny or (w != 0.0 and abs(w) < SMALL)
@@ -157,7 +157,7 @@ def recentre(known: Known, row: Any, limit: float) -> bool:
             total += known.inside[j]
         for j in range(p):
             known.inside[j] /= total
-        if surely_inside(known.inside, known, known.room):
+        if surely_inside(known.inside, known.margin, known.cuts, known.limits, known.room):
             add_point(known, known.inside)
             return True
     return False
@@ -214,7 +214,7 @@ def add_corner(known: Known, basis: tuple[int, ...]) -> None:
     g, slack = np.zeros(p), np.zeros(len(known.room))
     if p > 1 and inverse_of(active, known, inverse):
         corner_of(inverse, active, known, g)
-        slacks_of(g, known, slack)
+        slacks_of(g, known.margin, known.cuts, known.limits, slack)
         keep(np.zeros(p), g, slack, inverse, active, 0, known)
 
 
@@ -267,7 +267,7 @@ def _recentre_dearly(known: Known, region: Region) -> None:
     centre = analytic_centre(region)
     known.inside[:] = centre if strictly_inside(centre, region) else np.nan
     if not np.isnan(known.inside[0]):
-        slacks_of(known.inside, known, known.room)
+        slacks_of(known.inside, known.margin, known.cuts, known.limits, known.room)
         add_point(known, centre)
 
 

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from elicit._support.validation import is_number, is_whole, require
+from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
-from elicit.model.scale import Floats, as_differences, order_bounds, tail_sums
+from elicit.model.scale import Floats, order_bounds
 
 Verdicts = NDArray[np.int8]
 Tiers = NDArray[np.int8]

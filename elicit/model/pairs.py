@@ -14,7 +14,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 
 GRID = 2.0**30
 """Grains to a unit, of which names are made."""

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, TypeAlias, ove
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from elicit.model.difference import as_vectors
 from elicit.model.pairs import whole_numbers
-from elicit.model.scale import Floats, as_vectors, rounded_to_total
+from elicit.model.scale import Floats, rounded_to_total
 
 if TYPE_CHECKING:
     from elicit.model.answers_csv import File

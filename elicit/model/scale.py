@@ -13,76 +13,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
-_CODES = np.array(
-    [2, 1, -1, 0], dtype=np.int8
-)  # by whether all are >= 0, and (counting twice) all <= 0
 
 
-def as_vectors(vectors: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
+def as_rows(numbers: ArrayLike, k: int | None = None, name: str = "d") -> Floats:
     """Validate (n, k) finite floats; one vector (k,) becomes (1, k). Raises ValueError."""
     try:
-        a = np.asarray(vectors, dtype=np.float64)
+        a = np.asarray(numbers, dtype=np.float64)
         a = a if a.ndim == 2 else np.atleast_2d(a)
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} must be numbers of shape (n, k): {error}") from None
     if a.ndim != 2 or (k is not None and a.shape[1] != k) or a.shape[1] < 2:
         want = "(n, k) with k >= 2" if k is None else f"(n, {k}), one column a level"
-        raise ValueError(f"{name} must have shape {want}, not {np.shape(vectors)}")
+        raise ValueError(f"{name} must have shape {want}, not {np.shape(numbers)}")
     if not np.isfinite(a).all():
         row, column = (int(i) for i in np.argwhere(~np.isfinite(a))[0])
         raise ValueError(
             f"{name} must be finite, but row {row}, level {column + 1} is {a[row, column]}"
         )
     return a
-
-
-def as_differences(d: ArrayLike, k: int) -> Floats:
-    """Return differences of share vectors as an array (n, k) of finite floats: call it first in a
-    comparator's methods.
-
-    Parameters
-    ----------
-    d : array_like
-        (n, k) left - right, one row a comparison. One difference (k,) becomes (1, k).
-    k : int
-        The number of levels.
-
-    Raises
-    ------
-    ValueError
-        If d holds no numbers, has another shape, or is not finite. The message says which row and
-        level.
-
-    Examples
-    --------
-    >>> elicit.as_differences([0.25, -0.5, 0.25], k=3)
-    array([[ 0.25, -0.5 ,  0.25]])
-    """
-    return as_vectors(d, k)
-
-
-def tail_sums(d: Floats) -> Floats:
-    """T (n, k-1) with t_j = sum of d_i over i > j, of d (n, k) or (k,).
-
-    Plain sequential sums from the best level down, so that every caller rounds alike. Rows whose
-    sums would overflow are first scaled by a power of two, which changes no sign.
-    """
-    top = d[..., :0:-1]
-    with np.errstate(over="ignore", invalid="ignore"):
-        t: Floats = np.cumsum(top, axis=-1)
-    if not np.isfinite(t).all():
-        overflown = ~np.isfinite(t).all(
-            axis=-1, keepdims=True
-        )  # each row by itself, whatever its neighbours
-        t = np.cumsum(np.where(overflown, top * 2.0**-64, top), axis=-1)
-    return t[..., ::-1]
-
-
-def dominance(t: Floats) -> NDArray[np.int8]:
-    """Eq. (4) on tail sums t (n, k-1): 1 where left dominates, -1 where right does, 0 where they
-    are equal, 2 where neither dominates (the codes of ``Verdict``)."""
-    up, down = t.min(axis=-1, initial=0.0) >= 0, t.max(axis=-1, initial=0.0) <= 0
-    return np.asarray(_CODES[up.astype(np.intp) + 2 * down])
 
 
 def dot(t: Floats, g: Floats) -> Floats:
@@ -114,7 +62,7 @@ def rounded_to_total(parts: Floats, digits: int = 0) -> Floats:
 def normalise(values: ArrayLike) -> Floats:
     """The scale (k,) as (values - values[0]) / (values[-1] - values[0]). Raises ValueError unless
     values are k >= 2 finite, strictly increasing numbers."""
-    v = as_vectors(values, name="values")[0] if np.ndim(values) == 1 else None
+    v = as_rows(values, name="values")[0] if np.ndim(values) == 1 else None
     if v is None:
         raise ValueError(f"values must have shape (k,) with k >= 2, not {np.shape(values)}")
     rises = v[1:] > v[:-1]

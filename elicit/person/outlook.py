@@ -12,10 +12,11 @@ import numpy as np
 
 from elicit._support.fixed_order import product
 from elicit._support.hashing import fold, key_of, name_code
-from elicit.asking.bags import says_left
 from elicit.model.comparator import Comparator, bounds_of, draws_in, lapse_of, trusted_share
+from elicit.model.difference import tail_sums
+from elicit.model.erring_tutor import says_left
 from elicit.model.query import Answer, Query, Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
 from elicit.person.showing import Shown, printable
 

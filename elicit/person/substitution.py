@@ -5,9 +5,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Query
-from elicit.model.scale import tail_sums
 from elicit.person.asker import Asker, Audits
 from elicit.tutors.answer_log import AnswerLog
 

@@ -1,4 +1,4 @@
 """Whoever answers: simulated tutors, and the log of answers with its replay.
 
-Imports from ``model`` and below.
+Imports from ``lp``, ``model`` and below.
 """

@@ -5,9 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Query
-from elicit.model.scale import tail_sums
 from elicit.tutors.answer_log import Entry, entries_of
 
 

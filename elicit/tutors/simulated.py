@@ -17,9 +17,10 @@ from elicit._support.hashing import Seed, fold, key_of, name_code
 from elicit._support.seeds import seed_of
 from elicit._support.validation import is_number, require
 from elicit.model.comparator import check_tie
+from elicit.model.difference import as_vectors, tail_sums
+from elicit.model.difference_kernel import UNSETTLED
 from elicit.model.query import Answer, Query, Verdict
-from elicit.model.scale import Floats, as_vectors, exact_dot, gaps, normalise, tail_sums
-from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.model.scale import Floats, exact_dot, gaps, normalise
 from elicit.tutors import simulated_kernel as kernel
 from elicit.tutors.simulated_kernel import Respondent
 

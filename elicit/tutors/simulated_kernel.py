@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from elicit._support.hashing import mix, unit
 from elicit._support.jit import compiled
+from elicit.lp.rounding import rounding_of
+from elicit.model.difference_kernel import UNSETTLED
 from elicit.model.pairs_kernel import pair_code, way_round
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import UNSETTLED
 
 NOBODY, TRUTHFUL, FLIPPING, LOGISTIC = range(4)
 GIVEN, WRONG, PAIRS = (
@@ -57,9 +58,7 @@ def truth(t: Any, g: Any) -> tuple[int, float]:
         part = t[j] * g[j]
         at += part
         size += abs(part)
-    # more than the rounding error of p products and their sum (Higham 2002, section 3.1), also
-    # where products underflow
-    doubt = (len(t) + 8) * 2.0**-52 * size + 2.0**-1000
+    doubt = rounding_of(len(t), size)
     if at > doubt:
         return 1, at
     if at < -doubt:

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from qlearn.mdp.backup import model_of, q_of
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, evaluate_policy

@@ -7,7 +7,8 @@ import numpy as np
 
 from elicit._support.fixed_order import principal_axes, product
 from elicit.model.comparator import Comparator, draws_in, simultaneous_bounds
-from elicit.model.scale import Floats, order_bounds, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats, order_bounds
 
 _AT_ONCE = 1 << 14  # differences bounded at the same time
 

@@ -11,7 +11,8 @@ from scipy import sparse
 from elicit._support.fixed_order import product
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.lp.hit_and_run import Draws
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from qlearn.certificates.advantages import ROUNDING, Advantages
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
 from elicit.model.comparator import BY_ANSWERS, Decisions, Tier
+from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, dominance, dot, gaps, tail_sums
+from elicit.model.scale import Floats, dot, gaps
 from elicit.tutors.simulated import TruthfulTutor
 from qlearn.learners.learner import Result
 from qlearn.mdp.ordinal_mdp import OrdinalMDP

@@ -26,10 +26,20 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import Rule, outlasts_answers, rule_of
 from elicit.lp.sign_proofs import BY_SCREEN, BY_SIMPLEX
 from elicit.model.comparator import Decisions, Tier
+from elicit.model.difference import tail_sums
+from elicit.model.difference_kernel import EQUAL, UNKNOWN, UNSETTLED, by_range
 from elicit.model.pairs_kernel import apart, mark_of, marks_within, near_to
+from elicit.model.query import Verdict
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import EQUAL, UNKNOWN, UNSETTLED, by_range
-from elicit.tutors.simulated_kernel import NOBODY, TRUTHFUL, WRONG, Respondent, nobody, respond
+from elicit.tutors.simulated_kernel import (
+    GIVEN,
+    NOBODY,
+    TRUTHFUL,
+    WRONG,
+    Respondent,
+    nobody,
+    respond,
+)
 
 BY_KNOWN, BY_TUTOR = int(Tier.KNOWN), int(Tier.TUTOR)
 _KEPT_AT_ONCE = 4096  # comparisons handed to a watcher at once
@@ -169,6 +179,23 @@ class PairJudge:
             told.fill[:] = 0
             self.take_answers()
         return n > 0
+
+    def answer(self, left: Floats, right: Floats) -> Verdict | None:
+        """Ask the tutor, if there is a truthful one to be asked within, about vectors left and
+        right (k,), and have the elicitation learn the answer.
+
+        Returns None, with nothing changed, where the pair has to be asked and told as usual."""
+        tutor = None if self.tutor is None else self.tutor.respondent
+        if tutor is None or tutor.kind != TRUTHFUL:
+            return None  # one who errs would err anew when asked again as usual
+        said = respond(np.ascontiguousarray(tail_sums(left - right)), tutor)
+        if said == UNSETTLED:
+            return None
+        if not self._elicitation.take_at_once(left, right, Verdict(said)):
+            tutor.tally[GIVEN] -= 1
+            return None
+        self.take_answers()
+        return Verdict(said)
 
     def take_answers(self) -> None:
         """The comparator has learned something: forget the certificates, unless they were

@@ -26,10 +26,11 @@ from elicit.model.comparator import (
     simultaneous_bounds,
     trusted_share,
 )
+from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.drawn_scales import drawn_set, draws_of
 from qlearn.certificates.loss_bound import Guarantee, guarantee

@@ -181,9 +181,13 @@ class InteractiveQLearning(Learner):
                 return ()
             if code in (kernel.DONE, kernel.FULL):
                 continue
-            pair = self._pair()
             if code == kernel.ASK and elicitation.signs is None:
-                return elicitation.open([pair])
+                said = self._pairs.answer(*self._vectors())
+                if said is None:
+                    return elicitation.open([self._pair()])
+                self._verdict, rule = int(said), rule_of(elicitation.comparator)
+                continue
+            pair = self._pair()
             d = (pair.left - pair.right)[None, :]
             places = [pair.place]  # of the only row
             verdicts, tiers = elicitation.judge(d, places.__getitem__)
@@ -224,17 +228,17 @@ class InteractiveQLearning(Learner):
 
     def _pair(self) -> Pair:
         """The two actions at the cursor."""
-        s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]]
-        challenger, incumbent = self.model.actions[s, position], self.state.best[s]
-        q = self.state.q[s]
-        return pair_of(
-            self._mdp,
-            q[challenger].copy(),
-            q[incumbent].copy(),
-            int(s),
-            int(challenger),
-            int(incumbent),
-        )
+        return pair_of(self._mdp, *self._vectors(), *self._place())
+
+    def _place(self) -> tuple[int, int, int]:
+        """The state at the cursor, the action that challenges there, and the incumbent."""
+        s, position = self.state.cursor[[kernel.STATE, kernel.POSITION]].tolist()
+        return s, int(self.model.actions[s, position]), int(self.state.best[s])
+
+    def _vectors(self) -> tuple[Floats, Floats]:
+        """Copies of the two vectors (k,) at the cursor, the challenger's and the incumbent's."""
+        s, challenger, incumbent = self._place()
+        return self.state.q[s, challenger].copy(), self.state.q[s, incumbent].copy()
 
 
 def _first_state(mdp: OrdinalMDP, model: kernel.Model, start: Start) -> kernel.State:

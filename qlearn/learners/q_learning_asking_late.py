@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
 from elicit.model.comparator import Comparator
+from elicit.model.difference import tail_sums
 from elicit.model.needs import check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Query
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 from qlearn.learners.learner import check_max_loss, pair_of, place
 from qlearn.learners.q_learning import InteractiveQLearning
 from qlearn.learners.query_strategies import (

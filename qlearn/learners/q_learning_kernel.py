@@ -18,7 +18,7 @@ from elicit._support.jit import compiled
 from elicit.asking.elicitation_kernel import judge_pair
 from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
-from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
+from elicit.model.difference_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from qlearn.learners.action_pair_kernel import (
     BY_TUTOR,

@@ -27,12 +27,14 @@ from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
 from elicit._support.validation import require
-from elicit.asking.bags import Bags, entropy, says_left
+from elicit.asking.bags import Bags, entropy
 from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator, lapse_of, simultaneous_bounds
+from elicit.model.difference import tail_sums
+from elicit.model.erring_tutor import says_left
 from elicit.model.needs import uses
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 from qlearn.certificates.drawn_scales import draws_of
 
 __all__ = [

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from elicit.asking.elicitation import Elicitation, Place
 from elicit.decision.comparator_rule import ASKING, NOTHING, PROOFS, Rule, rule_of, silent
 from elicit.model.comparator import Decisions, Tier
+from elicit.model.difference_kernel import UNKNOWN, UNSETTLED
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import UNKNOWN, UNSETTLED
 from qlearn.learners.action_pair_kernel import PairJudge
 from qlearn.learners.learner import place
 from qlearn.learners.state_sweep_kernel import ANSWERED, Outcome, Work, no_outcome, sweep

@@ -16,8 +16,8 @@ from elicit.asking.elicitation_kernel import judge_pair
 from elicit.decision.judge_kernel import certifies
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL
 from elicit.model.comparator import Tier
+from elicit.model.difference_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.model.scale import Floats
-from elicit.model.tail_sums_kernel import BETTER, EQUAL, UNKNOWN, UNSETTLED
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from qlearn.learners.action_pair_kernel import BY_TUTOR, Judging, certify, difference, keep
 from qlearn.mdp.backup import MdpArrays, back_up_from

@@ -16,7 +16,8 @@ import numpy as np
 from scipy import sparse
 
 from elicit._support.threads import one_thread
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import Actions, backed_up, valued
 

@@ -25,10 +25,11 @@ from elicit.model.comparator import (
     best_guess,
     simultaneous_bounds,
 )
+from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs, check_needs
 from elicit.model.outcomes import Status
 from elicit.model.query import Answer, Query, Verdict
-from elicit.model.scale import Floats, tail_sums, values_of
+from elicit.model.scale import Floats, values_of
 from qlearn.certificates.drawn_scales import draws_of
 from qlearn.environments.rollout_shares import STANDARD_ERRORS, RolloutShares
 from qlearn.learners.learner import check_tolerance

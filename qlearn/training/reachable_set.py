@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.model.comparator import check_levels
-from elicit.model.scale import Floats, as_vectors
+from elicit.model.difference import as_vectors
+from elicit.model.scale import Floats
 
 MOST_CORNERS = 4_000
 """A cut that would leave more is left out: the set is then larger than it might be, and bounds over

@@ -17,7 +17,8 @@ from elicit._support.fixed_order import product
 from elicit._support.validation import require
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.model.comparator import Comparator, simultaneous_bounds, stated_confidence
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from qlearn.certificates.drawn_losses import upper_quantile
 from qlearn.certificates.drawn_scales import drawn_set
 from qlearn.certificates.loss_bound import Guarantee

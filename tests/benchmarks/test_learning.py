@@ -18,7 +18,7 @@ from benchmarks.learning.learning_tables import Kind, Limit, Row, Text, number, 
 from benchmarks.own_process import Failed, apart
 from elicit import Answers, PolytopeComparator, TruthfulTutor, Verdict
 from elicit._support.hashing import key_of
-from elicit.model.scale import tail_sums
+from elicit.model.difference import tail_sums
 from qlearn import InteractiveQLearning, drive, random_mdp
 from qlearn.learners.q_learning import rescaled_linear_rate
 from tests.report_cases import table_rows

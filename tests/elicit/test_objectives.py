@@ -11,7 +11,7 @@ from elicit import (
     choose,
     objectives,
 )
-from elicit.model.scale import tail_sums
+from elicit.model.difference import tail_sums
 
 
 def test_there_and_back():

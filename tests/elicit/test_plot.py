@@ -28,8 +28,8 @@ from elicit import (
     plot,
 )
 from elicit.diagnostics.preference_graph import cycles, preference_graph
+from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.model.scale import dominance, tail_sums
 from tests.noisy_cases import differences
 from tests.thoroughness import examples
 

@@ -13,8 +13,9 @@ from elicit.comparators.bradley_terry.bootstrap_comparator import (
     BradleyTerryComparator,
     NotConverged,
 )
+from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.scale import Floats
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from qlearn import (
     InteractiveQLearning,

@@ -21,7 +21,7 @@ from functools import cached_property, lru_cache, partial
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, key_of
@@ -38,8 +38,9 @@ from elicit.decision.comparator_rule import Rule, asking, box, ensemble, silent
 from elicit.decision.verdicts import decide_by
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import TIE, Verdicts, check_answers, check_levels, check_tie
+from elicit.model.difference import as_differences, of_order_one, tail_sums
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, dot, order_bounds, values_of
 
 Region = Literal["box", "ensemble"]
 NoMaximum = Literal["ask", "take"]
@@ -243,8 +244,7 @@ class BradleyTerryComparator:
         -------
         lo, hi : (n,) each, in units of the point estimate's theta_k
         """
-        rows, power = _in_range(as_differences(d, self.k))
-        t = tail_sums(rows)
+        rows, t, power = of_order_one(as_differences(d, self.k))
         least, greatest = order_bounds(t, 0.0)
         if not self.dominance:
             greatest = np.where(
@@ -446,20 +446,6 @@ class _Box:
         ends = np.stack([d[:, 1:] * self.lo, d[:, 1:] * self.hi])
         least, greatest = ends.min(axis=0), ends.max(axis=0)
         return np.add.accumulate(least, axis=1)[:, -1], np.add.accumulate(greatest, axis=1)[:, -1]
-
-
-def _in_range(d: Floats) -> tuple[Floats, NDArray[np.int64] | int]:
-    """Return d (n, k) with extreme rows divided by 2^power, and the powers (n,).
-
-    Extreme rows are those whose largest entry is beyond 2^900 or below its inverse.
-    """
-    size = np.abs(d[:, 1:]).max(axis=1)
-    if not size.size or (size.max() <= _LARGE and size.min() >= 1.0 / _LARGE):
-        return d, 0
-    power = np.where((size > _LARGE) | (size < 1.0 / _LARGE), np.frexp(size)[1], 0)
-    scaled = d.copy()
-    scaled[:, 1:] = np.ldexp(d[:, 1:], -power[:, None])  # level 1 never enters
-    return scaled, power
 
 
 def refit_point(n: int, growth: float) -> int:

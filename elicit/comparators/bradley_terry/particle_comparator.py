@@ -44,8 +44,9 @@ from elicit.lp.infeasibility import is_empty
 from elicit.lp.prior_inequalities import PriorLike, as_prior
 from elicit.lp.region import Region, prior_rows
 from elicit.model.comparator import ALLOWANCE, TIE, Verdicts, check_answers, check_levels, check_tie
+from elicit.model.difference import as_differences, tail_sums
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_differences, dot, order_bounds, tail_sums, values_of
+from elicit.model.scale import Floats, dot, order_bounds, values_of
 
 WORN = 0.02  # below this effective size, a share of the particles, a warning is raised
 _FAR = 1e12  # tail sums are clipped to it for the likelihood

@@ -32,8 +32,9 @@ from elicit.model.comparator import (
     check_levels,
     check_tie,
 )
+from elicit.model.difference import as_differences
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, as_differences, values_of
+from elicit.model.scale import Floats, values_of
 
 if TYPE_CHECKING:
     import cvxpy

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from elicit.lp.prior_inequalities import Prior
 from elicit.lp.region import Region
-from elicit.model.scale import Floats, as_differences
+from elicit.model.difference import as_differences
+from elicit.model.scale import Floats
 from elicit.model.scale_variable import scale_variable
 
 if TYPE_CHECKING:

@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from elicit.lp.dual_simplex import Numbers
+from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
+from elicit.model.scale import Floats
 
 _MOST_STEPS = 4  # largest number of steps of the order to name; more are "the order of the levels"
 

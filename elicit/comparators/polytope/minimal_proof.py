@@ -34,10 +34,12 @@ from elicit.comparators.polytope.explanation import (
 from elicit.lp.clarabel_programs import Programs
 from elicit.lp.dual_simplex import Numbers, minimise_exactly
 from elicit.lp.prior_inequalities import Prior
-from elicit.lp.region import Region, strictly_inside
+from elicit.lp.region import Region
+from elicit.lp.rounding import strictly_inside
 from elicit.model.comparator import Comparator
+from elicit.model.difference import as_differences, of_order_one, tail_sums
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import Floats, as_differences, exact_dot, order_bounds, tail_sums
+from elicit.model.scale import Floats, exact_dot, order_bounds
 
 _MOST_SINGLES = 3  # number of single answers to try in rationals before a set of them
 
@@ -100,7 +102,7 @@ def explain(d: ArrayLike, comparator: Polytope, labels: Sequence[str] | None = N
     )
     one, region = rows[0].copy(), comparator.region
     one.flags.writeable = False
-    verdict, t = Verdict(int(comparator.compare(one)[0])), _order_one(tail_sums(one))
+    verdict, t = Verdict(int(comparator.compare(one)[0])), of_order_one(rows[:1]).t[0]
     made = Explanation(one, verdict, names, comparator.margin, comparator.tie)
     if not t.any():
         return made
@@ -223,9 +225,7 @@ def _tails(d: Floats) -> Numbers:
 
     All comparisons are about these numbers.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        fits = bool(np.isfinite(np.cumsum(d[:0:-1])).all())  # else ``tail_sums`` divides by 2^64
-    return _exact(tail_sums(d)) * (1 if fits else 2**64)
+    return _exact(tail_sums(d))
 
 
 def _least_by_order(t: Numbers, region: Region) -> Fraction:
@@ -233,16 +233,6 @@ def _least_by_order(t: Numbers, region: Region) -> Fraction:
     margin: Any = region.exact_margin
     least: Any = order_bounds(t, margin)[0]
     return Fraction(least)
-
-
-def _order_one(t: Floats) -> Floats:
-    """Return t (p,) over a power of two that brings its largest entry below 1.
-
-    It is returned unchanged if that would lose bits.
-    """
-    _, exponent = np.frexp(np.abs(t).max())
-    small: Floats = np.ldexp(t, -exponent)
-    return small if (np.ldexp(small, exponent) == t).all() else t
 
 
 def _told_equal(d: Floats, answers: Answers) -> int | None:

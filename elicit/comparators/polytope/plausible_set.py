@@ -19,8 +19,10 @@ from elicit.decision.verdicts import decide_by
 from elicit.lp.clarabel_programs import TIGHT, Programs
 from elicit.lp.dual_simplex import Vertex, minimise_exactly
 from elicit.lp.infeasibility import is_empty
-from elicit.lp.region import Region, rounding
-from elicit.lp.sign_proofs import settle, signs_at_points, to_unit
+from elicit.lp.primal_simplex import USED
+from elicit.lp.region import Region
+from elicit.lp.rounding import rounding
+from elicit.lp.sign_proofs import sign_of, signs_at_points
 from elicit.lp.support_function import greatest
 from elicit.lp.vertex_store import (
     add_corner,
@@ -32,11 +34,11 @@ from elicit.lp.vertex_store import (
     refresh,
     start,
 )
-from elicit.lp.vertices import USED
 from elicit.model.comparator import Decisions, Tier, verdicts_from
+from elicit.model.difference import of_order_one, tail_sums
+from elicit.model.difference_kernel import UNSETTLED, to_order_one
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, order_bounds, tail_sums
-from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.model.scale import Floats, order_bounds
 
 _AT_ONCE = 32  # rows walked together, so that the vertices of all their walks can be stored
 
@@ -123,7 +125,7 @@ class PlausibleSet:
 
     def _least(self, d: Floats, slack: float = 0.0) -> Floats:
         """Return lower bounds (n,) on d.e, tight to 1e-9 |d|_1, or to ``slack`` if that is more."""
-        t, exponent = tails_of_order_one(d)
+        _, t, exponent = of_order_one(d)
         low = order_bounds(t, self.region.margin)[0]
         low -= rounding(self.region.p + 1, 4.0 * np.abs(t).max(axis=1, initial=0.0))
         if len(self.region.rows):
@@ -188,7 +190,7 @@ class PlausibleSet:
         """Return whether row.g >= limit is known to follow already, so that it changes nothing."""
         if limit == 0:
             with np.errstate(all="ignore"):
-                verdict = settle(row, self._known)
+                verdict = sign_of(row, self._known)
             if verdict != UNSETTLED:
                 return verdict in (Verdict.BETTER, Verdict.EQUAL)
         return bool(((self.region.rows == row).all(axis=1) & (self.region.rhs == limit)).any())
@@ -200,7 +202,7 @@ class PlausibleSet:
         one optimum.
         """
         t = np.ascontiguousarray(tail_sums(d))
-        size = to_unit(t)
+        size, _ = to_order_one(t)
         tier, least, greatest = Tier.LP, -1, 1
         doubt, known = rounding(self.region.p, 4.0 * size), self._known
         above, below = signs_at_points(
@@ -231,16 +233,6 @@ class PlausibleSet:
         if exact.value >= 0:
             self._known = add_row(self._known, t)
         return int(exact.value > 0) - int(exact.value < 0), Tier.EXACT
-
-
-def tails_of_order_one(d: Floats) -> tuple[Floats, NDArray[np.int32]]:
-    """Return tail sums (n, p) of d (n, k) over powers of two, and the exponents (n,).
-
-    The powers bring the entries of d below 1.
-    """
-    _, exponent = np.frexp(np.abs(d[:, 1:]).max(axis=1, initial=0.0))
-    with np.errstate(over="ignore"):
-        return tail_sums(np.ldexp(d, -exponent[:, None])), exponent
 
 
 def _check_some(region: Region) -> None:

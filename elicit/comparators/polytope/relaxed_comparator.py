@@ -28,7 +28,7 @@ from elicit._support.fixed_order import null_basis, product
 from elicit._support.threads import one_thread
 from elicit._support.validation import is_number
 from elicit.comparators.polytope.comparator import PolytopeComparator
-from elicit.comparators.polytope.plausible_set import PlausibleSet, tails_of_order_one
+from elicit.comparators.polytope.plausible_set import PlausibleSet
 from elicit.comparators.polytope.violation import Hinges, best_fit, solve
 from elicit.decision.comparator_rule import PROVEN, Rule, outer
 from elicit.decision.verdicts import decide_by
@@ -36,10 +36,11 @@ from elicit.lp.analytic_centre import climb
 from elicit.lp.dual_simplex import End, minimise, minimise_exactly
 from elicit.lp.hit_and_run import Draws, draws_within
 from elicit.lp.prior_inequalities import PriorLike
-from elicit.lp.region import rounding
+from elicit.lp.rounding import rounding
 from elicit.model.comparator import TIE, Decisions, Verdicts, check_answers
+from elicit.model.difference import as_differences, of_order_one
 from elicit.model.query import Answers, InconsistentAnswers, Verdict
-from elicit.model.scale import Floats, as_differences, values_of
+from elicit.model.scale import Floats, values_of
 
 if TYPE_CHECKING:
     import cvxpy
@@ -460,7 +461,7 @@ class _Sublevel:
 
 def _unit_tails(d: Floats) -> Floats:
     """Return tail sums (n, p) of d (n, k), scaled to a largest of 1."""
-    t, _ = tails_of_order_one(d)
+    t = of_order_one(d).t
     size = np.abs(t).max(axis=1, initial=0.0, keepdims=True)
     return np.asarray(t / np.where(size > 0, size, 1.0))
 

@@ -10,9 +10,11 @@ from scipy.optimize import linprog
 
 from elicit.comparators.polytope.plausible_set import PlausibleSet
 from elicit.lp.dual_simplex import End, minimise_exactly
-from elicit.lp.region import Region, answer_rows, pull_inside, rounding
+from elicit.lp.region import Region, answer_rows
+from elicit.lp.rounding import pull_inside, rounding
+from elicit.model.difference import of_order_one
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 
 
 class Hinges(NamedTuple):
@@ -31,13 +33,7 @@ class Hinges(NamedTuple):
     def of(answers: Answers, tie: float) -> Hinges:
         """Return the hinges of these answers, where "equal" means |d.e| <= ``tie``."""
         rows, rhs, owner = answer_rows(answers, 0, tie)
-        size = np.zeros(
-            len(rows), dtype=np.int64
-        )  # exponents of the powers of two by which answer_rows divided
-        for _ in range(2):  # the first time, tail_sums may have divided too
-            with np.errstate(over="ignore"):
-                t = tail_sums(np.ldexp(answers.d[owner], -size[:, None]))
-            size += np.frexp(np.abs(t).max(axis=1, initial=0.0))[1]
+        size = of_order_one(answers.d, "the answers").exponent[owner]
         exponent = int(size.max()) if len(size) else 0
         return Hinges(rows, rhs, owner, np.ldexp(1.0, size - exponent), exponent)
 

@@ -12,7 +12,8 @@ from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, key_of
 from elicit.decision.votes import LEVEL_ROUNDING
 from elicit.model.comparator import Comparator, best_guess
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.box_bounds import bounds_of_many
 from qlearn.certificates.collected_total import collected

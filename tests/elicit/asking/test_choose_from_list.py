@@ -19,8 +19,9 @@ from elicit import (
     TruthfulTutor,
 )
 from elicit.asking.choose_from_list import choose
+from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.model.scale import dot, gaps, tail_sums
+from elicit.model.scale import dot, gaps
 from tests.thoroughness import examples, scaled
 
 K = 5

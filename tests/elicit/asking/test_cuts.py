@@ -8,7 +8,7 @@ import pytest
 from elicit import Answers, PolytopeComparator
 from elicit.asking.cuts import _SLACK, closing_cut
 from elicit.lp.hit_and_run import Draws
-from elicit.model.scale import tail_sums
+from elicit.model.difference import tail_sums
 
 LIMIT = 1e-3
 

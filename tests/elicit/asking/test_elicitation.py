@@ -18,9 +18,10 @@ from elicit.asking.elicitation_kernel import NO_FACT, AskingRule, Facts, judge_p
 from elicit.comparators.polytope.relaxed_comparator import RelaxedPolytopeComparator
 from elicit.decision.comparator_rule import rule_of
 from elicit.model.comparator import BY_ANSWERS, Comparator, Tier
+from elicit.model.difference import dominance, tail_sums
+from elicit.model.difference_kernel import UNSETTLED
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.model.scale import Floats, dominance, tail_sums
-from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from tests.noisy_cases import COMPARATORS
 from tests.thoroughness import examples

@@ -17,9 +17,9 @@ from elicit.decision.comparator_rule import NOTHING, PROVEN, nothing, rule_of
 from elicit.decision.judge_kernel import certifies, judge, within
 from elicit.decision.verdicts import decide, decide_by
 from elicit.model.comparator import Comparator
+from elicit.model.difference import tail_sums
+from elicit.model.difference_kernel import UNSETTLED
 from elicit.model.query import Answers, Verdict
-from elicit.model.scale import tail_sums
-from elicit.model.tail_sums_kernel import UNSETTLED
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from tests.noisy_cases import pairs
 
@@ -138,7 +138,7 @@ def test_verdicts_do_not_depend_on_the_scale_of_a_difference(name: str) -> None:
     d = pairs(np.random.default_rng(6), K, 200)
     want = comparator.compare(d)
     assert set(want.tolist()) >= ({-1, 1, 2} if name != "box" else {2})
-    for power in (-1000, -950, -40, 3, 990, 1020):
+    for power in (-1000, -950, -40, 3, 990, 999):
         assert (comparator.compare(np.ldexp(d, power)) == want).all()
         assert np.isfinite(comparator.bounds(np.ldexp(d, power))).all()
 

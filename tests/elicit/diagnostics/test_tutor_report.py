@@ -14,8 +14,8 @@ from elicit import AlwaysAsk, AnswerLog, BradleyTerryComparator, Dominance, Poly
 from elicit.comparators.bradley_terry.particle_comparator import CONCENTRATION, PosteriorComparator
 from elicit.diagnostics.held_out import compare_held_out, held_out, wilson
 from elicit.diagnostics.tutor_report import exact_share, tutor_report
+from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict
-from elicit.model.scale import dominance, tail_sums
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from tests.noisy_cases import log_terms
 from tests.thoroughness import quick_first

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from elicit import AlwaysAsk, Answers, Dominance, PolytopeComparator, simultaneous_bounds
-from elicit.model.scale import tail_sums
+from elicit.model.difference import tail_sums
 
 
 def differences(rng, n, k):

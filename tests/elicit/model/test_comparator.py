@@ -29,7 +29,8 @@ from elicit.model.comparator import (
     simultaneous_bounds,
     verdicts_from,
 )
-from elicit.model.scale import as_vectors, dominance, dot, tail_sums
+from elicit.model.difference import as_vectors, dominance, tail_sums
+from elicit.model.scale import dot
 from elicit.testing import check_comparator, sample_differences
 
 

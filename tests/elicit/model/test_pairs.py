@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from elicit import Query
 from elicit._support.jit import compiling
 from elicit.asking.answered_pairs import AnsweredPairs
+from elicit.model.difference import tail_sums
 from elicit.model.pairs import (
     GRID,
     NEAR,
@@ -20,7 +21,7 @@ from elicit.model.pairs import (
 )
 from elicit.model.pairs_kernel import find, near_to, pair_code, way_round
 from elicit.model.query import Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 
 KEY = np.uint64(5)
 

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from elicit.model.difference import MOST
 from elicit.model.query import (
     Answer,
     Answers,
@@ -258,7 +259,7 @@ def test_answers_from_differences_are_named_by_their_line():
     assert (len(nothing), nothing.k) == (0, 3)
 
 
-numbers = st.floats(allow_nan=False, allow_infinity=False)
+numbers = st.floats(-MOST, MOST)
 
 
 @examples(100)

@@ -1,109 +1,15 @@
-"""Tail sums, gaps and dominance: the coordinates in which everything else is written."""
-
-from fractions import Fraction
+"""Gaps, normalised scales, and the closed form over all ordered ones."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit.model.scale import (
-    as_vectors,
-    dominance,
-    dot,
-    gaps,
-    normalise,
-    order_bounds,
-    tail_sums,
-    values_of,
-)
+from elicit.model.scale import dot, gaps, normalise, order_bounds, values_of
 from tests.thoroughness import examples
 
 floats = st.floats(-1e6, 1e6)
 vectors = st.integers(2, 8).flatmap(lambda k: st.lists(floats, min_size=k, max_size=k))
-
-
-@pytest.mark.parametrize(
-    ("bad", "k", "complaint"),
-    [
-        ([[1, 2, 3]], 4, r"\(n, 4\).*\(1, 3\)"),
-        ([1], None, "k >= 2"),
-        ([], None, "k >= 2"),
-        (np.zeros((1, 2, 3)), None, "shape"),
-        ([[1, 2], [3, np.nan]], None, "row 1, level 2 is nan"),
-        ([[1, -np.inf]], None, "row 0, level 2 is -inf"),
-        ([[1, 2], [3]], None, "numbers"),
-        (["a", "b"], None, "numbers"),
-        ([1j, 2], None, "numbers"),
-        (None, None, "shape|finite"),
-    ],
-)
-def test_bad_vectors(bad, k, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        as_vectors(bad, k)
-
-
-def test_one_vector_becomes_one_row():
-    assert [as_vectors(given).shape for given in ([1, 2, 3], np.zeros((0, 4)))] == [(1, 3), (0, 4)]
-    assert as_vectors([[1, 2], [3, 4]], 2).dtype == np.float64
-
-
-@given(vectors)
-@examples(200)
-def test_tail_sums_are_sequential_from_the_best_level(d):
-    wanted, total = [], 0.0
-    for x in reversed(d[1:]):
-        total += x
-        wanted.append(total)
-    d = np.array(d)
-    assert tail_sums(d).tolist() == wanted[::-1]
-    assert (tail_sums(np.stack([d, -d])) == np.outer([1, -1], wanted[::-1])).all()
-    assert (tail_sums(d * 2.0**40) == tail_sums(d) * 2.0**40).all()
-
-
-@given(vectors)
-@examples(200)
-def test_the_two_coordinates_agree(d):
-    """d.e = t.g for e_1 = 0, in exact arithmetic up to the rounding of the tail sums."""
-    d = np.array(d)
-    e = np.concatenate([[0.0], np.cumsum(np.arange(1.0, len(d)))]) / 64
-    g = np.diff(e)
-    exact = sum(Fraction(x) * Fraction(v) for x, v in zip(d.tolist(), e.tolist(), strict=True))
-    assert float(dot(tail_sums(d), g)) == pytest.approx(
-        float(exact), abs=1e-12 * (1 + np.abs(d).sum())
-    )
-
-
-@pytest.mark.parametrize(
-    "d", [[0, 1e308, 1e308, -1e308], [0, -1.7e308, -1.7e308], [5, 1e308, 1e300]]
-)
-def test_huge_entries_keep_their_signs(d):
-    t = tail_sums(np.array(d))
-    assert np.isfinite(t).all()
-    exact = [sum(Fraction(x) for x in map(float, d[j:])) for j in range(1, len(d))]
-    assert np.sign(t).tolist() == [(x > 0) - (x < 0) for x in exact]
-    small = np.array([[1.0, 2.0, 3.0]])
-    both = tail_sums(np.concatenate([small, [[0.0, 1e308, 1e308]]]))
-    assert (both[0] == tail_sums(small)[0]).all(), "a huge neighbour must not scale a row"
-
-
-@given(vectors)
-@examples(200)
-def test_dominance_is_agreement_of_all_scales(d):
-    """Equation (4) holds exactly where d.e has one sign at every corner of the ordered scales."""
-    t = tail_sums(np.array(d))
-    corners = t.tolist()  # the scale with its whole range in gap j gives d.e = t_j
-    up, down = any(x > 0 for x in corners), any(x < 0 for x in corners)
-    code = int(dominance(t))
-    assert code == (2 if up and down else up - down)
-    assert int(dominance(-t)) == (2 if code == 2 else -code)
-
-
-def test_dominance_of_many():
-    t = np.array([[0, 0], [1, 0], [0, -1], [1, -1], [0.0, -0.0]])
-    assert dominance(t).tolist() == [0, 1, -1, 2, 0]
-    assert dominance(t).dtype == np.int8
-    assert dominance(np.empty((0, 3))).shape == (0,)
 
 
 @given(st.integers(2, 7), st.floats(0, 1), st.data())

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.special import expit
 
 from elicit import Answer, BradleyTerryTutor, FlippingTutor, Query, TruthfulTutor, Tutor, Verdict
-from elicit.model.scale import exact_dot, gaps, tail_sums
-from elicit.model.tail_sums_kernel import UNSETTLED
+from elicit.model.difference import tail_sums
+from elicit.model.difference_kernel import UNSETTLED
+from elicit.model.scale import exact_dot, gaps
 from elicit.testing import check_tutor
 from elicit.tutors.simulated_kernel import NOBODY, respond
 from tests.noisy_cases import differences

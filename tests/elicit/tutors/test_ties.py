@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
+from elicit.model.difference import tail_sums
 from elicit.model.query import Query, Verdict
-from elicit.model.scale import tail_sums
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 from tests.noisy_cases import differences
 

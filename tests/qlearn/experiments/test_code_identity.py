@@ -23,7 +23,7 @@ import abc, dataclasses, enum, functools, helpers, logging, typing
 import numba
 import numpy as np
 from elicit import PolytopeComparator
-from elicit.model.scale import tail_sums
+from elicit.model.difference import tail_sums
 
 STEP = 2
 SETS = {"a", "b", "c", "d"}

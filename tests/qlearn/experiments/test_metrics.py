@@ -12,7 +12,8 @@ from scipy import stats
 from elicit import AlwaysAsk, Answers, Query, Verdict
 from elicit.asking.elicitation import Audit
 from elicit.model.comparator import Decisions, Tier
-from elicit.model.scale import Floats, normalise, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats, normalise
 from qlearn import Guarantee, OrdinalMDP, Result, Status, random_mdp, value_iteration
 from qlearn.experiments.metrics import (
     Watch,

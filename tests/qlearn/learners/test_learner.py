@@ -25,8 +25,9 @@ from elicit import (
     PolytopeComparator,
     Tutor,
 )
+from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, StaleAnswer, Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 from elicit.tutors.replay import ReplayTutor
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import (

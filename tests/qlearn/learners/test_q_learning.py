@@ -466,3 +466,46 @@ def test_what_copies_of_a_learner_share_cannot_be_written_to() -> None:
     assert copy.deepcopy(learner).model is learner.model
     assert len(shared) == 9
     assert not any(array.flags.writeable for array in shared)
+
+
+def wide_margin(k: int) -> PolytopeComparator:
+    """One whose margin the truth contradicts: a level is worth less than that above the last."""
+    return PolytopeComparator(k, margin=0.98 / (k - 1))
+
+
+@pytest.mark.parametrize("tie", [0.0, 0.003])
+@pytest.mark.parametrize("audit", [0.0, 0.3])
+@pytest.mark.parametrize("make", [PolytopeComparator, wide_margin])
+def test_answers_taken_at_once_are_as_good_as_asked_and_told(
+    make: Callable[[int], Comparator], audit: float, tie: float
+) -> None:
+    """A tutor that is called by a function, and so asked and told, gives the same run."""
+    mdp, _ = random_mdp(30, 3, 5, seed=3)
+    values = np.array([0.0, 1.0, 3.0, 40.0, 100.0])
+    told, seen = [], []
+    for wrap in (False, True):
+        tutor = TruthfulTutor(values, tie)
+        learner = learner_of(mdp, make(5), audit=audit, steps=2000)
+        watched: list[Any] = []
+        learner.watch(lambda d, decisions, to=watched: to.append((d.copy(), decisions)))
+        asked: Any = (lambda query, to=tutor: to(query)) if wrap else tutor
+        result = drive(learner, asked, on_conflict="drop")
+        seen.append(
+            [
+                np.concatenate(part)
+                for part in zip(*((d, *found) for d, found in watched), strict=True)
+            ]
+        )
+        told.append(result)
+    at_once, usual = told
+    assert at_once.asked == usual.asked > 0
+    assert at_once.answers.ids == usual.answers.ids
+    assert (at_once.answers.d == usual.answers.d).all()
+    assert (at_once.answers.y == usual.answers.y).all()
+    assert (at_once.q == usual.q).all()
+    assert (at_once.decided, at_once.status) == (usual.decided, usual.status)
+    assert [audit.query.id for audit in at_once.audits] == [a.query.id for a in usual.audits]
+    for one, other in zip(*seen, strict=True):
+        assert (one == other).all()
+    if make is wide_margin and audit:
+        assert len(usual.answers) < usual.asked + usual.audited  # some were dropped

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
+from elicit.model.difference import tail_sums
 from elicit.model.pairs import same_pairs
-from elicit.model.scale import tail_sums
 from tests import older_processor
 from tests.interpreter import run
 from tests.processor_cases import RECORD, Run, report, resumed, runs

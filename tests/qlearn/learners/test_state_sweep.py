@@ -22,8 +22,9 @@ from elicit.comparators.baselines import AlwaysAsk
 from elicit.decision.comparator_rule import weighted
 from elicit.decision.verdicts import decide
 from elicit.model.comparator import Comparator, Decisions, Tier, offers, simultaneous_bounds
+from elicit.model.difference import tail_sums
 from elicit.model.query import Answers
-from elicit.model.scale import Floats, dot, gaps, tail_sums
+from elicit.model.scale import Floats, dot, gaps
 from elicit.model.tutor import Tutor
 from qlearn import (
     InteractiveQLearning,

@@ -20,8 +20,9 @@ from elicit import (
     PolytopeComparator,
     Tutor,
 )
+from elicit.model.difference import tail_sums
 from elicit.model.query import Answer, Answers, Query, Verdict
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.scale import Floats
 from elicit.tutors.simulated import FlippingTutor, TruthfulTutor
 from qlearn import OrdinalMDP, Result, Status, drive, evaluate_policy, policy_loss, random_mdp
 from qlearn.learners.value_iteration import InteractiveValueIteration, sweeps_needed

@@ -23,7 +23,8 @@ from elicit.comparators.bradley_terry.likelihood import (
     prior_centres,
     sigmoid,
 )
-from elicit.model.scale import Floats, order_bounds, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats, order_bounds
 from elicit.testing import check_comparator
 from tests.noisy_cases import pairs
 

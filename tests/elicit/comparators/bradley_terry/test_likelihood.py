@@ -20,7 +20,8 @@ from elicit.comparators.bradley_terry.likelihood import (
     prior_centres,
     sigmoid,
 )
-from elicit.model.scale import Floats, tail_sums
+from elicit.model.difference import tail_sums
+from elicit.model.scale import Floats
 from tests.thoroughness import quick_first
 
 

