@@ -407,8 +407,8 @@ class Elicitation:
         """Learn one answer about vectors left and right (k,) without query objects.
 
         The effect is as if the pair had been opened and told; only a person or a log needs the
-        objects. Returns False, and changes nothing, where only ``open`` and ``tell`` will do: where the
-        answer is "equal", or contradicts the others, or may end a row of such answers.
+        objects. Returns False, and changes nothing, where only ``open`` and ``tell`` will do: where
+        the answer is "equal", or contradicts the others, or may end a row of such answers.
         """
         if verdict == Verdict.EQUAL or self._equal_in_a_row or self.pending or self.guesses:
             return False
