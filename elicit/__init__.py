@@ -70,6 +70,7 @@ _LATER["InterviewWidget"] = (
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
     "objectives": "elicit.objectives",
+    "people": "elicit.people",
     "plot": "elicit.plot",
     "showing": "elicit.person.showing",
     "testing": "elicit.testing",
