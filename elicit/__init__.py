@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from elicit.person.session import Session
     from elicit.person.showing import Words
     from elicit.tutors.answer_log import AnswerLog
+    from elicit.tutors.person import PersonTutor
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
@@ -60,6 +61,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.model.scale": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
+    "elicit.tutors.person": ["PersonTutor"],
     "elicit.tutors.replay": ["ReplayTutor"],
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
@@ -90,6 +92,7 @@ __all__ = [
     "InconsistentAnswers",
     "Inequality",
     "Interview",
+    "PersonTutor",
     "PolytopeComparator",
     "PosteriorComparator",
     "Query",
