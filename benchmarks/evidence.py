@@ -128,6 +128,7 @@ PAGES = (  # a notebook after the tables that it reads
         10,
         "peers",
     ),
+    results("RESULTS-people", "people.answers_of_people results/people", 20),
     results("RESULTS", "learning.learning_cost", 25, "peers"),
     results("RESULTS-ivi", "learning.value_iteration_cost", 6, "peers"),
     results(

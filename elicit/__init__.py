@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from elicit.person.session import Session
     from elicit.person.showing import Words
     from elicit.tutors.answer_log import AnswerLog
+    from elicit.tutors.person import PersonTutor
     from elicit.tutors.replay import ReplayTutor
     from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
 
@@ -62,6 +63,7 @@ _PLACES = {  # imported when first used, so that `import elicit` stays light
     "elicit.model.difference": ["as_differences"],
     "elicit.model.scale_variable": ["scale_variable"],
     "elicit.model.tutor": ["Tutor"],
+    "elicit.tutors.person": ["PersonTutor"],
     "elicit.tutors.replay": ["ReplayTutor"],
     "elicit.tutors.simulated": ["BradleyTerryTutor", "FlippingTutor", "TruthfulTutor"],
 }
@@ -72,6 +74,7 @@ _LATER["InterviewWidget"] = (
 _MODULES = {  # to be written as elicit.graph.cycles, say, after import elicit alone
     "graph": "elicit.diagnostics.preference_graph",
     "objectives": "elicit.objectives",
+    "people": "elicit.people",
     "plot": "elicit.plot",
     "showing": "elicit.person.showing",
     "testing": "elicit.testing",
@@ -93,6 +96,7 @@ __all__ = [
     "Inequality",
     "Interview",
     "Needs",
+    "PersonTutor",
     "PolytopeComparator",
     "PosteriorComparator",
     "Query",

@@ -33,9 +33,9 @@ import numpy as np
 from elicit import Answers, PolytopeComparator, PosteriorComparator
 from elicit.model.comparator import best_guess, simultaneous_bounds
 from elicit.model.difference import tail_sums
-from elicit.model.erring_tutor import says_left
 from elicit.model.query import Verdict
 from elicit.model.scale import Floats
+from elicit.tutors.erring_tutor import says_left
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.collected_total import collected
 from qlearn.certificates.loss_bound import guarantee

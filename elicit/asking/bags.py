@@ -24,8 +24,8 @@ from elicit._support.validation import is_number, is_whole, require
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import check_levels
 from elicit.model.difference import as_vectors, tail_sums
-from elicit.model.erring_tutor import says_left
 from elicit.model.scale import Floats
+from elicit.tutors.erring_tutor import says_left
 
 _LEAST = 1e-3  # bits: what tells less is no question
 MOST_QUESTIONS = 200_000

@@ -18,10 +18,10 @@ from elicit.comparators.bradley_terry.particle_comparator import PosteriorCompar
 from elicit.diagnostics.tutor_report import NOTHING, Estimate, check_level, read_log
 from elicit.model.comparator import Comparator, PredictsAnswers, learn, offers
 from elicit.model.difference import tail_sums
-from elicit.model.erring_tutor import says_left
 from elicit.model.pairs import pair_numbers
 from elicit.model.query import Answers, Verdict
 from elicit.model.scale import Floats, dot
+from elicit.tutors.erring_tutor import says_left
 
 Folds = int | Literal["sequential"]
 _RESAMPLES = 1000

@@ -24,10 +24,10 @@ from elicit.comparators.bradley_terry.particle_comparator import PRECISION, Post
 from elicit.lp.prior_inequalities import PriorLike
 from elicit.model.comparator import check_levels
 from elicit.model.difference import dominance, tail_sums
-from elicit.model.erring_tutor import says_left
 from elicit.model.pairs import pair_numbers, ways_round
 from elicit.model.query import Answers
 from elicit.tutors.answer_log import AnswerLog, entries_of
+from elicit.tutors.erring_tutor import says_left
 
 _ROOTS = np.linspace(
     0.03, 0.98, 9

@@ -14,11 +14,11 @@ from elicit._support.fixed_order import product
 from elicit._support.hashing import fold, key_of, name_code
 from elicit.model.comparator import Comparator, bounds_of, draws_in, lapse_of, trusted_share
 from elicit.model.difference import tail_sums
-from elicit.model.erring_tutor import says_left
 from elicit.model.query import Answer, Query, Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import Asker, Compares, tell
 from elicit.person.showing import Shown, printable
+from elicit.tutors.erring_tutor import says_left
 
 _PLAYS = 12
 """Sessions that are played. One more like them is within their range in 11 of 13 cases; in 10

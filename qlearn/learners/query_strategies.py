@@ -32,9 +32,9 @@ from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import Comparator, lapse_of, simultaneous_bounds
 from elicit.model.difference import tail_sums
-from elicit.model.erring_tutor import says_left
 from elicit.model.needs import uses
 from elicit.model.scale import Floats
+from elicit.tutors.erring_tutor import says_left
 from qlearn.certificates.drawn_scales import draws_of
 
 __all__ = [

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TypeAlias
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -35,10 +36,13 @@ from benchmarks.learning.learning_runs import Setting
 from benchmarks.learning.learning_tables import Kind, described
 from benchmarks.paper import ablation_table, assumptions, exploration, literal
 from benchmarks.paper.paired_runs import Choice, measure_all
+from benchmarks.people import answers_of_people
+from benchmarks.people.repeats import of_logs
 from benchmarks.posteriors import preference_posteriors
 from benchmarks.reporting import with_interval
 from benchmarks.training import dqn_on_terrain, training_questions
 from elicit.model.scale import Floats
+from elicit.people import repeated_gambles
 from qlearn.paper.claims import claims_page
 from qlearn.paper.figure_runs import figures
 from tests.report_cases import table_rows
@@ -275,6 +279,18 @@ def believed(text: str) -> Iterator[str | Cells]:
     yield cells(preference_posteriors._line(name, rows), -1, -2)
 
 
+def answered_again(text: str) -> Iterator[str | Cells]:
+    """Rows of the people whose answers are shipped; the table of subsets is not."""
+    logs = repeated_gambles()
+    shipped = of_logs(logs)[1]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            answers_of_people.repeats, "of_subsets", lambda _: (shipped, np.ones((18, 2)))
+        )
+        made = list(answers_of_people.again({"20 times": logs}, ROOT))
+    yield from (cells(line) for line in made if line.startswith("| 20 times"))
+
+
 def claimed(text: str) -> Iterator[str | Cells]:
     yield claims_page(pd.read_csv(ROOT / "notebooks" / "data" / "figures.csv"))
 
@@ -347,6 +363,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-lapse", lapse, SLOW),
     ("RESULTS-bradley-terry", fits),
     ("RESULTS-posteriors", believed, SLOW),
+    ("RESULTS-people", answered_again),
     ("RESULTS", learned, SLOW),
     ("RESULTS-ivi", swept, SLOW),
     ("RESULTS-lp", streams),

@@ -20,7 +20,7 @@ ORDER = (  # a folder imports from those before it; folders side by side do not 
     ("elicit.comparators",),
     ("elicit.comparators.bradley_terry", "elicit.comparators.polytope"),
     ("elicit.tutors",),
-    ("elicit.asking",),
+    ("elicit.asking", "elicit.people"),
     ("elicit.diagnostics", "elicit.person"),
     ("elicit.person.hosts",),
     ("elicit",),  # the modules at the top, and __init__ itself

@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv, gammaln, logit, ndtri
+from scipy.special import betaincinv, expit, gammaln, logit, ndtri
 
 from elicit._support.fixed_order import product
 from elicit._support.hashing import Seed, fold, key_of
@@ -284,6 +284,33 @@ class PosteriorComparator:
         gaps, weights = self._gaps_and_weights
         shares = [weights[dot(t, gaps.T) > 0].sum() for t in tail_sums(as_differences(d, self.k))]
         return np.asarray(np.minimum(shares, 1.0))  # a sum of weights may exceed 1 by rounding
+
+    def answer_probability(self, d: ArrayLike) -> Floats:
+        """Return the probability that the tutor's next answer is "left is better".
+
+        It is the mean, over the posterior, of the chance of this answer: with the precision, the
+        lapse and the width of EQUAL as learned. ``probability`` says how surely left *is* better,
+        which may be near 1 although the tutor often errs.
+
+        Parameters
+        ----------
+        d : (n, k)
+            Differences left - right.
+
+        Returns
+        -------
+        (n,) probabilities
+            That of "right is better" is ``answer_probability(-d)``. The two total 1 until the tutor
+            calls something EQUAL, and then leave its probability.
+        """
+        gaps, weights = self._gaps_and_weights
+        precision, (lapse, width) = self.draws.precision, self._slips
+        answers = np.where(width > 0, 3.0, 2.0)
+        chances = (
+            lapse / answers + (1.0 - lapse) * expit(precision * dot(t, gaps.T) - width)
+            for t in tail_sums(as_differences(d, self.k))
+        )
+        return np.array([min(1.0, float(product(chance, weights))) for chance in chances])
 
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Return the (1 - level) and the level quantile of d.e, so that lo > 0 goes with BETTER."""

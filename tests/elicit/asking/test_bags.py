@@ -8,7 +8,7 @@ import pytest
 from elicit.asking.bags import Bags, ease, entropy, information
 from elicit.comparators.polytope.comparator import PolytopeComparator
 from elicit.model.difference import tail_sums
-from elicit.model.erring_tutor import says_left
+from elicit.tutors.erring_tutor import says_left
 
 ABOUT = np.array([[0.5, -1.0, 0.5]])
 

@@ -1041,3 +1041,52 @@ def test_it_decides_far_more_than_the_box() -> None:
     assert ours > 0.8
     assert ours > 4 * box
     assert ours > 8 * literal > 0
+
+
+def chance_by_prior_draws(answers: Answers, d: Floats, tie: float, draws: int = 400_000) -> Floats:
+    """The probability (n,) of the answer "left" by weighting plain draws from the prior."""
+    rng, p = np.random.default_rng(3), answers.k - 1
+    shape = np.exp(rng.uniform(math.log(0.2 / p), math.log(2.0 / p), draws))
+    logs = np.log(rng.standard_gamma(shape[:, None] + 1.0, (draws, p)))
+    logs += np.log(rng.random((draws, p))) / shape[:, None]
+    gaps = np.exp(logs - logs.max(axis=1, keepdims=True))
+    gaps /= gaps.sum(axis=1, keepdims=True)
+    precision = np.exp(rng.normal(math.log(30.0), 2.5, draws))
+    lapse = rng.beta(1.0, 4.0, draws)
+    width = precision * rng.uniform(0.0, ALLOWANCE * tie, draws) if (answers.y == 0).any() else None
+
+    def left(rows: Floats) -> Floats:
+        logits = precision * (tail_sums(rows) @ gaps.T)
+        if width is None:
+            return np.asarray(lapse / 2 + (1 - lapse) * expit(logits))
+        return np.asarray(lapse / 3 + (1 - lapse) * expit(logits - width))
+
+    told_left, told_right = left(answers.d), left(-answers.d)
+    y = answers.y[:, None]
+    each = np.where(y > 0, told_left, np.where(y < 0, told_right, 1 - told_left - told_right))
+    weights = np.exp(np.log(np.maximum(each, TINY)).sum(axis=0))
+    assert weights.sum() ** 2 / (weights**2).sum() > 2000
+    return np.asarray(left(d) @ weights / weights.sum())
+
+
+@pytest.mark.parametrize("ties", [0.0, 0.3])
+def test_the_probability_of_an_answer_is_that_of_a_plain_sampler(ties):
+    rng = np.random.default_rng(11)
+    answers = answered(rng, pairs(rng, 4, 25), rng.dirichlet(np.ones(3)), 15.0, 0.1, ties)
+    d = pairs(rng, 4, 30)
+    learned = PosteriorComparator(4, particles=4000, tie=0.1).update(answers)
+    left, right = learned.answer_probability(d), learned.answer_probability(-d)
+    assert np.abs(left - chance_by_prior_draws(answers, d, 0.1)).max() < 0.03
+    assert (left + right) == pytest.approx(np.ones(30)) if not ties else (left + right < 1).all()
+
+
+def test_an_answer_is_never_surer_than_the_lapse_allows():
+    d = [[-1.0, 0.0, 1.0]]  # the best against the worst
+    known = PosteriorComparator(3, precision=1e6, lapse=0.4)
+    assert known.answer_probability(d) == pytest.approx([0.8])
+    assert known.probability(d) == [1]
+    assert PosteriorComparator(3).answer_probability([[0.0, 0.0, 0.0]]) == pytest.approx([0.5])
+    assert PosteriorComparator(3, precision=0).answer_probability(d) == pytest.approx([0.5])
+    assert known.answer_probability(np.empty((0, 3))).shape == (0,)
+    with pytest.raises(ValueError, match="shape"):
+        known.answer_probability([[1.0, -1.0]])

@@ -1,0 +1,1 @@
+"""How real people answer, and how well comparators and laws of error predict them."""
