@@ -23,7 +23,6 @@ from elicit.decision.comparator_rule import (
     Rule,
 )
 from elicit.decision.votes import by_box, by_count, by_weight, spare_score
-from elicit.lp.primal_simplex import Known
 from elicit.lp.sign_proofs import BY_DOMINANCE, BY_EQUAL, BY_SCREEN, prove, signs_at_points
 from elicit.model.comparator import Tier
 from elicit.model.difference_kernel import (
@@ -82,7 +81,19 @@ def judge(d: Any, t: Any, shift: float, certificate: Any, rule: Rule) -> tuple[i
     """
     kind = rule.kind
     if kind in (PROVEN, OUTER):
-        verdict, tier, certified = by_proofs(t, shift, certificate, rule.known)
+        if shift != 0.0:  # since the gaps total 1, t.g + shift is (t + shift).g
+            for j in range(len(t)):
+                t[j] += shift
+            verdict = by_dominance(t)
+            if verdict != UNKNOWN:
+                return verdict, BY_SCREEN, False
+            certificate = certificate[:0]
+        # called from here, for each call that hands on all that is known costs as much as a proof
+        found = np.empty(2, dtype=np.int8)
+        found[0] = UNKNOWN
+        one = t.reshape(1, len(t))
+        certified = prove(one, certificate, rule.known, found[:1], found[1:])
+        verdict, tier = int(found[0]), int(found[1])
         if (
             kind == OUTER
             and verdict == UNKNOWN
@@ -133,27 +144,6 @@ def certifies(certificates: Any, row: int, side: int, t: Any) -> bool:
     for j in range(len(t)):
         above = above and sign * t[j] >= certificates[row, j]
     return above
-
-
-@compiled
-def by_proofs(t: Any, shift: float, certificate: Any, known: Known) -> tuple[int, int, bool]:
-    """Return verdict, tier and whether there is a certificate, by the proofs of
-    ``lp.sign_proofs``.
-
-    Since the gaps total 1, t.g + shift is (t + shift).g.
-    """
-    p = len(t)
-    if shift != 0.0:
-        for j in range(p):
-            t[j] += shift
-        verdict = by_dominance(t)
-        if verdict != UNKNOWN:
-            return verdict, BY_SCREEN, False
-        certificate = certificate[:0]
-    verdicts, tiers = np.empty(1, dtype=np.int8), np.empty(1, dtype=np.int8)
-    verdicts[0] = UNKNOWN
-    certified = prove(t.reshape(1, p), certificate, known, verdicts, tiers)
-    return int(verdicts[0]), int(tiers[0]), certified
 
 
 @compiled
