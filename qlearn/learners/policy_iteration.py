@@ -108,7 +108,7 @@ class InteractivePolicyIteration(Learner):
         If a setting makes no sense, or ``cuts=True`` is given where no cut could be asked about.
     """
 
-    needs = Learner.needs | Needs(used=CUTTING.required + CUTTING.used)
+    needs = Learner.needs | Needs(used=(*CUTTING.required, *CUTTING.used, "lapse"))
 
     @takes_rng
     def __init__(

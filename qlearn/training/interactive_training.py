@@ -134,7 +134,7 @@ class InteractiveTraining:
     """
 
     needs: ClassVar[Needs] = Elicitation.needs | Needs(
-        required=("simultaneous_bounds", "draws"), used=("level", "confidence")
+        required=("simultaneous_bounds", "draws"), used=("level", "confidence", "lapse")
     )
 
     @takes_rng
