@@ -35,8 +35,9 @@ from elicit.model.comparator import (
     learn,
     offers,
     tie_of,
+    wrong_of,
 )
-from elicit.model.pairs import first_of_each_pair
+from elicit.model.pairs import first_of_each_pair, same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
 from elicit.model.scale import Floats, tail_sums
 from elicit.model.tail_sums_kernel import UNSETTLED
@@ -268,7 +269,8 @@ class Elicitation:
             else:
                 audits.append(Audit(query, expected, answer.verdict))
             said = verdict if answer.verdict is None else answer.verdict
-            answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
+            if unused or answer.verdict is None or self._settled_by(self.answers + rows, query.d, said):
+                answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
             overruled = expected is not None and verdict != expected  # by the audit's answer
             tier = int(Tier.KNOWN) if overruled else pair.tier
             counts[tier] += 1
@@ -383,12 +385,13 @@ class Elicitation:
             )
         if isinstance(known, Answers):
             told = check_answers(known, k)
-            for d, y in zip(known.d, known.y, strict=True):
-                self._answered.add(d, int(y), binding=bool(y == 0))
+            self._keep(told)
         else:
             if not isinstance(known, Iterable):
                 raise TypeError(f"known takes Answers, an AnswerLog, or a list of elicit.Answer, not {known!r}")
             told = Answers.of([answer for answer in map(self._enter, known) if answer is not None], k)
+            if wrong_of(self.comparator):
+                self._keep(told)
         own = cast(KeepsAnswers, self.comparator).answers if offers(self.comparator, "answers") else None
         had = Counter(() if own is None else _rows(own))
         new = []
@@ -437,8 +440,26 @@ class Elicitation:
         if answer.verdict is None:
             self._untold = True
             self._unclear.update({answer.query.about} - {""})
-        self._answered.add(answer.query.d, said, binding=not entry.used or said == Verdict.EQUAL)
-        return answer if entry.used and answer.verdict is not None else None
+        taken = entry.used and answer.verdict is not None
+        if not (taken and wrong_of(self.comparator)):  # else it takes all answers to see which are enough
+            self._answered.add(answer.query.d, said, binding=not entry.used or said == Verdict.EQUAL)
+        return answer if taken else None
+
+    def _keep(self, told: Answers) -> None:
+        """Keep what was said of pairs, where enough answers agree."""
+        for i, y in enumerate(told.y.tolist()):
+            if self._settled_by(told[: i + 1], told.d[i], y):
+                self._answered.add(told.d[i], y, binding=y == 0)
+
+    def _settled_by(self, answers: Answers, d: Floats, verdict: int) -> bool:
+        """Return whether enough of the answers about a difference d (k,) say this for it not to be asked again.
+
+        One is enough, and one more for each that may be wrong."""
+        wrong = wrong_of(self.comparator)
+        if not wrong:
+            return True
+        ways = same_pairs(tail_sums(d), tail_sums(answers.d))
+        return int(((ways != 0) & (ways * answers.y == verdict)).sum()) > wrong
 
     def _count_equal(self, answers: Sequence[Answer]) -> int:
         """Count how many answers in a row are "equal" now, among those to pairs that are certainly near."""

@@ -15,6 +15,7 @@ from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.asking.bags import Bags
+from elicit.asking.confirming import confirming_question
 from elicit.asking.cuts import closing_cut
 from elicit.asking.elicitation import MAX_AUDITS, Elicitation, Known, Pair, Place
 from elicit.decision.verdicts import decide
@@ -25,6 +26,7 @@ from elicit.model.comparator import (
     offers,
     simultaneous_bounds,
     trusted_share,
+    wrong_of,
 )
 from elicit.model.outcomes import Status
 from elicit.model.query import Query, Verdict
@@ -271,7 +273,11 @@ class InteractivePolicyIteration(Learner):
             return None
         high = simultaneous_bounds(known, candidates.d)[0]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
-        found = closing_cut(known, candidates.draws, candidates.d[most], high[most], TUNING.close * self._enough)
+        limit = TUNING.close * self._enough
+        if wrong_of(known):
+            found = confirming_question(known, candidates.d[most], limit)
+        else:
+            found = closing_cut(known, candidates.draws, candidates.d[most], high[most], limit)
         if found.row >= 0:
             return self._pair(over, int(rows[most[found.row]]))
         left, right = np.maximum(found.d, 0.0), np.maximum(-found.d, 0.0)
