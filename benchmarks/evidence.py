@@ -93,6 +93,7 @@ PAGES = (  # a notebook after the tables that it reads
     results("RESULTS-questions", "asking.question_counts --journal results/question_counts.jsonl", 70),
     results("RESULTS-question-rules", "asking.question_rules --journal results/question_rules.jsonl", 10),
     Page("docs/about-equal.md", "benchmarks.asking.about_equal --out docs/about-equal.md", 20),
+    results("RESULTS-wrong", "asking.wrong_answers --journal results/wrong.jsonl", 30),
     results("RESULTS-sessions", "asking.person_sessions", 10, "browser"),
     results("RESULTS-scale", "asking.certify_at_scale --huge", 15),
     results("RESULTS-growth", "learning.growth_by_size --journal results/growth.jsonl", 15, "peers"),

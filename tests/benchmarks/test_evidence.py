@@ -23,6 +23,7 @@ from benchmarks.asking import (
     person_sessions,
     question_counts,
     question_rules,
+    wrong_answers,
 )
 from benchmarks.comparing import comparison_cost
 from benchmarks.evidence import PAGES, ROOT
@@ -109,6 +110,15 @@ def equal(text: str) -> Iterator[str | Cells]:
     start = ("polytope", "policy iteration", "0.02")
     count = number(text, *start, place=3) // len(about_equal.LEVELS)
     yield [*about_equal.row(*start[:2], float(start[2]), count)]
+
+
+def wrong(text: str) -> Iterator[str | Cells]:
+    setting = (5, "one lie", 1)
+    count = number(text, "5", "one lie", "1", place=3)
+    cell = dict(zip(("k", "tutor", "allowed"), setting, strict=True))
+    runs = [wrong_answers.Run(**wrong_answers.run(cell | {"seed": seed})) for seed in range(count)]
+    row: Cells = [*wrong_answers.row(*setting, runs)]
+    yield [*row[:5], None, *row[6:]]
 
 
 def sessions(text: str) -> Iterator[str | Cells]:
@@ -287,6 +297,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-questions", questions("certify, max regret", "posterior", 0.1), SLOW),
     ("RESULTS-question-rules", ruled, SLOW),
     ("about-equal", equal, SLOW),
+    ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
     ("RESULTS-growth", grown, SLOW),
