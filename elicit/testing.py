@@ -401,6 +401,22 @@ def _check_settings(comparator: Comparator) -> None:
             is_whole(more, 1),
             f"answers_to_next_step must be a whole number of at least 1, not {more!r}",
         )
+    if offers(known, "wrong"):
+        _say(
+            is_whole(known.wrong, 0),
+            f"wrong must be a whole number of at least 0, not {known.wrong!r}",
+        )
+    if offers(known, "cells"):
+        cells = known.cells
+        right = len(cells) > 0 and all(
+            is_comparator(cell.scales) and cell.scales.k == comparator.k for cell in cells
+        )
+        _say(
+            right,
+            f"cells must hold comparators over k = {comparator.k} levels, at least one, not {cells!r}",  # noqa: E501
+        )
+        total = sum(cell.weight for cell in cells)
+        _say(abs(total - 1.0) <= 1e-9, f"the weights of the cells must total 1, not {total}")
     if offers(known, "answers"):
         right = isinstance(known.answers, Answers) and known.answers.k == comparator.k
         _say(

@@ -453,10 +453,13 @@ def parallel(rng: Rng, k: int, n: int, asks: int) -> Case:
     return _case("parallel", rng, truth, random_margin(rng, truth), base + tiny, asks)
 
 
+def equalities(d: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Return the prior that says d.e = 0 of each of these differences."""
+    return np.array([s * row for row in d for s in (1, -1)]), np.zeros(2 * len(d))
+
+
 def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
-    """Ties, told as opposite answers, hold K_t to a flat: to a single point where there are k - 2
-    of them.
-    """
+    """Ties, by the prior, hold K_t to a flat: to a single point where there are k - 2 of them."""
     truth, weights = few_bits(rng, k - 1, 60)
     ties = []
     for j in range(1, k - 1):
@@ -464,11 +467,10 @@ def pinned(rng: Rng, k: int, n: int, asks: int) -> Case:
         t[0], t[j] = weights[j], -weights[0]
         ties.append(from_tails(t))
     ties = ties[: int(rng.integers(1, k - 1))] if k > 2 and rng.random() < 0.4 else ties
-    d = np.array([s * t for t in ties for s in (1, -1)] or [np.zeros(k)])
-    y = np.ones(len(d), dtype=np.int8)
-    more = shares(rng, k, min(n, 10))
-    d, y = np.concatenate([d, more]), np.concatenate([y, answered(rng, more, truth)])
-    return _case("pinned", rng, truth, random_margin(rng, truth), d, asks, y)
+    case = _case("pinned", rng, truth, random_margin(rng, truth), shares(rng, k, min(n, 10)), asks)
+    if ties:
+        case.prior = equalities(ties)
+    return case
 
 
 def tied(rng: Rng, k: int, n: int, asks: int) -> Case:
@@ -491,7 +493,7 @@ def tied(rng: Rng, k: int, n: int, asks: int) -> Case:
 
 
 def opposite(rng: Rng, k: int, n: int, asks: int) -> Case:
-    """Opposite answers to one pair of shares: the truth lies exactly on the cut."""
+    """A pair of shares that the prior calls equal: the truth lies exactly on the cut."""
     for _ in range(100):
         d = shares(rng, k, 1)[0]
         t = exact(tails(d))
@@ -500,13 +502,9 @@ def opposite(rng: Rng, k: int, n: int, asks: int) -> Case:
         if high > 0 > low:
             truth = [(high * v - low * u) / (high - low) for u, v in zip(a, b, strict=True)]
             more = shares(rng, k, min(n, 20))
-            both = np.array([d, d] if rng.random() < 0.5 else [d, -d])
-            y = np.array([1, -1] if (both[1] == d).all() else [1, 1], dtype=np.int8)
-            all_d = np.concatenate([both, more])
-            return _case(
-                "opposite", rng, truth, min(1e-6, below(min(truth))), all_d, asks,
-                np.concatenate([y, answered(rng, more, truth)]),
-            )  # fmt: skip
+            case = _case("opposite", rng, truth, min(1e-6, below(min(truth))), more, asks)
+            case.prior = equalities([d])
+            return case
     return plain(rng, k, n, asks)
 
 
@@ -594,16 +592,19 @@ def extreme(rng: Rng, k: int, n: int, asks: int) -> Case:
 
 
 def thin(rng: Rng, k: int, n: int, asks: int) -> Case:
-    """K_t between a cut and one nearly opposite to it."""
+    """K_t between a prior inequality and an answer nearly opposite to it."""
     case = opposite(rng, k, n, asks)
     if case.kind != "opposite":
         return case
-    t = np.array(tails(case.d[0]))
+    assert case.prior is not None
+    across = case.prior[0][0]
+    t = np.array(tails(across))
     width = 10.0 ** rng.uniform(-14, -7)
     # t.g >= 0 and (t - width).g <= 0: for g of total 1 this leaves a slab of that width
-    case.d = np.concatenate([case.d[:1], [from_tails(t - width, exactly=False)], case.d[2:]])
-    case.y = np.array([1, sign_of(case.d[1], case.truth) or -1, *case.y[2:]], dtype=np.int8)
-    case.ask[0] = case.d[1]
+    case.prior = across[None], np.zeros(1)
+    case.d = np.concatenate([[from_tails(t - width, exactly=False)], case.d])
+    case.y = np.array([sign_of(case.d[0], case.truth) or -1, *case.y], dtype=np.int8)
+    case.ask[0] = case.d[0]
     case.kind = "thin"
     return case
 

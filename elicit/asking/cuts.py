@@ -76,12 +76,12 @@ def closing_cut(comparator: Comparator, draws: Draws, d: Floats, high: Floats, l
     now, slack = halvings(high), _SLACK * np.maximum(limit, high)
     own = np.argsort(-high, kind="stable")[:_OWN]
     found = [Cut(d[i], int(i)) for i in own] + [
-        Cut(row, -1) for row in _cuts(draws, d, high, limit)
+        Cut(row, -1) for row in cuts_towards(draws, d, high, limit)
     ]
     return max(found, key=lambda cut: round(worth(cut.d), 9))  # of equals the first
 
 
-def _cuts(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
+def cuts_towards(draws: Draws, d: Floats, high: Floats, limit: float) -> list[Floats]:
     """Return differences (k,), each below 0 for one of ``_SHARES`` of the draws.
 
     Their directions are towards where d (n, k) are open.

@@ -46,11 +46,12 @@ from elicit.model.comparator import (
     learn,
     offers,
     tie_of,
+    wrong_of,
 )
 from elicit.model.difference import tail_sums
 from elicit.model.difference_kernel import UNSETTLED
 from elicit.model.needs import Needs
-from elicit.model.pairs import first_of_each_pair
+from elicit.model.pairs import first_of_each_pair, same_pairs
 from elicit.model.query import Answer, Answers, InconsistentAnswers, Query, Verdict, match, query_id
 from elicit.model.scale import Floats
 from elicit.tutors.answer_log import EXPECTED, Entry
@@ -139,7 +140,7 @@ class Elicitation:
         If ``known`` contradicts itself, or what the comparator knows.
     """
 
-    needs: ClassVar[Needs] = Needs(used=("rule", "settle", "tie", "answers"))
+    needs: ClassVar[Needs] = Needs(used=("rule", "settle", "tie", "wrong", "answers"))
 
     def __init__(
         self,
@@ -333,7 +334,12 @@ class Elicitation:
             else:
                 audits.append(Audit(query, expected, answer.verdict))
             said = verdict if answer.verdict is None else answer.verdict
-            answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
+            if (
+                unused
+                or answer.verdict is None
+                or self._settled_by(self.answers + rows, query.d, said)
+            ):
+                answered.add(query.d, said, binding=unused or said == Verdict.EQUAL)
             overruled = expected is not None and verdict != expected  # by the audit's answer
             tier = int(Tier.KNOWN) if overruled else pair.tier
             counts[tier] += 1
@@ -519,8 +525,7 @@ class Elicitation:
             )
         if isinstance(known, Answers):
             told = check_answers(known, k)
-            for d, y in zip(known.d, known.y, strict=True):
-                self._answered.add(d, int(y), binding=bool(y == 0))
+            self._keep(told)
         else:
             if not isinstance(known, Iterable):
                 raise TypeError(
@@ -529,6 +534,8 @@ class Elicitation:
             told = Answers.of(
                 [answer for answer in map(self._enter, known) if answer is not None], k
             )
+            if wrong_of(self.comparator):
+                self._keep(told)
         own = (
             cast(KeepsAnswers, self.comparator).answers
             if offers(self.comparator, "answers")
@@ -592,8 +599,31 @@ class Elicitation:
         if answer.verdict is None:
             self._untold = True
             self._unclear.update({answer.query.about} - {""})
-        self._answered.add(answer.query.d, said, binding=not entry.used or said == Verdict.EQUAL)
-        return answer if entry.used and answer.verdict is not None else None
+        taken = entry.used and answer.verdict is not None
+        if not (
+            taken and wrong_of(self.comparator)
+        ):  # else it takes all answers to see which are enough
+            self._answered.add(
+                answer.query.d, said, binding=not entry.used or said == Verdict.EQUAL
+            )
+        return answer if taken else None
+
+    def _keep(self, told: Answers) -> None:
+        """Keep what was said of pairs, where enough answers agree."""
+        for i, y in enumerate(told.y.tolist()):
+            if self._settled_by(told[: i + 1], told.d[i], y):
+                self._answered.add(told.d[i], y, binding=y == 0)
+
+    def _settled_by(self, answers: Answers, d: Floats, verdict: int) -> bool:
+        """Return whether enough of the answers about a difference d (k,) say this.
+
+        It is then not asked again. One is enough, and one more for each that may be wrong.
+        """
+        wrong = wrong_of(self.comparator)
+        if not wrong:
+            return True
+        ways = same_pairs(tail_sums(d), tail_sums(answers.d))
+        return int(((ways != 0) & (ways * answers.y == verdict)).sum()) > wrong
 
     def _count_equal(self, answers: Sequence[Answer]) -> int:
         """Count how many answers in a row are "equal", to pairs that are certainly near."""

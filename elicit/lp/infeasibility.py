@@ -8,6 +8,8 @@ import numpy as np
 
 from elicit.lp.dual_simplex import End, Vertex, minimise_exactly
 from elicit.lp.region import Region
+from elicit.model.difference import tail_sums
+from elicit.model.pairs import NEAR, same_pairs
 from elicit.model.query import Answers, InconsistentAnswers
 
 
@@ -28,6 +30,48 @@ def minimal_conflict(region: Region, proof: Vertex) -> list[int]:
         if is_empty(region.take(keep)) is not None:
             owners = rest
     return owners
+
+
+def opposite_answers(answers: Answers, first: int) -> tuple[int, int] | None:
+    """Return two rows of opposite answers to one pair, "better" and "worse", the later one from row
+    ``first`` on.
+
+    None if there are none. Both could be right only if the pair were equal, which neither says.
+    """
+    if not (answers.y[first:] != 0).any():
+        return None
+    sums = tail_sums(answers.d) * answers.y[:, None]
+    size = np.abs(sums).max(axis=1, initial=0.0)
+    told = np.flatnonzero((size > 0) & np.isfinite(size))
+    unit = (
+        sums[told] / size[told, None]
+    )  # a pair and its multiple, such as the same bags with twice the days, are one
+    marks = unit @ np.sqrt(
+        np.arange(2.0, answers.k + 1.0)
+    )  # of opposite answers they are opposite, but for rounding
+    order = np.argsort(marks)
+    new = np.flatnonzero(told >= first)
+    near = 4.0 * NEAR * answers.k**1.5
+    lowest, highest = (np.searchsorted(marks[order], -marks[new] + side) for side in (-near, near))
+    for i in np.flatnonzero(lowest < highest):
+        others = np.sort(order[lowest[i] : highest[i]])
+        against = others[(others < new[i]) & (same_pairs(unit[new[i]], unit[others]) < 0)]
+        if len(against):
+            return int(told[against[0]]), int(told[new[i]])
+    return None
+
+
+def opposed(rows: tuple[int, int], answers: Answers) -> InconsistentAnswers:
+    """Return the error that says that the answers in two rows are opposite ones to the same
+    pair."""
+    found = tuple((row, answers.ids[row]) for row in rows)
+    listed = " and ".join(f"row {row} (id {name})" for row, name in found)
+    said = (
+        f"no scale satisfies these answers together: {listed} say the opposite of each other "
+        f"about one pair. That does "
+        "not make it equal: one of them is wrong. Drop or correct one of them."
+    )
+    return InconsistentAnswers(said, found)
 
 
 def contradiction(region: Region, proof: Vertex, answers: Answers) -> InconsistentAnswers:

@@ -1,5 +1,6 @@
 """The Comparator protocol, its optional parts, and the table from signs to verdicts."""
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple, Protocol, TypeGuard, cast, runtime_checkable
 
@@ -42,6 +43,11 @@ know their own.
 
 BY_ANSWERS = (Tier.SCREEN, Tier.SIMPLEX, Tier.LP, Tier.EXACT, Tier.MODEL)
 """The tiers that depend on the tutor's answers."""
+
+
+WRONG_ODDS = 0.1
+"""Odds of a wrong answer against a right one, by which questions are chosen where some answers may
+be wrong. No proof depends on them: benchmarks/RESULTS-wrong.md has tutors of several kinds."""
 
 
 _MEMBERS = ("k", "values", "bounds", "compare", "update")
@@ -238,6 +244,23 @@ OPTIONAL_PARTS = (
         "the best guess",
         "`held_out` scores it. Without it there is no log-likelihood.",
         _MODELS,
+    ),
+    Part(
+        "MadeOfCells",
+        "cells",
+        "`elicit.model.comparator.Cell`s: comparators whose plausible scales together make up "
+        "this one's",
+        "The loss of a policy is bounded in each cell, and the greatest bound counts. Without it "
+        "there is one cell.",
+        ("PolytopeComparator",),
+    ),
+    Part(
+        "AllowsWrong",
+        "wrong",
+        "the number of answers that may be wrong, from 0 on",
+        "An open pair is asked about again until `wrong` + 1 answers agree. Without it one "
+        "answer will do.",
+        ("PolytopeComparator",),
     ),
     Part(
         "AllowsLapses",
@@ -509,6 +532,42 @@ class LearnsInSteps(Protocol):
         """The number of further answers, at least 1, until verdicts may change."""
 
 
+class Cell(NamedTuple):
+    """Part of the plausible scales of a comparator: those under which certain answers are wrong.
+
+    Attributes
+    ----------
+    scales : Comparator
+        Its plausible scales are the cell.
+    wrong : tuple of int
+        Rows of the answers that are wrong under them, in ascending order.
+    weight : float
+        How plausible the cell is beside the others, in total 1. Questions are chosen by it.
+    """
+
+    scales: Comparator
+    wrong: tuple[int, ...]
+    weight: float
+
+
+@runtime_checkable
+class MadeOfCells(Protocol):
+    """A comparator whose plausible scales are the union of those of several comparators."""
+
+    @property
+    def cells(self) -> Sequence[Cell]:
+        """The cells, at least one."""
+
+
+@runtime_checkable
+class AllowsWrong(Protocol):
+    """A comparator that takes some answers to be wrong, without knowing which."""
+
+    @property
+    def wrong(self) -> int:
+        """The greatest number of such answers."""
+
+
 @runtime_checkable
 class AllowsTies(Protocol):
     """A comparator whose tutor may call equal what is only nearly so."""
@@ -581,6 +640,17 @@ def draws_in(comparator: Comparator) -> tuple[Floats, Floats, Floats] | None:
 def tie_of(comparator: Comparator) -> float:
     """The largest |d.e| that the comparator's tutor may call equal: 0 where it does not say."""
     return float(cast(AllowsTies, comparator).tie) if offers(comparator, "tie") else 0.0
+
+
+def cells_of(comparator: Comparator) -> Sequence[Cell]:
+    """The comparator's cells: one, which is all of it, where it is not made of cells."""
+    cells = cast(MadeOfCells, comparator).cells if offers(comparator, "cells") else ()
+    return cells if len(cells) > 1 else (Cell(comparator, (), 1.0),)
+
+
+def wrong_of(comparator: Comparator) -> int:
+    """The number of answers that may be wrong: 0 where the comparator does not say."""
+    return int(cast(AllowsWrong, comparator).wrong) if offers(comparator, "wrong") else 0
 
 
 def lapse_of(comparator: Comparator) -> float:

@@ -69,3 +69,19 @@ class Status(Enum):
     def sentence(self) -> str:
         """The value as a sentence of its own, with a capital letter and a full stop."""
         return f"{self.value[0].upper()}{self.value[1:]}."
+
+
+def assumed_of_answers(wrong: int, whose: str) -> str:
+    """Return under which assumption about the answers a proof holds.
+
+    Parameters
+    ----------
+    wrong : int
+        Number of answers that may be wrong.
+    whose : str
+        "your" or "the".
+    """
+    if not wrong:
+        return f"if {whose} answers are right"
+    some, verb = ("one", "is") if wrong == 1 else (wrong, "are")
+    return f"even if {some} of {whose} answers {verb} wrong"

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elicit.model.comparator import Comparator, best_guess, bounds_of, trusted_share
+from elicit.model.comparator import Comparator, best_guess, bounds_of, trusted_share, wrong_of
+from elicit.model.outcomes import assumed_of_answers
 from elicit.person.showing import printable
 
 
@@ -55,7 +56,7 @@ def certainty(comparator: Comparator) -> str:
     """Return a phrase on how certain each interval of ``scale_rows`` is."""
     level = trusted_share(comparator)
     return (
-        "if your answers are right"
+        assumed_of_answers(wrong_of(comparator), "your")
         if level is None
         else f"each interval with {level:.0%} probability"
     )

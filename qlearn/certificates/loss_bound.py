@@ -7,7 +7,8 @@ with non-negative values.
 - Where scales are *proven* plausible (a polytope), each A(s, a).e is bounded over all of them at
   once (``simultaneous_bounds``), and what can be collected of these bounds is at least the loss. It
   is at most their greatest over 1 - discount, and mostly far less: few pairs are open, and no run
-  is always at one of them.
+  is always at one of them. Where they are a union of cells, the bound is the greatest of
+  those over each cell: the true scale is in one of them.
 - Where they are *drawn* (a posterior, an ensemble of fits), the loss is bounded under each draw,
   tightly, and the bound is the quantile of these losses at the comparator's level. No bounds need
   be combined that hold under different scales, which makes it several times smaller.
@@ -26,10 +27,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit._support.threads import one_thread
-from elicit.model.comparator import Comparator, simultaneous_bounds, stated_confidence
+from elicit.model.comparator import Comparator, cells_of, simultaneous_bounds, stated_confidence
 from elicit.model.needs import Needs
 from qlearn.certificates.advantages import Advantages, advantages
 from qlearn.certificates.collected_total import collected
@@ -37,7 +39,7 @@ from qlearn.certificates.drawn_losses import loss_over_draws
 from qlearn.certificates.drawn_scales import drawn_set
 from qlearn.mdp.ordinal_mdp import OrdinalMDP
 
-BOUNDING = Needs(used=("simultaneous_bounds", "draws", "level", "confidence"))
+BOUNDING = Needs(used=("simultaneous_bounds", "cells", "draws", "level", "confidence"))
 """Optional parts of a comparator that a loss is bounded by."""
 
 
@@ -97,5 +99,12 @@ def guarantee(
         draws, level = drawn
         confidence = stated_confidence(comparator, level)
         return Guarantee(loss_over_draws(mdp, over, draws, level, enough), confidence)
-    high, confidence = simultaneous_bounds(comparator, over.d)
-    return Guarantee(float(collected(mdp, over, high).max(initial=0.0)), confidence)
+    cells, most, confidence = cells_of(comparator), 0.0, 1.0
+    for cell in cells:
+        high, confidence = simultaneous_bounds(cell.scales, over.d)
+        most = max(most, float(collected(mdp, over, high).max(initial=0.0)))
+        if (
+            enough is not None and most > enough and len(cells) > 1
+        ):  # the other cells need not be looked at
+            return Guarantee(np.inf, confidence)
+    return Guarantee(most, confidence)

@@ -18,7 +18,8 @@ import numpy as np
 
 from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import Choice, choose
-from elicit.model.outcomes import Status
+from elicit.model.comparator import wrong_of
+from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
 from elicit.person.interview import Subject
@@ -127,7 +128,7 @@ def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Resul
 
     It is compared with the policy of equal gaps between the levels.
     """
-    bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
+    bound = f"{_percent(result.loss_bound)} ({_sure(result)})"
     lines = [
         f"The plan learned falls short of your best plan by at most {bound}; "
         f"{_whole_way(mdp.labels)}."
@@ -189,11 +190,11 @@ def _percent(share: float) -> str:
     return f"{max(0.0, np.ceil(share * 1e4 - 1e-9)) / 100:g}%"
 
 
-def _sure(confidence: float) -> str:
+def _sure(result: Result | Choice) -> str:
     """Return a phrase on how certain a bound is."""
-    return (
-        "if your answers are right" if confidence == 1.0 else f"with {confidence:.0%} probability"
-    )
+    if result.confidence == 1.0:
+        return assumed_of_answers(wrong_of(result.comparator), "your")
+    return f"with {result.confidence:.0%} probability"
 
 
 def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
@@ -219,7 +220,7 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
 
 
 def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
-    bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
+    bound = f"{_percent(result.loss_bound)} ({_sure(result)})"
     finished = result.status is not Status.WAITING
     status = result.status.sentence if finished else "Not finished: more could be asked."
     return [

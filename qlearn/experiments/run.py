@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from elicit.model.comparator import TIE, Comparator
+from elicit.model.comparator import TIE, Comparator, wrong_of
 from elicit.model.scale import Floats
 from elicit.model.tutor import CountsErrors
 from elicit.tutors.simulated import BradleyTerryTutor, FlippingTutor, TruthfulTutor
@@ -111,7 +111,10 @@ def run(
         watch = Watch(values, settings.indifference, erred=lambda: tutor.realised_error_rate > 0)
         learner.watch(watch)
         start = perf_counter()
-        result = drive(learner, tutor, on_conflict="drop" if cell["audit"] else "raise")
+        may_conflict = cell["audit"] or wrong_of(
+            comparator
+        )  # more answers may be wrong than it allows for
+        result = drive(learner, tutor, on_conflict="drop" if may_conflict else "raise")
         seconds = perf_counter() - start
         loss = policy_loss(mdp, result.policy, values, optimum=_solved(mdp, tuple(values))[0])
         row = {

@@ -217,7 +217,9 @@ class Settings:
         return Settings(**self.named(*(one.name for one in fields(Settings))))
 
 
-_IN_THE_ABLATION = tuple(name for name in COMPARATORS if name != "box-rescaled")
+_IN_THE_ABLATION = tuple(
+    name for name in COMPARATORS if name not in ("polytope-1-wrong", "box-rescaled")
+)
 _IN_THE_PAPER = ("polytope", "posterior", "box-rescaled", "box")
 
 

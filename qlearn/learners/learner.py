@@ -16,9 +16,9 @@ from elicit._support.threads import one_thread
 from elicit._support.validation import is_number, require
 from elicit.asking.elicitation import AnsweredQuery, Audit, Elicitation, OnConflict, Pair, Watcher
 from elicit.comparators.baselines import AlwaysAsk
-from elicit.model.comparator import Comparator, Tier, check_comparator_made
+from elicit.model.comparator import Comparator, Tier, check_comparator_made, wrong_of
 from elicit.model.needs import Needs
-from elicit.model.outcomes import Status
+from elicit.model.outcomes import Status, assumed_of_answers
 from elicit.model.query import (
     Answer,
     Answers,
@@ -220,7 +220,7 @@ class Result:
         if np.isnan(self.confidence):
             return "with unknown confidence"
         if self.confidence == 1:
-            return "proven, if the answers are right"
+            return f"proven, {assumed_of_answers(wrong_of(self.comparator), 'the')}"
         return (
             f"with probability {self.confidence:.4g}, if the tutor errs as the comparator assumes"
         )

@@ -15,6 +15,7 @@ from elicit._support.seeds import seed_of, takes_rng
 from elicit._support.threads import one_thread
 from elicit._support.validation import require
 from elicit.asking.bags import Bags
+from elicit.asking.confirming import confirming_question
 from elicit.asking.cuts import CUTTING, closing_cut
 from elicit.asking.elicitation import Elicitation, Pair, Place
 from elicit.asking.options import AskingOptions, check_options, filled
@@ -25,6 +26,7 @@ from elicit.model.comparator import (
     Tiers,
     simultaneous_bounds,
     trusted_share,
+    wrong_of,
 )
 from elicit.model.difference import tail_sums
 from elicit.model.needs import Needs, check_needs
@@ -299,9 +301,11 @@ class InteractivePolicyIteration(Learner):
             return None
         high = simultaneous_bounds(known, candidates.d)[0]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
-        found = closing_cut(
-            known, candidates.draws, candidates.d[most], high[most], TUNING.close * self._enough
-        )
+        limit = TUNING.close * self._enough
+        if wrong_of(known):
+            found = confirming_question(known, candidates.d[most], limit)
+        else:
+            found = closing_cut(known, candidates.draws, candidates.d[most], high[most], limit)
         if found.row >= 0:
             return self._pair(over, int(rows[most[found.row]]))
         left, right = np.maximum(found.d, 0.0), np.maximum(-found.d, 0.0)

@@ -8,12 +8,12 @@ import pytest
 
 from benchmarks.asking import certificates as certified
 from benchmarks.asking import certify_at_scale as scale
-from benchmarks.asking import hindsight
+from benchmarks.asking import hindsight, wrong_answers
 from benchmarks.asking import person_sessions as sessions
 from benchmarks.asking import question_counts as questions
 from benchmarks.learning import scalar_solvers
 from benchmarks.quotes import tables
-from elicit import PolytopeComparator, TruthfulTutor
+from elicit import PolytopeComparator, Query, TruthfulTutor
 from qlearn import InteractivePolicyIteration, drive, random_mdp
 from qlearn.experiments.metrics import reference_differences
 from tests.report_cases import table_rows
@@ -271,3 +271,28 @@ def test_a_person_answers_by_the_counts_that_are_shown():
         np.array([0, 0.4, 1.0]), sessions.Setting("polytope", 0.01, flips=1.0), 0
     )
     assert always_wrong({"rows": [*rows[:1], {"level": 2, "a": 0, "b": 5}], "of": 10}) == "a"
+
+
+def test_the_page_on_wrong_answers_counts_lies_and_what_was_violated():
+    run = wrong_answers.Run(asked=5, seconds=1.0, wrong=0, noticed=False, bound=0.008, loss=0.001)
+    lied = run._replace(wrong=1, loss=0.02)
+    caught = run._replace(wrong=2, noticed=True, bound=0.5, loss=0.6)
+    row = wrong_answers.row(4, "one lie", 0, [run, lied, caught])
+    assert row[:5] == ("4", "one lie", "0", "3", "5.0 ± 0.0")
+    assert row[6:] == ("2", "2", "1", "1", "0")
+    assert wrong_answers.row(4, "one lie", 1, [run, lied])[6:] == ("2", "0", "0", "1", "1")
+    values = np.array([0.0, 1.0, 3.0])
+    liar, truth = wrong_answers.LyingOnce(values, 1), TruthfulTutor(values)
+    query = Query.make("a test", 0, [0.0, 1.0, 0.0], [0.5, 0.0, 0.5])
+    assert [liar(query).verdict == truth(query).verdict for _ in range(3)] == [True, False, True]
+
+
+def test_a_run_that_allows_for_the_lie_keeps_its_bound():
+    first = next(
+        seed for seed in range(50) if np.random.default_rng([seed, 1]).integers(4) == 0
+    )  # it lies at once
+    found = wrong_answers.Run(
+        **wrong_answers.run({"k": 4, "tutor": "one lie", "allowed": 1, "seed": first})
+    )
+    assert (found.wrong, found.noticed) == (1, False)
+    assert found.loss <= found.bound <= wrong_answers.TOLERANCE

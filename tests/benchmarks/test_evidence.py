@@ -26,6 +26,7 @@ from benchmarks.asking import (
     person_sessions,
     question_counts,
     question_rules,
+    wrong_answers,
 )
 from benchmarks.comparing import comparison_cost
 from benchmarks.evidence import PAGES, ROOT
@@ -140,6 +141,15 @@ def unasked(text: str) -> Iterator[str | Cells]:
     count = int(re.search(r"of (\d+) draws", text)[1])
     for name in ("career", "plant"):
         yield [*headroom.described(name, headroom.losses(name, range(count), ["even"])["even"])]
+
+
+def wrong(text: str) -> Iterator[str | Cells]:
+    setting = (5, "one lie", 1)
+    count = number(text, "5", "one lie", "1", place=3)
+    cell = dict(zip(("k", "tutor", "allowed"), setting, strict=True))
+    runs = [wrong_answers.Run(**wrong_answers.run(cell | {"seed": seed})) for seed in range(count)]
+    row: Cells = [*wrong_answers.row(*setting, runs)]
+    yield [*row[:5], None, *row[6:]]
 
 
 def sessions(text: str) -> Iterator[str | Cells]:
@@ -356,6 +366,7 @@ AGAIN = [  # of each page some rows that are cheap; slow where there are none
     ("RESULTS-question-rules", ruled, SLOW),
     ("about-equal", equal, SLOW),
     ("RESULTS-headroom", unasked),
+    ("RESULTS-wrong", wrong, SLOW),
     ("RESULTS-sessions", sessions, SLOW),
     ("RESULTS-scale", scale, SLOW),
     ("RESULTS-growth", grown, SLOW),

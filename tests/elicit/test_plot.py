@@ -30,6 +30,7 @@ from elicit import (
 from elicit.diagnostics.preference_graph import cycles, preference_graph
 from elicit.model.difference import dominance, tail_sums
 from elicit.model.query import Answer, Answers, Query, Verdict
+from tests.lp_cases import equalities
 from tests.noisy_cases import differences
 from tests.thoroughness import examples
 
@@ -126,10 +127,8 @@ def test_the_corners_span_what_the_bounds_say(told, d, margin):
     tutor = TruthfulTutor([0, 2, 5, 8])  # ties happen
     for row, as_equal in told:
         sign = int(tutor.signs(row)[0])
-        ways = (
-            [sign] if sign or as_equal else [1, -1]
-        )  # a tie is said as "equal", or by opposite answers
-        known = known.update(Answers([row] * len(ways), ways))
+        if sign or as_equal:
+            known = known.update(Answers([row], [sign]))
     corners = plot.corners(known)
     assert corners.sum(axis=1) == pytest.approx(1)
     (low,), (high,) = known.bounds(d)
@@ -139,13 +138,11 @@ def test_the_corners_span_what_the_bounds_say(told, d, margin):
 
 
 def test_shrunk_to_a_segment_and_to_a_point():
-    ways = [[0, 1, -0.5, 0], [0, 0, 1, -0.5]]  # e_3 = 2 e_2, e_4 = 2 e_3
-    line = PolytopeComparator(4, margin=0).update(
-        Answers([ways[0], ways[0]], [1, -1])
-    )  # opposite answers
+    ways = np.array([[0, 1, -0.5, 0], [0, 0, 1, -0.5]])  # e_3 = 2 e_2, e_4 = 2 e_3
+    line = PolytopeComparator(4, margin=0, prior=equalities(ways[:1]))
     assert len(plot.corners(line)) == 2
     assert plot.corners(line).cumsum(axis=1)[:, 1] == pytest.approx(2 * plot.corners(line)[:, 0])
-    point = line.update(Answers([ways[1], ways[1]], [-1, 1]))
+    point = PolytopeComparator(4, margin=0, prior=equalities(ways))
     assert plot.corners(point).tolist() == [[0.25, 0.25, 0.5]]
     band = PolytopeComparator(4, tie=0.0).update(
         Answers(ways, [0, 0])

@@ -15,17 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from elicit._support.threads import one_thread
-from elicit._support.validation import is_number
+from elicit._support.validation import is_number, is_whole, require
+from elicit.comparators.polytope.cells import Cells, PolytopeCell, too_many_wrong
 from elicit.comparators.polytope.plausible_set import Empty, PlausibleSet
 from elicit.decision.verdicts import decide_by
 from elicit.lp.analytic_centre import analytic_centre
 from elicit.lp.hit_and_run import Draws, draws_within
-from elicit.lp.infeasibility import contradiction
+from elicit.lp.infeasibility import contradiction, opposed, opposite_answers
 from elicit.lp.prior_inequalities import Prior, PriorLike, as_prior
 from elicit.lp.region import Region, answer_rows, prior_rows
 from elicit.model.comparator import (
     ALLOWANCE,
     TIE,
+    Cell,
     Decisions,
     Verdicts,
     check_answers,
@@ -67,20 +69,38 @@ class PolytopeComparator:
         tutor says "equal": then a larger one is safer, and teaches less (docs/about-equal.md).
         Verdicts and ``bounds`` use it as it is. ``simultaneous_bounds``, and so the guarantees that
         depend on them, allow for twice as much.
+    wrong : int
+        The number of answers that may be wrong. K_t then holds every scale that all but so many of
+        the answers agree with: it is the union of ``cells``. Whatever is proven holds even if so
+        many answers are wrong, and takes more questions.
 
     Raises
     ------
     ValueError
-        If k < 2, the margin is outside [0, 1/(k-1)], no scale satisfies the prior, or the tie is
-        outside [0, 1).
+        If k < 2, the margin is outside [0, 1/(k-1)], no scale satisfies the prior, the tie is
+        outside [0, 1), or ``wrong`` is no whole number of at least 0.
     """
 
+    _cells: Cells | None = None
+
     def __init__(
-        self, k: int, margin: float = 1e-6, prior: PriorLike = None, tie: float = TIE
+        self,
+        k: int,
+        margin: float = 1e-6,
+        prior: PriorLike = None,
+        tie: float = TIE,
+        wrong: int = 0,
     ) -> None:
         self.k = check_levels(k)
         self.margin = _check_margin(margin, self.k)
         self.tie = check_tie(tie)
+        require(
+            is_whole(wrong, 0),
+            "wrong, how many answers may be wrong,",
+            "a whole number of at least 0",
+            wrong,
+        )
+        self.wrong = int(wrong)
         self.answers = Answers.none(self.k)
         self.prior = as_prior(prior, self.k)
         try:
@@ -93,24 +113,69 @@ class PolytopeComparator:
                 "prior's "
                 f"inequalities together, {_listed(self.prior)}: relax or drop some of them"
             ) from None
+        if self.wrong:
+            self._cells = Cells(
+                [PolytopeCell(PolytopeComparator(k, margin, self.prior, tie), ())], self.wrong
+            )
 
     def __repr__(self) -> str:
-        return (
-            f"PolytopeComparator(k={self.k}, margin={self.margin:g}, {len(self.answers)} answers)"
+        wrong = f", wrong={self.wrong}" if self.wrong else ""
+        return f"PolytopeComparator(k={self.k}, margin={self.margin:g}{wrong}, {len(self.answers)} answers)"  # noqa: E501
+
+    @property
+    def cells(self) -> tuple[Cell, ...]:
+        """The polytopes whose union is K_t: each with a comparator, for no wrong answer, and the
+        wrong answers' rows.
+
+        With ``wrong=0`` there is one, which is this comparator itself.
+        """
+        return (Cell(self, (), 1.0),) if self._cells is None else self._cells.cells
+
+    @property
+    def suspects(self) -> tuple[tuple[int, str], ...]:
+        """Answers that may be wrong, as (row, id), once the answers contradict each other; ()
+        before.
+
+        They are the answers that are wrong under some scale of K_t. A single one can only be wrong.
+        """
+        parts = () if self._cells is None else self._cells.parts
+        if not all(part.wrong for part in parts):
+            return ()
+        return tuple(
+            (row, self.answers.ids[row])
+            for row in sorted({row for part in parts for row in part.wrong})
+        )
+
+    @property
+    def refuted(self) -> tuple[tuple[int, str], ...]:
+        """Answers that can only be wrong, as (row, id): they are wrong under every scale of K_t."""
+        wrong = [] if self._cells is None else [set(part.wrong) for part in self._cells.parts]
+        return tuple(
+            (row, self.answers.ids[row])
+            for row in sorted(set.intersection(*wrong) if wrong else ())
         )
 
     @cached_property
     def region(self) -> Region:
         """K_t in gap space, with the constraints of the prior and of all answers, also the
         redundant ones.
+
+        Raises ValueError with ``wrong > 0``: then each of ``cells`` has its own.
         """
+        self._check_convex("region")
         prior = prior_rows(self.prior, self.k)
         return Region(self.margin, *prior).plus(*answer_rows(self.answers, 0, self.tie))
 
     @cached_property
     def values(self) -> Floats:
-        """The analytic centre (k,) of K_t, from 0 to 1; read-only."""
-        values = values_of(analytic_centre(self.region))
+        """The analytic centre (k,) of K_t, from 0 to 1; read-only.
+
+        With ``wrong > 0`` it is the mean of those of ``cells``, weighed by volume and by how many
+        answers are wrong there.
+        """
+        values = (
+            values_of(analytic_centre(self.region)) if self._cells is None else self._cells.values
+        )
         values.flags.writeable = False
         return values
 
@@ -122,11 +187,31 @@ class PolytopeComparator:
         ------
         InconsistentAnswers
             If no scale is left. It names a minimal contradictory set of rows of ``self.answers +
-            answers``.
+            answers``: without any one of them the others could be right, all but ``wrong``.
+            Opposite answers to one pair always contradict each other: they do not mean that it is
+            equal.
         """
         new = object.__new__(PolytopeComparator)
-        new.k, new.margin, new.prior, new.tie = self.k, self.margin, self.prior, self.tie
+        new.k, new.margin, new.prior, new.tie, new.wrong = (
+            self.k,
+            self.margin,
+            self.prior,
+            self.tie,
+            self.wrong,
+        )
         new.answers = self.answers + check_answers(answers, self.k)
+        if self._cells is not None:
+            new._set, new._wide = self._set, self._wide
+            new._cells = self._cells.update(answers, len(self.answers))
+            if not new._cells.parts:
+                blank, loose = (
+                    PolytopeComparator(self.k, margin, self.prior, self.tie)
+                    for margin in (self.margin, 0.0)
+                )
+                raise too_many_wrong(blank, loose, new.answers, self.wrong)
+            return new
+        if (rows := opposite_answers(new.answers, len(self.answers))) is not None:
+            raise opposed(rows, new.answers)
         try:
             new._set = self._set.cut(*answer_rows(answers, len(self.answers), self.tie))
         except Empty as empty:
@@ -147,7 +232,7 @@ class PolytopeComparator:
         ValueError
             For an id that is not among the answers.
         """
-        fresh = PolytopeComparator(self.k, self.margin, self.prior, self.tie)
+        fresh = PolytopeComparator(self.k, self.margin, self.prior, self.tie, self.wrong)
         return fresh.update(self.answers.without(ids))
 
     def compare(self, d: ArrayLike) -> Verdicts:
@@ -157,17 +242,18 @@ class PolytopeComparator:
     @property
     def rule(self) -> Rule:
         """The proofs about K_t as plain arrays."""
-        return self._set.rule
+        return self._set.rule if self._cells is None else self._cells.rule
 
     @one_thread
     def settle(self, d: Floats) -> Decisions:
         """Decide by linear programs the differences that the rule leaves open."""
-        return self._set.settle(d)
+        return self._set.settle(d) if self._cells is None else self._cells.settle(d)
 
     @one_thread
     def bounds(self, d: ArrayLike) -> tuple[Floats, Floats]:
         """Return outer bounds on d.e over K_t, tight to 1e-9 |d|_1."""
-        return self._set.bounds(as_differences(d, self.k))
+        rows = as_differences(d, self.k)
+        return self._set.bounds(rows) if self._cells is None else self._cells.bounds(rows)
 
     @one_thread
     def simultaneous_bounds(self, d: ArrayLike) -> tuple[Floats, float]:
@@ -182,7 +268,10 @@ class PolytopeComparator:
         confidence : float
             Always 1.
         """
-        return self._wide.greatest(as_differences(d, self.k)), 1.0
+        rows = as_differences(d, self.k)
+        return (
+            self._wide.greatest(rows) if self._cells is None else self._cells.greatest(rows)
+        ), 1.0
 
     @one_thread
     def rough_bounds(self, d: ArrayLike, slack: float | Floats) -> Floats:
@@ -202,7 +291,12 @@ class PolytopeComparator:
         -------
         (n,) in units of e_k - e_1
         """
-        return self._wide.greatest(as_differences(d, self.k), slack)
+        rows = as_differences(d, self.k)
+        return (
+            self._wide.greatest(rows, slack)
+            if self._cells is None
+            else self._cells.greatest(rows, slack)
+        )
 
     @cached_property
     def draws(self) -> Draws:
@@ -210,7 +304,11 @@ class PolytopeComparator:
 
         They serve to choose questions by probability. No proof depends on them.
         """
-        return draws_within(self.region, np.diff(self.values))
+        return (
+            draws_within(self.region, np.diff(self.values))
+            if self._cells is None
+            else self._cells.draws
+        )
 
     def explain(self, d: ArrayLike, labels: Sequence[str] | None = None) -> Explanation:
         """Explain why the tutor need not be asked about a difference.
@@ -229,6 +327,7 @@ class PolytopeComparator:
             multipliers that prove the verdict. If the verdict is UNKNOWN: two scales that disagree.
             ``str()`` of it is a sentence.
         """
+        self._check_convex("an explanation")
         from elicit.comparators.polytope.minimal_proof import explain
 
         return explain(d, self, labels)
@@ -249,6 +348,7 @@ class PolytopeComparator:
             The label of each constraint says where it comes from, such as "answer 3". An answer is
             in the unit in which its largest tail sum is between 1/2 and 1.
         """
+        self._check_convex("problems")
         from elicit.comparators.polytope.cvxpy_problems import least_and_greatest
 
         return least_and_greatest(d, self.region, self.prior)
@@ -256,7 +356,16 @@ class PolytopeComparator:
     @property
     def solves(self) -> int:
         """Number of linear programs that Clarabel has solved for this comparator."""
+        if self._cells is not None:
+            return sum(part.scales.solves for part in self._cells.parts)
         return self._set.programs.solves
+
+    def _check_convex(self, what: str) -> None:
+        if self._cells is not None:
+            raise ValueError(
+                f"with wrong={self.wrong} the plausible scales are a union of {len(self._cells.parts)} polytopes, and "  # noqa: E501
+                f"{what} is of one: take that of each of comparator.cells"
+            )
 
 
 def _check_margin(margin: float, k: int) -> float:

@@ -417,3 +417,38 @@ def test_labels_are_a_list_of_names(labels: Any) -> None:
     with pytest.raises(ValueError, match="labels must be None or 4 names, one a level, not"):
         Elicitation(Dominance(4), "a run", labels=labels)
     assert Elicitation(Dominance(4), "a run", labels=list("abcd")).ask() == ()
+
+
+@pytest.mark.parametrize("wrong", [1, 2])
+@pytest.mark.parametrize("said", [BETTER, EQUAL])
+def test_where_answers_may_be_wrong_an_open_pair_is_asked_again_until_enough_agree(
+    wrong: int, said: Verdict
+) -> None:
+    asked_by = elicitation(PolytopeComparator(K, wrong=wrong))
+    for _ in range(wrong + 1):
+        assert judged(asked_by, OPEN) == [(UNKNOWN, Tier.TUTOR, False)]
+        assert asked_by.may_ask(OPEN[None], lambda _: ()).all()
+        put(asked_by, said)
+    assert judged(asked_by, OPEN)[0][0] == said
+    assert not asked_by.may_ask(OPEN[None], lambda _: ()).any()
+    again = elicitation(PolytopeComparator(K, wrong=wrong), known=asked_by.answers)
+    assert judged(again, OPEN, -OPEN) == judged(asked_by, OPEN, -OPEN)
+    fewer = elicitation(PolytopeComparator(K, wrong=wrong), known=asked_by.answers[:wrong])
+    assert judged(fewer, OPEN) == [(UNKNOWN, Tier.TUTOR, False)]
+
+
+def test_who_cannot_tell_is_not_asked_again_where_answers_may_be_wrong() -> None:
+    asked_by = elicitation(PolytopeComparator(K, wrong=1))
+    put(asked_by, None)
+    assert judged(asked_by, OPEN) == [(EQUAL, Tier.KNOWN, False)]
+
+
+def test_answers_of_a_log_count_where_answers_may_be_wrong() -> None:
+    query = Query.make("a log", 0, np.maximum(OTHER, 0.0), np.maximum(-OTHER, 0.0))
+    other = Query.make("a log", 1, np.maximum(OTHER, 0.0), np.maximum(-OTHER, 0.0))
+    once, twice = (
+        elicitation(PolytopeComparator(K, wrong=1), known=[Answer(one, EQUAL) for one in some])
+        for some in ((query,), (query, other))
+    )
+    assert judged(once, OTHER) == [(UNKNOWN, Tier.TUTOR, False)]
+    assert judged(twice, OTHER) == [(EQUAL, Tier.KNOWN, False)]

@@ -25,6 +25,7 @@ BOOTSTRAP = partial(BradleyTerryComparator, precision=20.0, n_boot=30)
 MADE: dict[str, Callable[[int], Comparator]] = {
     "polytope": PolytopeComparator,
     "polytope, margin 0, prior": lambda k: PolytopeComparator(k, margin=0.0, prior=["e2 >= 0.1"]),
+    "polytope, one wrong": partial(PolytopeComparator, wrong=1),
     "relaxed": partial(RelaxedPolytopeComparator, slack=0.02),
     "posterior": partial(PosteriorComparator, particles=200),
     "ensemble": BOOTSTRAP,

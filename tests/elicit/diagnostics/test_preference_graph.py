@@ -10,7 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elicit import Answer, AnswerLog, Answers, PolytopeComparator, Query, TruthfulTutor, Verdict
+from elicit import (
+    Answer,
+    AnswerLog,
+    Answers,
+    InconsistentAnswers,
+    PolytopeComparator,
+    Query,
+    TruthfulTutor,
+    Verdict,
+)
 from elicit.diagnostics.preference_graph import (
     Cycle,
     Implied,
@@ -258,9 +267,10 @@ def test_better_better_better_and_back():
         (Step(0, 1, "better", ("1",)), Step(1, 2, "better", ("2",)), Step(2, 0, "better", ("3",)))
     )
     assert one.ids == ("1", "2", "3")
-    # a reliable tutor: no contradiction, they tie
-    sure = PolytopeComparator(3).update(Answers.of(answers, 3))
-    assert sure.compare([np.subtract(A, B), np.subtract(B, C)]).tolist() == [EQUAL, EQUAL]
+    # A - C is twice A - B: to a reliable tutor opposite answers to one pair, and no tie
+    with pytest.raises(InconsistentAnswers) as caught:
+        PolytopeComparator(3).update(Answers.of(answers, 3))
+    assert [name for _, name in caught.value.answers] == ["1", "3"]
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from elicit import Answers, PolytopeComparator
+from elicit import PolytopeComparator
 from elicit.model.scale import Floats
+from tests.lp_cases import equalities
 
 VALUES = np.array([0.0, 0.2, 0.4, 0.8, 1.0])
 
@@ -17,11 +18,8 @@ def lottery(level: int, values: Floats = VALUES) -> Floats:
 
 
 def pinned(*levels: int) -> PolytopeComparator:
-    """What is known after each of these lotteries was answered both ways: the value of the
-    level.
-    """
-    d = np.array([lottery(level) for level in levels])
-    return PolytopeComparator(5).update(Answers(np.repeat(d, 2, axis=0), [1, -1] * len(levels)))
+    """What is known if the prior calls each of these lotteries equal: the value of the level."""
+    return PolytopeComparator(5, prior=equalities([lottery(level) for level in levels]))
 
 
 def test_draws_of_a_single_scale_are_that_scale() -> None:

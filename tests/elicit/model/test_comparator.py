@@ -372,6 +372,8 @@ BAD_PARTS = {
     "level": {"draws": property(even), "level": 2},
     "confidence": {"confidence": 95},
     "probability": {"probability": lambda self, d: np.full(len(d), 2.0)},
+    "cells": {"cells": ()},
+    "wrong": {"wrong": -1},
     "lapse": {"lapse": 2},
     "tie": {"tie": -1},
     "answers": {"answers": Answers.none(9)},

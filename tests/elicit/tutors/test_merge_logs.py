@@ -1,8 +1,17 @@
 """Logs of several experts become one, with all that was said and nothing twice."""
 
+import numpy as np
 import pytest
 
-from elicit import Answer, AnswerLog, Query, Verdict
+from elicit import (
+    Answer,
+    AnswerLog,
+    InconsistentAnswers,
+    PolytopeComparator,
+    Query,
+    Verdict,
+    choose,
+)
 from elicit.tutors.log_lines import BadLog
 from elicit.tutors.merge_logs import merge_logs
 
@@ -58,3 +67,23 @@ def test_logs_of_other_problems_are_not_merged(tmp_path, header):
     with pytest.raises(ValueError, match="no logs"):
         merge_logs([], tmp_path / "all")
     assert not (tmp_path / "all").exists()
+
+
+def test_opposite_answers_of_two_logs_are_a_contradiction_and_no_tie(tmp_path):
+    open_pair = [0.0, 1.0, 0.0], [0.5, 0.0, 0.5]  # dominance is silent
+    for name, query, verdict in (("a", "q", 1), ("b", "r", -1)):
+        with AnswerLog(tmp_path / name, header={"unit": "days"}) as log:
+            log.append(Answer(Query(query, *open_pair), verdict))
+    merge_logs([AnswerLog.read(tmp_path / name) for name in "ab"], tmp_path / "all")
+    merged = AnswerLog.read(tmp_path / "all")
+    with pytest.raises(InconsistentAnswers, match="one of them is wrong") as caught:
+        PolytopeComparator(3).update(merged.answers())
+    assert caught.value.answers == ((0, "q"), (1, "r"))
+    with pytest.raises(InconsistentAnswers) as caught:
+        choose(np.array(open_pair), PolytopeComparator(3), known=merged)
+    assert [name for _, name in caught.value.answers] == ["q", "r"]
+    d = np.subtract(*open_pair)
+    known = PolytopeComparator(3, wrong=1).update(merged.answers())
+    assert (
+        known.compare(d).tolist() == PolytopeComparator(3).compare(d).tolist() == [Verdict.UNKNOWN]
+    )

@@ -24,6 +24,7 @@ from elicit import (
     ReplayTutor,
     TruthfulTutor,
 )
+from elicit.person.findings import certainty
 
 MDP, VALUES = qlearn.random_mdp(8, 3, 4, discount=0.9, seed=0)
 LEARNERS = [
@@ -136,6 +137,18 @@ def test_a_printed_bound_is_rounded_up_and_says_how_sure_it_is(
     shown = str(replace(some, guarantee=lambda: qlearn.Guarantee(bound, confidence)))
     assert "\n1 question was asked.\n" in shown
     assert all(word in shown for word in words), shown
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [(1, "even if one of the answers is wrong"), (2, "even if 2 of the answers are wrong")],
+)
+def test_a_bound_that_survives_wrong_answers_says_so(wrong: int, words: str) -> None:
+    some = qlearn.solve(
+        MDP, TruthfulTutor(VALUES), PolytopeComparator(MDP.k, wrong=wrong), max_queries=1
+    )
+    assert f"(proven, {words})" in str(some)
+    assert certainty(some.comparator) == words.replace("the answers", "your answers")
 
 
 NAMED = replace(

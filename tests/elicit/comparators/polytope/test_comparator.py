@@ -23,6 +23,7 @@ from tests.lp_cases import (
     answered,
     cases,
     draw_truth,
+    equalities,
     exact,
     few_bits,
     from_tails,
@@ -244,15 +245,20 @@ def test_equal_gaps_before_any_answer() -> None:
 def test_known_centres() -> None:
     # g_1 = g_2: the product g_1 g_2 g_3 is greatest at a third each; with d told three ways
     d = from_tails([1.0, -1.0, 0.0])
-    for told, y in (([d, -d], [1, 1]), ([d], [0]), ([d, d, d], [1, -1, 0])):
-        c = PolytopeComparator(4, margin=0.0, tie=0.0).update(Answers(told, y))
+    for prior, told, y in (
+        (equalities([d]), [], []),
+        (None, [d], [0]),
+        (equalities([d]), [d], [0]),
+    ):
+        c = PolytopeComparator(4, margin=0.0, tie=0.0, prior=prior)
+        c = c.update(Answers(np.reshape(told, (-1, 4)), np.array(y, dtype=int)))
         assert c.values == pytest.approx([0, 1 / 3, 2 / 3, 1], abs=1e-7)
     # g_1 >= g_2: maximise g_1 g_2 (g_1 - g_2) with g_1 + g_2 = 1, hence 6 g_1^2 - 6 g_1 + 1 = 0
     c = PolytopeComparator(3, margin=0.0, tie=0.0).update(Answers([from_tails([1.0, -1.0])], [1]))
     assert c.values[1] == pytest.approx(0.5 + 1 / np.sqrt(12), abs=1e-9)
     # one point: the ratios 1 : 2 : 5 are told exactly
     pairs = [from_tails([2.0, -1.0, 0.0]), from_tails([5.0, 0.0, -1.0])]
-    c = PolytopeComparator(4, tie=0.0).update(Answers(pairs + [-p for p in pairs], [1] * 4))
+    c = PolytopeComparator(4, tie=0.0, prior=equalities(pairs))
     assert c.values == pytest.approx([0, 1 / 8, 3 / 8, 1], abs=1e-9)
     assert c.compare(from_tails([2.0, 0.0, -0.375])).tolist() == [BETTER]
     assert c.compare(from_tails([2.0, 0.0, -0.5])).tolist() == [WORSE]
@@ -406,7 +412,7 @@ def test_contradictions_by_the_last_bit() -> None:
     consistency.
     """
     d = from_tails([3.0, -1.0])  # g = (1/4, 3/4)
-    c = PolytopeComparator(3, tie=0.0).update(Answers([d, d], [1, -1]))
+    c = PolytopeComparator(3, tie=0.0, prior=equalities([d]))
     touching, beyond = from_tails([-6.0, 2.0]), np.array([4.0, -8.0, 2.0 - 2.0**-52])
     assert c.update(Answers([touching], [1])).compare(touching).tolist() == [EQUAL]
     beyond = np.array([0.0, -6.0 - 2.0 + 2.0**-52, 2.0 - 2.0**-52])
@@ -520,16 +526,43 @@ def test_five_hundred_answers(k: int, flat: int) -> None:
     rng = np.random.default_rng(13)
     truth, _ = few_bits(rng, k - 1, 30)
     ties = np.array([tie_with(rng, truth) for _ in range(flat)]).reshape(-1, k)
-    d = np.concatenate([ties, -ties, shares(rng, k, 500 - 2 * flat)])
-    y = np.concatenate([np.ones(2 * flat, dtype=int), answered(rng, d[2 * flat :], truth)])
+    prior = equalities(ties) if flat else None
+    d = shares(rng, k, 500)
+    y = answered(rng, d, truth)
     ask = np.concatenate([questions(rng, d, truth, 12), shares(rng, k, 4)])
     begin = time.perf_counter()
-    c = PolytopeComparator(k, tie=0.0).update(Answers(d, y))
+    c = PolytopeComparator(k, tie=0.0, prior=prior).update(Answers(d, y))
     given, _ = c.compare(ask), (c.values, c.bounds(ask[:5]))
     assert time.perf_counter() - begin < 30.0
-    oracle = Oracle(region_of(k, 1e-6, None, d, list(y)))
+    oracle = Oracle(region_of(k, 1e-6, prior, d, list(y)))
     for row, got in zip(ask, given, strict=True):
         assert got == verdict(*oracle.range(exact(tails(row))))
+
+
+@pytest.mark.parametrize("scale", [1.0, -1.0, 1.0 + 1e-13, 20.0, -3.0])
+def test_opposite_answers_to_one_pair_are_a_contradiction_and_no_tie(scale: float) -> None:
+    d, other = from_tails([1.0, -2.0, 0.5]), from_tails([-1.0, 1.0, 1.0])
+    answers = Answers(
+        [other, d, scale * d], [1, 1, -1 if scale > 0 else 1], ["other", "first", "last"]
+    )
+    known = PolytopeComparator(4).update(answers[:2])
+    for update in (
+        lambda: known.update(answers[2:]),
+        lambda: PolytopeComparator(4).update(answers),
+    ):
+        with pytest.raises(
+            InconsistentAnswers, match="That does not make it equal: one of them is wrong"
+        ) as caught:
+            update()
+        assert caught.value.answers == ((1, "first"), (2, "last"))
+        assert caught.value.margin is False
+    assert known.compare(d).tolist() == [BETTER]  # nothing has changed
+    assert known.update(answers[1:2]).compare(d).tolist() == [
+        BETTER
+    ]  # the same answer again is welcome
+    assert known.update(Answers(d, [0])).compare(d).tolist() == [
+        BETTER
+    ]  # "equal" only means that it is close
 
 
 def test_a_contradiction_goes_by_its_documented_name() -> None:

@@ -190,7 +190,7 @@ def check(case: Case, d: Any, oracle: Oracle | None = None) -> Explanation:
 def test_every_proof_holds_and_every_listed_answer_is_needed(part: int) -> None:
     seen: Counter[str] = Counter()
     for i, case in enumerate(
-        cases([32, part], scaled(4, 7) * len(KINDS), asks=2, most_levels=12, most_answers=60)
+        cases([33, part], scaled(4, 7) * len(KINDS), asks=2, most_levels=12, most_answers=60)
     ):
         oracle = Oracle(case.region()) if i % 4 == 0 else None
         for d in case.ask:
@@ -338,7 +338,19 @@ CASES: list[tuple[dict[str, Any], list[float], list[str] | None, str]] = [
         LABELS,
         RIGHT + "your answer 1 and from well > critical",
     ),
-    ({"k": 3, "answers": [(HALF, 1), (HALF, -1)]}, HALF, None, EVEN + "your answers 1 and 2"),
+    (  # one round of three
+        {
+            "k": 4,
+            "answers": [
+                ([-1.0, 2.0, -1.0, 0.0], 1),
+                ([0.0, -1.0, 2.0, -1.0], 1),
+                ([1.0, -1.0, -1.0, 1.0], 1),
+            ],
+        },
+        [-1.0, 2.0, -1.0, 0.0],
+        None,
+        EVEN + "your answers 1, 2 and 3",
+    ),
     ({"k": 3, "prior": [TWICE]}, HALF, LABELS, LEFT + '"well is at least twice stable"'),
     (
         {"k": 4, "answers": [([0.0, 0.0, -1.0, 0.5], 1)], "prior": ["e3 >= 2*e2"]},

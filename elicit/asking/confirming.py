@@ -1,0 +1,145 @@
+"""Questions for a tutor of whose answers a few may be wrong.
+
+What is plausible then is a union of cells, each with other answers taken to be wrong. An answer to
+a new question cuts each cell in two, but keeps the other part as well, as a cell in which this
+answer is the wrong one. So a question is worth what it leaves open in all cells together, where a
+cell with fewer wrong answers counts more: more of its answers can still turn out wrong. It may also
+be an old question, asked again: the same answer removes the cells in which the first was wrong.
+
+The weights are those of Berlekamp's strategy for Ulam's game (Pelc 2002, Theoretical Computer
+Science 270).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from elicit._support.fixed_order import product
+from elicit._support.threads import one_thread
+from elicit.asking.cuts import Cut, cuts_towards
+from elicit.lp.hit_and_run import Draws
+from elicit.model.comparator import WRONG_ODDS, Cell, Comparator, rough_bounds, simultaneous_bounds
+from elicit.model.difference import tail_sums
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.scale import Floats
+
+# of the differences themselves, those of the greatest bounds, that are weighed against other
+# questions
+_OWN = 4
+_MORE = 6.0  # times that a cell counts more for each further answer that may be wrong in it
+# of the bound before, or of the limit: by how much bounds may be too high where questions are
+# weighed
+_SLACK = 0.1
+
+
+@one_thread
+def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Cut:
+    """Return the question whose answer leaves least to learn in all cells together.
+
+    Parameters
+    ----------
+    comparator : Comparator
+        Made of cells, with draws and answers. How likely an answer is follows from its draws, and
+        what it leaves from telling it to each cell, whose bounds answers must lower, as a
+        polytope's do.
+    d : (n, k)
+        Differences to close, n > 0: upper bounds on d.e are to come down to ``limit``. Each counts
+        by how many halvings it is away from that.
+    limit : float
+
+    Returns
+    -------
+    Cut
+        Deterministic.
+    """
+    known = cast(_CellScales, comparator)
+    parts = [_WeighedCell.of(cell, known.wrong, d, limit) for cell in known.cells]
+    most = np.max([part.high for part in parts], axis=0)
+    own = np.argsort(-most, kind="stable")[:_OWN]
+    again = known.answers.d[comparator.compare(known.answers.d) == Verdict.UNKNOWN]
+    asked = [Cut(d[i], int(i)) for i in own]
+    asked += [Cut(row, -1) for row in (*cuts_towards(known.draws, d, most, limit), *again)]
+    return min(
+        asked, key=lambda cut: round(_expected(cut.d, parts, limit), 9)
+    )  # of equals the first
+
+
+class _CellScales(Protocol):
+    """The parts of a comparator that are used here."""
+
+    wrong: int
+    cells: Sequence[Cell]
+    draws: Draws
+    answers: Answers
+
+
+class _WeighedCell(NamedTuple):
+    """A cell: how many more answers may be wrong, the differences to close, and their bounds."""
+
+    cell: Cell
+    left: int
+    d: Floats  # (n, k)
+    high: Floats  # (n,)
+
+    @staticmethod
+    def of(cell: Cell, wrong: int, d: Floats, limit: float) -> _WeighedCell:
+        """Return the cell with the bounds on d (n, k)."""
+        high = simultaneous_bounds(cell.scales, d)[0]
+        return _WeighedCell(cell, wrong - len(cell.wrong), d, high)
+
+    def after(self, asked: Floats, limit: float) -> tuple[float, float]:
+        """Return the halvings left in the part of the cell where ``asked`` is better.
+
+        The second number is that of the part where it is worse.
+        """
+        rows = np.flatnonzero(self.high > limit)
+        if not len(rows):
+            return 0.0, 0.0
+        verdict = Verdict(int(self.cell.scales.compare(asked)[0]))
+        if verdict is not Verdict.UNKNOWN:
+            all_left = _halvings(self.high[rows], limit)
+            return (all_left, 0.0) if verdict is Verdict.BETTER else (0.0, all_left)
+        return self._told(asked, Verdict.BETTER, rows, limit), self._told(
+            asked, Verdict.WORSE, rows, limit
+        )
+
+    def chance(self, asked: Floats) -> float:
+        """Return the probability of the answer "better", if the true scale is in this cell."""
+        gaps, weights, _ = cast(_CellScales, self.cell.scales).draws
+        better = float(product(product(tail_sums(asked), gaps) > 0, weights))
+        return (
+            better if not self.left else (better + WRONG_ODDS * (1.0 - better)) / (1.0 + WRONG_ODDS)
+        )
+
+    def _told(self, asked: Floats, verdict: Verdict, rows: NDArray[np.intp], limit: float) -> float:
+        try:
+            known = self.cell.scales.update(Answers(asked[None], [int(verdict)]))
+        except InconsistentAnswers:
+            return 0.0
+        high = self.high[rows]
+        return _halvings(
+            np.minimum(high, rough_bounds(known, self.d[rows], _SLACK * np.maximum(limit, high))),
+            limit,
+        )
+
+
+def _halvings(bounds: Floats, limit: float) -> float:
+    """Return by how many halvings the bounds (n,) exceed the limit, in total."""
+    return float(np.log2(np.maximum(bounds / limit, 1.0)).sum())
+
+
+def _expected(asked: Floats, parts: Sequence[_WeighedCell], limit: float) -> float:
+    """Return the expected logarithm of what an answer about ``asked`` (k,) leaves open."""
+    better = sum(part.cell.weight * part.chance(asked) for part in parts)
+    left = [1.0, 1.0]  # after "better", after "worse"
+    for part in parts:
+        halves = part.after(asked, limit)
+        for answer in (0, 1):
+            left[answer] += _MORE**part.left * halves[answer]
+            if part.left:
+                left[answer] += _MORE ** (part.left - 1) * halves[1 - answer]
+    return float(better * np.log2(left[0]) + (1.0 - better) * np.log2(left[1]))

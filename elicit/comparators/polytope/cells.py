@@ -1,0 +1,253 @@
+"""K_t when some of the answers may be wrong: a union of polytopes, the cells.
+
+A cell says which answers are wrong. Its scales satisfy all other answers, and the opposite of
+those. With at most m wrong answers, K_t is the union of the cells that have at most m of them. Who
+asks then plays the game of Ulam: to find something out by questions of which m may be answered
+wrongly (Pelc 2002, Theoretical Computer Science 270).
+
+Cells overlap in their faces only. An answer divides a cell if it cuts through it. If an answer
+follows from a cell, its opposite contradicts the cell, which stays as it is. So most cells that
+could be counted are empty, and these are never made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from elicit._support.fixed_order import product
+from elicit.decision.comparator_rule import Rule, nothing, unaided
+from elicit.decision.verdicts import decide
+from elicit.lp.hit_and_run import Draws
+from elicit.model.comparator import WRONG_ODDS, Cell, Decisions, Verdicts
+from elicit.model.query import Answers, InconsistentAnswers, Verdict
+from elicit.model.scale import Floats
+
+if TYPE_CHECKING:
+    from elicit.comparators.polytope.comparator import PolytopeComparator
+
+# share of the tie by which scales that call an "equal" wrong reach into the band: more than
+# rounding
+_OVERLAP = 1e-12
+
+
+class PolytopeCell(NamedTuple):
+    """A cell: the comparator that knows the answers that cut it, the wrong ones flipped, and the
+    wrong ones' rows."""
+
+    scales: PolytopeComparator
+    wrong: tuple[int, ...]
+
+
+class Cells:
+    """The cells that have at most ``most`` wrong answers, those with the fewest first. They never
+    change."""
+
+    def __init__(self, parts: Sequence[PolytopeCell], most: int) -> None:
+        self.parts = tuple(sorted(parts, key=lambda part: (len(part.wrong), part.wrong)))
+        self.most = most
+
+    def update(self, answers: Answers, first: int) -> Cells:
+        """Return the cells after further answers, the first of which has the row ``first``. There
+        may be none."""
+        parts = self.parts
+        for i in range(len(answers)):
+            parts = tuple(
+                new for part in parts for new in self._divided(part, answers[i : i + 1], first + i)
+            )
+        return Cells(parts, self.most)
+
+    @cached_property
+    def cells(self) -> tuple[Cell, ...]:
+        """The cells with their weights."""
+        return tuple(
+            Cell(*part, weight)
+            for part, weight in zip(self.parts, self.weights.tolist(), strict=True)
+        )
+
+    def settle(self, d: Floats) -> Decisions:
+        """Return verdicts (n,) and tiers (n,) of differences d (n, k): decided if no cell
+        disagrees."""
+        verdicts, tiers = np.full(len(d), Verdict.EQUAL, np.int8), np.zeros(len(d), np.int8)
+        rows = np.arange(len(d))
+        for part in self.parts:
+            found = decide(part.scales, d[rows])
+            verdicts[rows] = agreed(verdicts[rows], found.verdicts)
+            tiers[rows] = np.maximum(tiers[rows], found.tiers)
+            rows = rows[verdicts[rows] != Verdict.UNKNOWN]
+        return Decisions(verdicts, tiers)
+
+    @property
+    def rule(self) -> Rule:
+        """The rule of the cell if there is only one. Otherwise compiled code goes by dominance
+        alone."""
+        if len(self.parts) == 1:
+            return self.parts[0].scales.rule
+        return nothing() if all(part.scales.rule.dominance for part in self.parts) else unaided()
+
+    def bounds(self, d: Floats) -> tuple[Floats, Floats]:
+        """Return outer bounds (n,) on d.e for valid differences d (n, k)."""
+        each = np.array([part.scales.bounds(d) for part in self.parts])
+        return each[:, 0].min(axis=0), each[:, 1].max(axis=0)
+
+    def greatest(self, d: Floats, slack: float | Floats | None = None) -> Floats:
+        """Return upper bounds (n,) on d.e for valid differences d (n, k), rough ones if a slack is
+        given."""
+        high = np.full(len(d), -np.inf)
+        for part in self.parts:
+            scales = part.scales
+            more = (
+                scales.simultaneous_bounds(d)[0] if slack is None else scales.rough_bounds(d, slack)
+            )
+            high = np.maximum(high, more)
+        return high
+
+    @cached_property
+    def weights(self) -> Floats:
+        """Weights (c,) of the cells, of total 1: their volumes times ``WRONG_ODDS`` for each wrong
+        answer.
+
+        The volume is estimated by the scatter of draws.
+        """
+        if len(self.parts) == 1:
+            return np.ones(1)
+        log_volume = np.array([_log_volume(part.scales.draws) for part in self.parts])
+        wrong = np.array([len(part.wrong) for part in self.parts])
+        weights = np.exp(log_volume - log_volume.max()) * WRONG_ODDS**wrong
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def values(self) -> Floats:
+        """The mean (k,) of the cells' central scales."""
+        return product(self.weights, np.array([part.scales.values for part in self.parts]))
+
+    @property
+    def draws(self) -> Draws:
+        """The draws of all cells, weighed by ``weights``."""
+        if len(self.parts) == 1:
+            return self.parts[0].scales.draws
+        gaps, weights, precision = zip(*(part.scales.draws for part in self.parts), strict=True)
+        weighed = [share * own for share, own in zip(self.weights, weights, strict=True)]
+        return Draws(
+            np.concatenate(gaps, axis=1), np.concatenate(weighed), np.concatenate(precision)
+        )
+
+    def _divided(self, part: PolytopeCell, one: Answers, row: int) -> Iterator[PolytopeCell]:
+        """Yield the parts of a cell in which an answer is right, and in which it is wrong, those
+        that are not empty."""
+        scales, y = part.scales, int(one.y[0])
+        wrong = (*part.wrong, row)
+        may = len(part.wrong) < self.most
+        if y == 0:
+            if (within := _told(scales, one)) is not None:
+                yield PolytopeCell(within, part.wrong)
+            for outside in _unequal(one, scales.tie) if may else ():
+                if (beyond := _told(scales, outside)) is not None:
+                    yield PolytopeCell(beyond, wrong)
+            return
+        verdict = Verdict(int(scales.compare(one.d)[0]))
+        if verdict is not Verdict.UNKNOWN:  # the answer follows from the cell, or its opposite does
+            if verdict != -y:
+                yield part
+            elif may:
+                yield PolytopeCell(scales, wrong)
+            return
+        if (right := _told(scales, one)) is not None:
+            yield PolytopeCell(right, part.wrong)
+        if may and (flipped := _told(scales, Answers(one.d, -one.y, one.ids))) is not None:
+            yield PolytopeCell(flipped, wrong)
+
+
+def agreed(verdicts: Verdicts, others: Verdicts) -> Verdicts:
+    """Return the verdicts (n,) on the union of two sets, from those on each.
+
+    EQUAL goes with BETTER and with WORSE: all scales of the union allow the one, and some say it.
+    """
+    both = np.where(verdicts == Verdict.EQUAL, others, verdicts)
+    return np.where(
+        (others != both) & (others != Verdict.EQUAL), np.int8(Verdict.UNKNOWN), both
+    ).astype(np.int8)
+
+
+def too_many_wrong(
+    blank: PolytopeComparator, loose: PolytopeComparator, answers: Answers, most: int
+) -> InconsistentAnswers:
+    """Return the error that says that more than ``most`` of the answers are wrong.
+
+    ``blank`` is the comparator without answers, and ``loose`` the same with a margin of 0.
+    """
+    return InconsistentAnswers(partial(_explained, blank, loose, answers, most))
+
+
+def _explained(
+    blank: PolytopeComparator, loose: PolytopeComparator, answers: Answers, most: int
+) -> tuple[str, tuple[tuple[int, str], ...], bool]:
+    """Return the sentence, a minimal set with more wrong answers than that, and whether the margin
+    is a culprit."""
+
+    def possible(rows: Sequence[int], blank: PolytopeComparator) -> bool:
+        some = Answers(answers.d[rows], answers.y[rows], [answers.ids[row] for row in rows])
+        return bool(Cells([PolytopeCell(blank, ())], most).update(some, 0).parts)
+
+    rows = list(range(len(answers)))
+    for row in rows[::-1]:
+        rest = [other for other in rows if other != row]
+        if not possible(rest, blank):
+            rows = rest
+    found = tuple((row, answers.ids[row]) for row in rows)
+    listed = ", ".join(f"row {row} (id {name})" for row, name in found)
+    said = (
+        f"more than {most} of these {len(rows)} answers are wrong: {listed}. Without any one of "
+        f"them, {most} wrong "
+        "ones could explain the rest: drop or correct one of them, or allow for more, wrong="
+        f"{most + 1}."
+    )
+    margin = blank.margin > 0 and possible(rows, loose)
+    if margin:
+        said += (
+            f" With a margin of 0 they would be: the margin {blank.margin:g} is above the least "
+            "gap they allow."
+        )
+    return said, found, margin
+
+
+def _told(scales: PolytopeComparator, one: Answers) -> PolytopeComparator | None:
+    """Return the part of a cell that satisfies an answer; None if there is none."""
+    try:
+        return scales.update(one)
+    except InconsistentAnswers:
+        return None
+
+
+def _unequal(one: Answers, tie: float) -> Iterator[Answers]:
+    """Yield answers that say that d.e is at least ``tie``, and that -d.e is.
+
+    The value range is 1, so d.e >= tie says that left, less the share ``tie`` of the best level, is
+    better."""
+    shift = max(0.0, tie - _OVERLAP * max(tie, float(np.abs(one.d[:, 1:]).max(initial=0.0))))
+    for sign in (1, -1):
+        d = sign * one.d
+        d[:, -1] -= shift
+        yield Answers(d, [1], one.ids)
+
+
+def _log_volume(draws: Draws) -> float:
+    """Return the logarithm of a set's volume, but for a constant: that of the ellipsoid by which
+    draws scatter.
+
+    It is rounded, so that choices do not depend on the last bit.
+    """
+    gaps = draws.gaps[:-1]  # the last gap follows from the others
+    if not len(gaps):
+        return 0.0
+    spread = gaps - product(gaps, draws.weights)[:, None]
+    left = product(spread * draws.weights, spread.T)
+    total = 0.0
+    for j in range(len(left)):  # Gaussian elimination
+        pivot = max(float(left[j, j]), 1e-300)
+        total += 0.5 * np.log(pivot)
+        left = left - np.outer(left[:, j], left[j]) / pivot
+    return float(np.round(total, 6))
