@@ -1,10 +1,12 @@
 """How many questions policy iteration asks before its certificate stands, and how often what it
 promises is kept.
 
-    python -m benchmarks.asking.certificates --journal results/certificates.jsonl --out
-    benchmarks/RESULTS-certified.md python -m benchmarks.asking.certificates --problems 2 --erring 2
-    --limits 2       a few minutes; rough figures python -m benchmarks.asking.certificates --only "k
-                     = 5" limits                    parts of the page
+    python -m benchmarks.asking.certificates --journal results/certificates.jsonl \
+        --out benchmarks/RESULTS-certified.md
+    python -m benchmarks.asking.certificates --problems 2 --erring 2 --limits 2
+        # a few minutes; rough figures
+    python -m benchmarks.asking.certificates --only "k = 5" limits
+        # parts of the page
 
 Random MDPs of the paper (|S| = 100, |A| = 5, discount .95) and ICU-Sepsis, each problem with a
 hidden scale of its own. A truthful tutor and the polytope, beside plain value iteration; and, with

@@ -1,8 +1,9 @@
 """What a session of ICU-Sepsis asks of a person, and how long she waits: RESULTS-sessions.md.
 
-    python -m benchmarks.asking.person_sessions --out benchmarks/RESULTS-sessions.md   ten minutes
-    on two idle cores python -m benchmarks.asking.person_sessions --scales 1 --browser ""
-    without the browser; rough
+    python -m benchmarks.asking.person_sessions --out benchmarks/RESULTS-sessions.md
+        # ten minutes on two idle cores
+    python -m benchmarks.asking.person_sessions --scales 1 --browser ""
+        # without the browser; rough
 
 Scripted persons with hidden scales answer what ``elicit.Interview`` shows, by the counts that are
 shown. The waiting is measured in a browser (``--browser``: its program; Playwright drives it) in

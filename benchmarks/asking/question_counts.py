@@ -1,7 +1,7 @@
 """How many questions a policy costs: true loss and guaranteed loss against the number of answers.
 
-    python -m benchmarks.asking.question_counts --quick                          a minute; rough
-                                                                                 figures
+    python -m benchmarks.asking.question_counts --quick
+        # a minute; rough figures
     python -m benchmarks.asking.question_counts --out benchmarks/RESULTS-questions.md
 
 Random MDPs of the paper (|S| = 100, |A| = 5, discount .95, k = 5, 10, 20) and ICU-Sepsis (6 levels,

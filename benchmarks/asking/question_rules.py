@@ -1,14 +1,14 @@
 """Which question next: others' rules beside ours, all else equal.
 
-    python -m benchmarks.asking.question_rules --quick                                          a
-                                                                                                minute; rough figures
+    python -m benchmarks.asking.question_rules --quick
+        # a minute; rough figures
     python -m benchmarks.asking.question_rules --out benchmarks/RESULTS-question-rules.md
 
 ``InteractivePolicyIteration`` on random MDPs of the paper (|S| = 100, |A| = 5, discount .95), each
 time with another rule for its next question: our own, APReL's (mutual information, volume removal,
 greatest regret), Toubia's polyhedral one, and chance. ``--journal`` keeps finished runs: the same
 command goes on where it was stopped, also with more seeds.
-"""  # noqa: E501
+"""
 
 from __future__ import annotations
 

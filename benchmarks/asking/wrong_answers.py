@@ -1,15 +1,14 @@
-"""What it takes to allow for wrong answers: ``PolytopeComparator(k, wrong=m)``, in questions, CPU
-time and bounds kept.
+"""The number of questions, CPU time and bounds where some answers may be wrong.
 
-    python -m benchmarks.asking.wrong_answers --journal results/wrong.jsonl --out
-    benchmarks/RESULTS-wrong.md python -m benchmarks.asking.wrong_answers --levels 5 --problems 2
-    a minute; rough figures
+    python -m benchmarks.asking.wrong_answers --out benchmarks/RESULTS-wrong.md     half an hour
+    python -m benchmarks.asking.wrong_answers --levels 5 --problems 2               rough figures
 
-The first takes half an hour on two free cores. A journal keeps finished runs.
+``--journal FILE`` keeps finished runs. The comparator is ``PolytopeComparator(k, wrong=m)``.
 
 Random MDPs of the paper's law (|S| = 100, |A| = 5, discount .95), each with a hidden scale of its
 own. Policy iteration with a tolerance of 1%, every other setting at its default. Every problem is
-solved for every number of wrong answers that is allowed for, and by each tutor."""
+solved for every number of wrong answers that is allowed for, and by each tutor.
+"""
 
 from __future__ import annotations
 

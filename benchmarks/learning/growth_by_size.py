@@ -1,8 +1,8 @@
 """How seconds, questions and memory grow: learners with states and levels, comparators with
 answers; exponents.
 
-    python -m benchmarks.learning.growth_by_size [--journal FILE] [--afford 60] [--quick] [--out
-    FILE.md]
+    python -m benchmarks.learning.growth_by_size [--journal FILE] [--afford 60] [--quick] \
+        [--out FILE.md]
 
 Each cell, a method at one size, has a process and one thread of its own. A size is left out, and
 all that are larger, where one problem of it would take more CPU seconds than ``--afford``, judged

@@ -1,9 +1,11 @@
 """The rows behind notebook 04: comparators x learners x tutor errors, for several k and on real and
 known tasks.
 
-    python -m benchmarks.paper.ablation_table --out notebooks/data/ablation.csv      half an hour on
-    two cores python -m benchmarks.paper.ablation_table --out notebooks/data/ablation.csv --steps
-    20000 --seeds 2     rough
+    python -m benchmarks.paper.ablation_table --out notebooks/data/ablation.csv
+        # half an hour on two cores
+    python -m benchmarks.paper.ablation_table --out notebooks/data/ablation.csv --steps 20000 \
+        --seeds 2
+        # rough
 
 Each part is ``qlearn.ablation.ablate`` with its defaults but for what is said here; the journal
 beside the file lets it go on where it was stopped.

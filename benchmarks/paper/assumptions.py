@@ -1,11 +1,10 @@
 """What the paper does not state, one choice at a time: how much each moves the questions and losses
 of its comparator.
 
-python -m benchmarks.paper.assumptions --journal results/assumptions.jsonl --out docs/assumptions.md
-an hour on a core
-python -m benchmarks.paper.assumptions --quick                                            seconds;
-                                                                                          rough
-                                                                                          figures
+    python -m benchmarks.paper.assumptions --out docs/assumptions.md    an hour on a core
+    python -m benchmarks.paper.assumptions --quick                      seconds; rough figures
+
+``--journal FILE`` keeps finished runs.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """The paper's algorithm read literally, beside our default, and each thing that the reading leaves
 out put back.
 
-python -m benchmarks.paper.literal --journal results/literal.jsonl --out docs/literal.md        an
-hour on one core
-python -m benchmarks.paper.literal --quick                                                seconds;
-                                                                                          rough
-                                                                                          figures
+    python -m benchmarks.paper.literal --out docs/literal.md    an hour on one core
+    python -m benchmarks.paper.literal --quick                  seconds; rough figures
+
+``--journal FILE`` keeps finished runs.
 
 What the paper's algorithms give, and nothing more (``LITERAL``): the two vectors are put to the fit
 whether or not one dominates the other, for Algorithm 2 has no line that looks; eq. (7) is maximised

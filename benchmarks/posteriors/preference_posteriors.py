@@ -1,8 +1,7 @@
 """Posteriors over a tutor's preferences, ours and others': held-out answers, intervals, time.
 
-    python -m benchmarks.posteriors.preference_posteriors --quick                        seconds;
-                                                                                         rough
-                                                                                         figures
+    python -m benchmarks.posteriors.preference_posteriors --quick
+        # seconds; rough figures
     python -m benchmarks.posteriors.preference_posteriors --out benchmarks/RESULTS-posteriors.md
 
 ``PosteriorComparator``, the same posterior by plain Hamiltonian Monte Carlo and by emcee's ensemble

@@ -1,9 +1,10 @@
 """How many questions and trainings a policy from any trainer costs, and whether what is said of it
 holds.
 
-    python -m benchmarks.training.training_questions --out benchmarks/RESULTS-training.md    a
-    quarter of an hour python -m benchmarks.training.training_questions --problems 2
-    a minute; rough figures
+    python -m benchmarks.training.training_questions --out benchmarks/RESULTS-training.md
+        # a quarter of an hour
+    python -m benchmarks.training.training_questions --problems 2
+        # a minute; rough figures
 
 Random MDPs (|S| = 50, |A| = 5, discount .95) and ICU-Sepsis as black boxes that are solved exactly,
 or badly on purpose; a terrain in two dimensions with a tile-coded learner; deep-sea-treasure with

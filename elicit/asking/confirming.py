@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from elicit._support.fixed_order import product
 from elicit._support.threads import one_thread
-from elicit.asking.cuts import Cut, cuts_towards
+from elicit.asking.cuts import cuts_towards
 from elicit.lp.hit_and_run import Draws
 from elicit.model.comparator import WRONG_ODDS, Cell, Comparator, rough_bounds, simultaneous_bounds
 from elicit.model.difference import tail_sums
@@ -36,8 +36,15 @@ _MORE = 6.0  # times that a cell counts more for each further answer that may be
 _SLACK = 0.1
 
 
+class Confirming(NamedTuple):
+    """A difference (k,) to ask about, and which of those given it is, -1 for another one."""
+
+    d: Floats
+    row: int
+
+
 @one_thread
-def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Cut:
+def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Confirming:
     """Return the question whose answer leaves least to learn in all cells together.
 
     Parameters
@@ -53,7 +60,7 @@ def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Cut:
 
     Returns
     -------
-    Cut
+    Confirming
         Deterministic.
     """
     known = cast(_CellScales, comparator)
@@ -61,8 +68,8 @@ def confirming_question(comparator: Comparator, d: Floats, limit: float) -> Cut:
     most = np.max([part.high for part in parts], axis=0)
     own = np.argsort(-most, kind="stable")[:_OWN]
     again = known.answers.d[comparator.compare(known.answers.d) == Verdict.UNKNOWN]
-    asked = [Cut(d[i], int(i)) for i in own]
-    asked += [Cut(row, -1) for row in (*cuts_towards(known.draws, d, most, limit), *again)]
+    asked = [Confirming(d[i], int(i)) for i in own]
+    asked += [Confirming(row, -1) for row in (*cuts_towards(known.draws, d, most, limit), *again)]
     return min(
         asked, key=lambda cut: round(_expected(cut.d, parts, limit), 9)
     )  # of equals the first

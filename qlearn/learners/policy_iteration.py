@@ -87,9 +87,10 @@ class InteractivePolicyIteration(Learner):
         of the signs of the advantages in question.
     cuts : bool, optional
         Once most plausible scales agree on the policy, also ask about two mixtures of levels that
-        are made to close several advantages at once (``elicit.asking.cuts``). That needs proven
-        bounds, one question at a time, no bags, and a tutor who calls no pair equal and can tell
-        all. Default: with the default strategy.
+        are made to close several advantages at once (``elicit.asking.cuts``), if that promises
+        twice as much as the strategy's own question. It needs proven bounds, one question at a
+        time, no bags, and a tutor who calls no pair equal and can tell all. Default: wherever that
+        holds, whatever the strategy. ``True`` raises where it cannot hold.
     exact : bool, optional
         Whether every round looks at all states. Otherwise a round improves the last solution
         approximately, which the bound allows for, and looks at a sample of states, with a few
@@ -158,8 +159,7 @@ class InteractivePolicyIteration(Learner):
         )
         if cuts:
             _check_cuts(comparator, bags, batch)
-        wanted = self._strategy is telling_violation if cuts is None else cuts
-        self._cuts = wanted and bags is None and batch == 1
+        self._cuts = cuts is not False and bags is None and batch == 1
         self._end: Status | None = None
         self._found: tuple[Comparator, Advantages, Guarantee] | None = None
         self._seen_between: (
@@ -188,9 +188,12 @@ class InteractivePolicyIteration(Learner):
             TUNING.matters * self._enough,
             self._elicitation.comparator,
         )
-        if self._cuts and (pair := self._cut(over, rows, candidates)) is not None:
-            return self._elicitation.open([pair])
-        order = rows[best(self._strategy, candidates, len(rows))]
+        chosen = best(self._strategy, candidates, len(rows))
+        if self._cuts:
+            pair = self._cut(over, rows, candidates, candidates.d[chosen[0]])
+            if pair is not None:
+                return self._elicitation.open([pair])
+        order = rows[chosen]
         if self._bags is not None:
             about = over.d[order[: TUNING.signs]]
             if simple := simple_pair(
@@ -282,11 +285,11 @@ class InteractivePolicyIteration(Learner):
         return rows
 
     def _cut(
-        self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates
+        self, over: Advantages, rows: NDArray[np.int64], candidates: Candidates, instead: Floats
     ) -> Pair | None:
-        """Return the question that closes most of the advantages in these rows.
+        """Return a question that closes more of the advantages than ``instead`` (k,) would.
 
-        None if no cut is wanted.
+        None if there is none, or no cut can be asked about.
         """
         elicitation, scores = self._elicitation, candidates.scores
         plain = not (
@@ -297,20 +300,25 @@ class InteractivePolicyIteration(Learner):
         if not (plain and proven):
             return None
         undecided = product((scores > candidates.limit).any(axis=0), candidates.weights)
-        if undecided > TUNING.undecided:
+        wrong = wrong_of(known)
+        if undecided > (TUNING.confirming if wrong else TUNING.undecided):
             return None
         high = simultaneous_bounds(known, candidates.d)[0]
         most = np.argsort(-high, kind="stable")[: TUNING.closed]
         limit = TUNING.close * self._enough
-        if wrong_of(known):
-            found = confirming_question(known, candidates.d[most], limit)
+        d = candidates.d[most]
+        if wrong:
+            found = confirming_question(known, d, limit)
+            if found.row >= 0:
+                return self._pair(over, int(rows[most[found.row]]))
+            cut: Floats | None = found.d
         else:
-            found = closing_cut(known, candidates.draws, candidates.d[most], high[most], limit)
-        if found.row >= 0:
-            return self._pair(over, int(rows[most[found.row]]))
-        left, right = np.maximum(found.d, 0.0), np.maximum(-found.d, 0.0)
+            cut = closing_cut(known, candidates.draws, d, high[most], limit, instead)
+        if cut is None:
+            return None
+        left, right = np.maximum(cut, 0.0), np.maximum(-cut, 0.0)
         pair = Pair(left, right, "two mixtures of levels: left or right?")
-        return pair if elicitation.may_ask(found.d[None], lambda _: pair.place).all() else None
+        return pair if elicitation.may_ask(cut[None], lambda _: pair.place).all() else None
 
     def _settled_by(self, over: Advantages) -> NDArray[np.int8]:
         """Return the tiers (n,) that decided that the policy's alternatives are no better.

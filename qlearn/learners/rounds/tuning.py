@@ -20,9 +20,9 @@ class Tuning:
     (1 - discount), a fifth more questions were asked."""
 
     signs: int = 12  # advantages, the best to ask about, whose signs a simple question should tell
-    undecided: float = (
-        0.5  # cuts are asked if at most this weight of the scales sees a better action
-    )
+    # cuts are asked if at most this weight of the scales sees a better action
+    undecided: float = 0.25
+    confirming: float = 0.5  # the same for questions that confirm answers which may be wrong
     closed: int = 200  # advantages, those with the greatest bounds, that a cut is meant to close
     close: float = 0.3  # the part of the tolerance to which a cut should bring them down
 

@@ -410,10 +410,10 @@ def test_cuts_that_are_wanted_where_there_can_be_none_are_refused(comparator, se
 
 @pytest.mark.parametrize("says", [None, Verdict.EQUAL], ids=["cannot tell", "equal"])
 def test_a_tutor_who_is_unsure_of_a_cut_is_asked_about_actions(says):
-    mdp, values = random_mdp(60, 5, 8, rng=0)
+    mdp, values = random_mdp(60, 5, 12, rng=0)
     truth, learner = (
         TruthfulTutor(values),
-        InteractivePolicyIteration(mdp, PolytopeComparator(8), tolerance=1e-4),
+        InteractivePolicyIteration(mdp, PolytopeComparator(12), tolerance=1e-4),
     )
     unsure, others = 0, []
     for _ in range(60):
