@@ -91,11 +91,12 @@ def served(
     words: Words = WORDS,
     port: int = 0,
     ask: type[Listed] = Listed,
+    least: int = 0,
 ) -> Iterator[Any]:
-    """A ``WebServer`` of a session that asks these."""
+    """A ``WebServer`` of a session that asks these, and no others unless ``least`` says so."""
     from elicit.person.hosts.web import WebServer
 
-    subject = Subject(tuple(labels), words, report=says)
+    subject = Subject(tuple(labels), words, report=says, least=least)
     with (
         Session(lambda known: ask(questions, known), log) as session,
         WebServer(session, subject, port=port) as server,

@@ -4,11 +4,13 @@ A host, such as a page or a widget, sends messages and draws the replies. Both a
 one front end (``page/interview.js``) serves all of them. An ``Interview`` may be used by several
 threads, windows and people at once: one message is taken at a time, and an answer counts once.
 
-Every message is ``{"do": ...}``. The reply to the first five of these is the screen to be drawn
-now:
+Every message is ``{"do": ...}``, and its other parts are strings. The reply to each of these is the
+screen to be drawn now:
 
 ``state``
     Nothing else.
+``start``
+    The person leaves the welcome, perhaps with ``who`` and ``budget`` (a number of questions).
 ``practised``
     The practice question was answered, with ``choice``.
 ``answer``
@@ -17,64 +19,104 @@ now:
     ``id`` of the answer that is taken back. It must be the last one, otherwise nothing happens.
 ``withdraw``
     ``id`` of an answer that is taken back, whichever it is.
+``settle``
+    ``id`` of a conflict; ``choice``, one of the conflict's.
+``choose``
+    ``option`` of an offer.
+``finish``
+    The person wants the result now.
+``more``
+    The person wants to go on after the end.
+
+The other replies are:
+
 ``outlook``
     ``id`` of the question, for the notes beside it. The reply has ``why`` (sentences), ``to_come``
     ([least, most], the number of questions after this one, or null) and ``ready`` (true if nothing
     will be added; until then ask again).
 ``answers``
-    The reply has ``answers``, oldest first, each with ``id``, ``sentence``, ``verdict``, ``time``,
-    ``withdrawn``, ``used`` and ``repeat``, and ``conflicts``, lists of ids.
+    The reply has ``answers``, oldest first, each with ``id``, ``number``, ``sentence``,
+    ``verdict``, ``time``, ``withdrawn``, ``used`` and ``repeat``, and ``conflicts``, lists of ids.
 ``report``
     The reply has ``html``, a page to keep, and ``name`` for its file.
+``download``
+    ``what``: "scale", "policy" or "answers"; ``format``: "csv" or "json". The reply has ``text``,
+    ``type`` and ``name``.
 
 A screen has these fields:
 
-``title``, ``preamble``
-    Texts.
+``title``, ``preamble``, ``note_beside``
+    Texts. The last is for every result, such as a disclaimer.
+``legend``
+    ``duration`` (a sentence, or "") and ``levels``, best first, each with ``label``, ``level`` (0
+    the worst) and ``meaning``.
 ``stage``
-    "practice", "question" or "end".
+    "welcome", "practice", "question", "conflict", "offer" or "end".
 ``answered``
     Number of answers that stand.
+``open_conflicts``
+    Number of answers that contradict others.
+``budget``
+    Number of questions that the person planned, or null.
 ``last``
     ``id`` and ``sentence`` of the answer that undo takes back, or null.
 ``note``
     A remark to the person on the last message, or null.
-``question``
-    Null at the end.
-``end``
-    Null before the end.
+``welcome``, ``question``, ``conflict``, ``offer``, ``end``
+    Null but at their stage. The practice has a question too.
+
+The welcome has ``before`` (a sentence on what could be lost without an answer, or ""), ``purpose``,
+``compare``, ``least`` (the fewest answers before it can be finished) and ``budgets``, each with
+``questions`` and ``label``.
 
 A question has ``id``, ``number``, ``heading``, ``sentences``, ``sides`` (the names of A and B),
 ``of``, ``unit``, ``levels`` (k), ``labels``, ``icons`` (true if the counts of the rows are small
 enough to be drawn one by one) and ``rows``, best level first. Each row has ``label``, ``level`` (0
 the worst), ``a`` and ``b``.
 
-The end has ``open`` (the reason why there is no question though more could be asked, or null),
-``scale`` (rows, best level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100),
-``certainty`` (of the intervals), ``statements``, ``counts`` and ``conflicts`` (lists of ``id`` and
-``sentence``). ``counts`` has ``answered``, with ``equal``, ``cannot tell`` and ``unused`` among
-them; ``withdrawn``; and ``repeated``, the questions that were put again, which nothing else counts,
-with ``alike`` of them answered as before.
+A conflict has ``id``, ``heading``, ``text``, ``answers`` (each with ``number``, ``sentence``,
+``chosen`` and ``question``, which is drawn as it was shown) and ``choices``, each with ``choice``
+and ``label``. An offer has ``heading``, ``text`` and ``options``, each with ``option`` and
+``label``.
+
+The end has ``headline``, ``sure``, ``next``, ``before`` (texts), ``caution`` (a sentence on why the
+answers say little, or null), ``settled``, ``more`` (true if something is left to ask), ``open``
+(the reason why there is no question though more could be asked, or null), ``scale`` (rows, best
+level first: ``label``, ``value``, ``low``, ``high``, from 0 to 100, and ``asked``, false for a
+level that no answer is about), ``certainty`` (of the intervals), ``statements``, ``changes``
+(``title``, ``note``, ``columns``, ``rows``, or null), ``downloads``, ``facts`` (pairs), ``limits``,
+``counts`` and ``conflicts`` (lists of ``id``, ``number`` and ``sentence``). ``counts`` has
+``answered``, with ``equal``, ``cannot tell`` and ``unused`` among them; ``withdrawn``; and
+``repeated``, the questions that were put again, which nothing else counts, with ``alike`` of them
+answered as before.
 """
 
 from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
-from functools import partial
 from inspect import signature
 from itertools import chain
 from typing import Any
 
+import numpy as np
+
 from elicit._support.closing import Closing
+from elicit._support.distribution import version
+from elicit.model.pairs import same_pairs
 from elicit.model.query import Answer, Query, Verdict
+from elicit.model.scale import tail_sums
 from elicit.person.asker import AfterAnswer, Asker, Compares
 from elicit.person.background import Background
-from elicit.person.findings import certainty, scale_rows
+from elicit.person.course.conclusion import Conclusion, Facts, in_unit
+from elicit.person.course.conduct import ORDER, Conduct, choice_of, differs
+from elicit.person.course.files import answer_row, as_csv, as_json
+from elicit.person.course.further import level_question, order_question
+from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
 from elicit.person.report import report_page
@@ -88,13 +130,13 @@ from elicit.person.showing import (
     printable,
     show,
 )
-from elicit.tutors.answer_log import Entry
+from elicit.tutors.answer_log import CONTRADICTS, REPEATS, Entry
 
-_UNUSED = "This does not go together with earlier answers, so it is not used: see “Your answers”."
-_REPEATED = (
-    "That question was put a second time, to see whether the answers agree. What follows is the "
-    "same either way."
-)
+_MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over is said again
+_BUDGETS = ((8, "about 3 minutes"), (15, "about 5 minutes"), (30, "about 10 minutes"))
+_ORDER_AFTER = 4  # answers before the question about the order of two levels
+_LONGEST_NAME = 80
+_NO_CONFLICT: tuple[Entry, ...] = ()
 
 
 def _no_more(_: Any) -> list[str]:
@@ -103,6 +145,10 @@ def _no_more(_: Any) -> list[str]:
 
 def _unsaid(_: Any) -> None:
     return None
+
+
+def _nothing_concluded(_: Any, before: float | None) -> Conclusion:
+    return Conclusion()
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +171,15 @@ class Subject:
         Advice for when no question in whole numbers is left.
     seed : int
         Decides which side is A, and other choices by chance.
+    least : int
+        Fewest answers, besides "cannot tell", before the interview says that it is finished, if
+        anything was at stake before the first. Until then it asks about the levels of which most
+        is open, and then it puts an earlier question again. 0: it ends with its asker.
+    conclude : callable
+        Returns the ``Conclusion`` of the outcome of ``Session.result``. Its second argument is the
+        share of the value range that could be lost before the first answer, or None if unknown.
+    facts : Facts
+        Facts that the report names.
     """
 
     labels: tuple[str, ...]
@@ -134,6 +189,19 @@ class Subject:
     stakes: Callable[[Any], str | None] = field(default=_unsaid, repr=False)
     finer: str = ""
     seed: int = 0
+    least: int = 5
+    conclude: Callable[[Any, float | None], Conclusion] = field(
+        default=_nothing_concluded, repr=False
+    )
+    facts: Facts = field(default_factory=Facts)
+
+
+@dataclass(frozen=True)
+class _Start:
+    """A session before its first answer: what could be lost, and whether nothing needs asking."""
+
+    loss: float | None
+    finished: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,25 +237,43 @@ class Interview(Closing):
     def __init__(self, session: Session, subject: Subject) -> None:
         self._session, self._subject = session, subject
         self._lock = threading.RLock()
-        self._practised = any(not entry.retracted for entry in session.log)
+        self._started = self._practised = any(not entry.retracted for entry in session.log)
         self._put: str | None = None  # id of the query that was logged last as shown
         self.shown: Shown | None = None
         """The question of the last screen, for hosts that draw it themselves; None if it has
         none.
         """
-        session.instead = partial(_in_whole_numbers, subject)
+        session.instead = self._instead
+        if subject.least:
+            session.further = self._further
+            session.check_regularly()
         self._background = Background()
         self._beside: _Beside | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
+        self._start: _Start | None = None  # computed when it is first needed
+        self._stopped = False  # the person wants the result now
+        self._more = False  # the person wants more questions than needed
+        self._other = False  # the person wants another kind of question
+        self._budget: int | None = None
+        self._offered = 0  # number of answers at the last offer, which is not made again
+        self._heard = 0  # number of answers at the last caution
+        self._passed: set[frozenset[str]] = set()  # conflicts that are left as they are
+        self._found: tuple[tuple[int, int], tuple[tuple[Entry, ...], ...]] | None = None
         self._does: dict[str, Callable[..., dict[str, Any]]] = {
             "state": lambda: self._screen(),
+            "start": self._begin,
             "practised": self._practise,
             "answer": self._answer,
             "undo": self._undo,
             "withdraw": self._withdraw,
+            "settle": self._settle,
+            "choose": self._choose,
+            "finish": self._finish,
+            "more": self._go_on,
             "outlook": self._outlook,
             "answers": self._answers,
             "report": self._report,
+            "download": self._download,
         }
 
     def handle(self, message: Mapping[str, Any]) -> dict[str, Any]:
@@ -236,18 +322,40 @@ class Interview(Closing):
         screen: dict[str, Any] = {
             "title": printable(words.title),
             "preamble": printable(words.preamble),
-            "stage": "practice",
+            "note_beside": printable(words.note),
+            "legend": self._legend(),
+            "stage": "welcome",
             "answered": answered,
+            "open_conflicts": sum(CONTRADICTS in e.metadata and not e.used for e in standing),
+            "budget": self._budget,
             "last": last and {"id": last.query.id, "sentence": self._sentence(standing[-1])},
             "note": note,
+            "welcome": None,
             "question": None,
+            "conflict": None,
+            "offer": None,
             "end": None,
         }
-        if not self._practised and not standing:
-            shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
-            self.shown = shown
-            self._background.start(self._first_question())
-            return {**screen, "question": self._drawn(shown, 0)}
+        if not standing and not self._practised and not self._stopped:
+            if not self._started and session.question() is not None:
+                self.shown = None
+                return {**screen, "welcome": self._welcome()}
+            if session.question() is not None:
+                shown = practice(self._subject.labels, words, self._subject.of, self._subject.seed)
+                self.shown = shown
+                self._background.start(self._first_question())
+                return {**screen, "stage": "practice", "question": self._drawn(shown, 0)}
+        conduct = Conduct.of([*session.log])
+        caution = conduct.caution() if answered >= self._heard + _MORE_AFTER_CAUTION else None
+        if conflict := self._conflict_now():
+            self.shown = None
+            return {**screen, "stage": "conflict", "conflict": conflict}
+        if self._stopped or (caution and self._subject.least):
+            self.shown = None
+            return {**screen, "stage": "end", "end": self._end(False)}
+        if offer := self._offer(conduct):
+            self.shown = None
+            return {**screen, "stage": "offer", "offer": offer}
         query = session.question()
         shown_now = None if query is None else self._shown(query)
         if shown_now is None or not shown_now.exact:
@@ -261,22 +369,71 @@ class Interview(Closing):
         self._compute_beside(shown_now)
         return {**screen, "stage": "question", "question": self._drawn(shown_now, answered + 1)}
 
+    def _legend(self) -> dict[str, Any]:
+        words, labels = self._subject.words, self._subject.labels
+        meanings = words.levels if len(words.levels) == len(labels) else ("",) * len(labels)
+        levels = [
+            {"label": printable(label), "level": level, "meaning": printable(meaning)}
+            for level, (label, meaning) in enumerate(zip(labels, meanings, strict=True))
+        ]
+        stays = f"Each of the {words.unit} stays in the condition shown for {words.duration}."
+        return {"duration": printable(stays) if words.duration else "", "levels": levels[::-1]}
+
+    def _welcome(self) -> dict[str, Any]:
+        words, start = self._subject.words, self._at_start()
+        loss = None if start is None else start.loss
+        compare = f"Each question shows two {words.side}s of {words.unit}. You choose one of them."
+        return {
+            "compare": printable(compare),
+            "purpose": printable(words.purpose),
+            "before": "" if loss is None else printable(self._before(loss)),
+            "least": self._subject.least,
+            "budgets": [{"questions": n, "label": label} for n, label in _BUDGETS],
+        }
+
+    def _before(self, loss: float) -> str:
+        """Return a sentence on what could be lost before the first answer."""
+        words = self._subject.words
+        most = in_unit(loss, words.unit, self._subject.labels, words.loss)
+        return f"Before your first answer, the result could lose as much as {most}."
+
+    def _at_start(self) -> _Start | None:
+        """Return the session before its first answer, or None if its asker cannot be made anew."""
+        if self._start is None:
+            empty = not any(not entry.retracted for entry in self._session.log)
+            asker = self._session.current_asker() if empty else self._session.at_start()
+            if asker is None:
+                return None
+            loss = getattr(asker.result(), "loss_bound", None)
+            known = isinstance(loss, float) and not np.isnan(loss)
+            self._start = _Start(float(loss) if known else None, not asker.ask())  # type: ignore[arg-type]
+        return self._start
+
     def _first_question(self) -> Iterator[None]:
         with self._lock:
             self._session.question()
         yield
 
+    def _begin(self, who: str = "", budget: str = "") -> dict[str, Any]:
+        self._started, self._stopped = True, False
+        if who.strip():
+            self._session.stamp(printable(who.strip())[:_LONGEST_NAME])
+        self._budget = int(budget) if budget.isdecimal() and 0 < int(budget) < 10_000 else None
+        return self._screen()
+
     def _practise(self, choice: str) -> dict[str, Any]:
-        self._practised = True
+        self._started = self._practised = True
         shown = practice(
             self._subject.labels, self._subject.words, self._subject.of, self._subject.seed
         )
         obvious = "b" if shown.swapped else "a"
+        if self._session.question() is None:
+            return self._screen()
         if choice == obvious:
-            return self._screen("Just so. Now the questions that count.")
+            return self._screen("Right. Now the real questions.")
         return self._screen(
-            f"Most would say {obvious.upper()}: all there are at the best level. Now the questions "
-            "that count."
+            f"Most people choose {obvious.upper()}, because everyone in it is “"
+            f"{printable(self._subject.labels[-1])}”. Now the real questions."
         )
 
     def _answer(self, id: str, choice: str) -> dict[str, Any]:
@@ -291,24 +448,262 @@ class Interview(Closing):
                 None,
             )
             if said is None:
-                return self._screen(
-                    "That question is not open any more. This is where things stand."
-                )
+                return self._screen("That question is no longer open. This is the current one.")
             if self._shown(said.answer.query).verdict(choice) == said.answer.verdict:  # type: ignore[arg-type]
                 return self._screen()  # the answer was sent twice
             return self._screen(
-                "That question was answered already, perhaps in another window: "
-                f"{self._sentence(said)}. "
-                "That answer stands; you can take it back."
+                "That question was already answered, perhaps in another window: "
+                f"{self._sentence(said)}. That answer stands. You can take it back."
             )
         verdict = self._shown(query).verdict(choice)  # type: ignore[arg-type]  # which raises ValueError
         waits = self._session.next_told()
         self._session.answer(id, verdict, ahead=self._told_ahead)
-        if waits is not None and waits.id != id and not self._session.log[-1].repeat:
-            self._forget()  # there is another asker now
-        self._practised = True
+        self._started = self._practised = True
+        self._stopped = False
         said = self._session.log[-1]
-        return self._screen(_REPEATED if said.repeat else None if said.used else _UNUSED)
+        if not said.repeat and (waits is None or waits.id != id):
+            self._forget()  # there is another asker now
+        return self._screen()
+
+    def _instead(self, query: Query, answered: Callable[[Query], bool]) -> Query | None:
+        """Return the query in place of the asker's: a check, another kind, or whole numbers."""
+        asker = self._session.current_asker()
+        if self._subject.least and isinstance(asker, Compares):
+            if (check := self._order_check(asker.comparator.k)) and not answered(check):
+                return check
+            if self._other:
+                other = level_question(
+                    asker.comparator, self._subject.of, answered, mixed_with="neighbours"
+                )
+                if other is not None:
+                    return other
+        return _in_whole_numbers(self._subject, query, answered)
+
+    def _order_check(self, k: int) -> Query | None:
+        """Return the question about two neighbouring levels that is due, or None."""
+        log = [*self._session.log]
+        conduct = Conduct.of(log)
+        n = sum(entry.answer.query.id.startswith(ORDER) for entry in log)
+        due = (conduct.answered >= _ORDER_AFTER) + (conduct.differed > 0)
+        if not self._session.audits or k < 3 or n >= due:
+            return None
+        return order_question(k, 1 + (k // 2 + n) % (k - 1))
+
+    def _further(self) -> Query | None:
+        """Return the question to put when the asker has none, or None at the end."""
+        conduct, start = Conduct.of([*self._session.log]), self._at_start()
+        needed = start is not None and not start.finished
+        if self._more or (needed and conduct.with_verdict < self._subject.least):
+            found = self._level_question()
+            if found is not None:
+                return found
+        return self._session.confirming() if needed or self._more else None
+
+    def _level_question(self) -> Query | None:
+        asker = self._session.current_asker()
+        if not isinstance(asker, Compares):
+            return None
+        said = [tail_sums(e.answer.query.d) for e in self._session.log if not e.retracted]
+
+        def answered(query: Query) -> bool:
+            return bool(said) and bool(same_pairs(tail_sums(query.d), np.array(said)).any())
+
+        asked = asked_levels(self._session.log)
+        return level_question(asker.comparator, self._subject.of, answered, asked)
+
+    def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
+        """Return what the person is offered before the next question, or None."""
+        n = conduct.answered
+        if n <= self._offered or not self._subject.least:
+            return None
+        stop = {"option": "finish", "label": "Finish now and show the result"}
+        if conduct.offers:
+            return {
+                "heading": f"You could not tell {conduct.in_a_row} times in a row",
+                "text": "That is fine. What would you like to do?",
+                "options": [
+                    {"option": "other", "label": "Try another kind of question"},
+                    {"option": "on", "label": "Go on as before"},
+                    {"option": "pause", "label": "Take a break"},
+                    stop,
+                ],
+            }
+        if self._budget is not None and n >= self._budget and self._session.question() is not None:
+            return {
+                "heading": f"You planned {self._budget} questions, and answered {n}",
+                "text": "You can see the result now, or go on for a smaller uncertainty.",
+                "options": [stop, {"option": "on", "label": "Go on until it is settled"}],
+            }
+        return None
+
+    def _choose(self, option: str) -> dict[str, Any]:
+        if option not in ("other", "on", "finish"):
+            raise ValueError(f"option must be 'other', 'on' or 'finish', not {option[:40]!r}")
+        if option == "finish":
+            return self._finish()
+        self._offered = Conduct.of([*self._session.log]).answered
+        if self._budget is not None and self._offered >= self._budget:
+            self._budget = None
+        if option == "other":
+            self._other = not self._other
+            self._forget()
+        return self._screen()
+
+    def _finish(self) -> dict[str, Any]:
+        self._stopped = True
+        return self._screen()
+
+    def _go_on(self) -> dict[str, Any]:
+        conduct = Conduct.of([*self._session.log])
+        self._started = self._practised = True
+        self._stopped = False
+        if conduct.caution() is not None:
+            self._heard = conduct.answered
+        self._offered = conduct.answered
+        if self._session.question() is None:
+            self._more = True
+        return self._screen()
+
+    def _conflicts_found(self) -> tuple[tuple[Entry, ...], ...]:
+        """Return ``Session.conflicts``, which are computed once for the same answers."""
+        log = self._session.log
+        state = len(log), sum(entry.retracted for entry in log)
+        if self._found is None or self._found[0] != state:
+            self._found = state, self._session.conflicts()
+        return self._found[1]
+
+    def _conflict_now(self) -> dict[str, Any] | None:
+        """Return the conflict that the last answer is part of, unless the person left it."""
+        standing = [entry for entry in self._session.log if not entry.retracted]
+        if not standing or not self._subject.least:
+            return None
+        last = standing[-1]
+        if last.repeat:
+            first = next((e for e in standing if e.answer.query.id == last.metadata[REPEATS]), None)
+            if first is None or not differs(last) or self._is_passed((first, last)):
+                return None
+            return self._repeat_conflict(first, last)
+        among = next((found for found in self._conflicts_found() if last in found), _NO_CONFLICT)
+        if not among or self._is_passed(among):
+            return None
+        return self._contradiction(among)
+
+    def _is_passed(self, among: Sequence[Entry]) -> bool:
+        return frozenset(entry.answer.query.id for entry in among) in self._passed
+
+    def _repeat_conflict(self, first: Entry, again: Entry) -> dict[str, Any]:
+        choices = [
+            {"choice": "first", "label": "What I said before"},
+            {"choice": "second", "label": "What I said now"},
+        ]
+        if not self._session.makes_askers:
+            choices = [{"choice": "first", "label": "Keep what I said before"}]
+        else:
+            said = {first.answer.verdict, again.answer.verdict}
+            if Verdict.EQUAL not in said:
+                choices.append({"choice": "equal", "label": "Both are about equal"})
+            if None not in said:
+                choices.append({"choice": "cannot tell", "label": "I am not sure"})
+        return {
+            "id": again.answer.query.id,
+            "heading": "You answered this question differently before",
+            "text": "This happens to most people. Which do you mean?",
+            "answers": [
+                self._as_shown(first, "Before"),
+                self._as_shown(again, "Now"),
+            ],
+            "choices": choices,
+        }
+
+    def _contradiction(self, among: Sequence[Entry]) -> dict[str, Any]:
+        numbers = self._numbers()
+        shown = [
+            self._as_shown(entry, f"Answer {numbers[id_]}")
+            for entry in among
+            for id_ in [entry.answer.query.id]
+        ]
+        if len(among) == 1:
+            heading = "This answer goes against the order of the levels"
+            text = "Do you mean it? While it stands, it is not used."
+            choices = [{"choice": f"withdraw:{among[0].answer.query.id}", "label": "Take it back"}]
+        elif len(among) == 2:
+            heading = "These two answers contradict each other"
+            text = "This happens to most people. Which one do you mean now?"
+            ids = [entry.answer.query.id for entry in among]
+            choices = [
+                {"choice": f"withdraw:{other}", "label": f"Keep answer {numbers[one]}"}
+                for one, other in (ids, ids[::-1])
+            ]
+        else:
+            heading = f"These {len(among)} answers contradict each other"
+            text = "This happens to most people. Withdrawing any one of them fixes it."
+            choices = [
+                {
+                    "choice": f"withdraw:{entry.answer.query.id}",
+                    "label": f"Withdraw answer {numbers[entry.answer.query.id]}",
+                }
+                for entry in among
+            ]
+        if len(among) > 1:
+            choices.append({"choice": "cannot tell", "label": "I am not sure"})
+        choices.append({"choice": "later", "label": "Decide later"})
+        return {
+            "id": among[-1].answer.query.id,
+            "heading": heading,
+            "text": text,
+            "answers": shown,
+            "choices": choices,
+        }
+
+    def _as_shown(self, entry: Entry, name: str) -> dict[str, Any]:
+        shown = self._as_put(entry)
+        return {
+            "name": name,
+            "sentence": self._sentence(entry),
+            "chosen": choice_of(entry.answer),
+            "question": self._drawn(shown, 0),
+        }
+
+    def _as_put(self, entry: Entry) -> Shown:
+        """Return the question of an answer with the sides as the person saw them."""
+        return replace(self._shown(entry.answer.query), swapped=entry.answer.swapped)
+
+    def _settle(self, id: str, choice: str) -> dict[str, Any]:
+        conflict = self._conflict_now()
+        if conflict is None or conflict["id"] != id:
+            return self._screen("That was settled already, perhaps in another window.")
+        if choice not in {one["choice"] for one in conflict["choices"]}:
+            raise ValueError(f"choice must be one of the conflict's, not {choice[:80]!r}")
+        standing = {e.answer.query.id: e for e in self._session.log if not e.retracted}
+        last = standing[id]
+        self._forget()
+        if choice == "later":
+            among = next(found for found in self._conflicts_found() if last in found)
+            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            return self._screen("Both answers are kept. You find them under “Your answers”.")
+        if last.repeat:
+            first = standing[last.metadata[REPEATS]]
+            if choice == "first" and not self._session.makes_askers:
+                self._passed.add(frozenset((first.answer.query.id, id)))
+                return self._screen("Your first answer stands.")
+            meant = {
+                "first": first.answer.verdict,
+                "second": last.answer.verdict,
+                "equal": Verdict.EQUAL,
+                "cannot tell": None,
+            }[choice]
+            self._session.settle(id, meant)
+            return self._screen("Thank you. That is what counts from now on.")
+        among = next(found for found in self._conflicts_found() if last in found)
+        if not self._session.makes_askers:
+            self._passed.add(frozenset(entry.answer.query.id for entry in among))
+            return self._screen("This program cannot take answers back.")
+        if choice == "cannot tell":
+            for entry in among:
+                self._session.withdraw(entry.answer.query.id)
+            return self._screen("Thank you. None of these answers is used.")
+        self._session.withdraw(choice.removeprefix("withdraw:"))
+        return self._screen("Thank you. The other answers stay.")
 
     def _compute_beside(self, shown: Shown) -> None:
         """Start the computations beside a question, which is on the screen now."""
@@ -318,10 +713,9 @@ class Interview(Closing):
             return
         before, since = None if now is None else now.outlook, tuple(self._since)
         self._beside, self._since = _Beside(shown.id, asker), []
-        if (twin := session.twin()) is None:
-            return
         pending = session.next_told()
-        assert pending is not None  # otherwise nothing would be shown
+        if pending is None or (twin := session.twin()) is None:
+            return  # the asker is done, or cannot be copied
         ahead = None
         if now is not None and now.ahead is not None and now.ahead.waits_for(asker, pending):
             ahead = now.ahead  # ``shown`` is, or was, a repeat
@@ -360,8 +754,11 @@ class Interview(Closing):
     def _undo(self, id: str) -> dict[str, Any]:
         standing = [entry for entry in self._session.log if not entry.retracted]
         if not standing or standing[-1].answer.query.id != id:
-            return self._screen("Nothing was taken back: that is not the last answer any more.")
+            return self._screen(
+                "Nothing was taken back, because that is no longer the last answer."
+            )
         self._forget()
+        self._stopped = False
         self._session.undo()
         return self._screen("Taken back.")
 
@@ -369,7 +766,7 @@ class Interview(Closing):
         if not any(
             entry.answer.query.id == id and not entry.retracted for entry in self._session.log
         ):
-            return self._screen("Nothing was taken back: no such answer stands any more.")
+            return self._screen("Nothing was taken back, because that answer no longer stands.")
         self._forget()
         self._session.withdraw(id)
         return self._screen("Taken back. The other answers stay.")
@@ -386,10 +783,15 @@ class Interview(Closing):
         to_come = None if outlook.to_come is None else [*outlook.to_come]
         return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
 
+    def _numbers(self) -> dict[str, int]:
+        """Return the number of each answer in lists and reports, by its query's id."""
+        return {entry.answer.query.id: i for i, entry in enumerate(self._session.log, 1)}
+
     def _answers(self) -> dict[str, Any]:
         said = [
             {
                 "id": entry.answer.query.id,
+                "number": number,
                 "sentence": self._sentence(entry),
                 "verdict": entry.answer.verdict,
                 "time": entry.metadata.get("time"),
@@ -397,7 +799,7 @@ class Interview(Closing):
                 "used": entry.used,
                 "repeat": entry.repeat,
             }
-            for entry in self._session.log
+            for number, entry in enumerate(self._session.log, 1)
         ]
         return {
             "answers": said,
@@ -409,6 +811,7 @@ class Interview(Closing):
         whole = query is not None and self._shown(query).exact
         now = datetime.now(UTC)
         title = printable(self._subject.words.title)
+        facts = {"Person": self._session.who or "not named", **dict(self._subject.facts.of)}
         html = report_page(
             title,
             f"{now.day} {now:%B %Y, %H:%M} UTC",
@@ -418,24 +821,113 @@ class Interview(Closing):
             log=None if log.path is None else printable(log.path.name),
             checksum=log.checksum,
             preamble=printable(self._subject.words.preamble),
+            legend=self._legend(),
+            facts={**facts, "Version": f"elicit-qlearn {version()}"},
+            limits=self._limits(),
         )
-        words = re.findall(r"\w+", title.lower())
-        return {"html": html, "name": "-".join([*words, "report", f"{now:%Y-%m-%d}"]) + ".html"}
+        return {"html": html, "name": self._file_name("report", "html", now)}
+
+    def _file_name(self, what: str, ending: str, now: datetime) -> str:
+        words = re.findall(r"\w+", printable(self._subject.words.title).lower())
+        return "-".join([*words, what, f"{now:%Y-%m-%d}"]) + f".{ending}"
+
+    def _download(self, what: str, format: str) -> dict[str, Any]:
+        if format not in ("csv", "json") or what not in ("scale", "policy", "answers"):
+            raise ValueError("what is scale, policy or answers, and format csv or json")
+        rows = self.table(what)
+        text = as_csv(rows) if format == "csv" else as_json(rows)
+        now = datetime.now(UTC)
+        return {
+            "text": text,
+            "type": "text/csv" if format == "csv" else "application/json",
+            "name": self._file_name(what, format, now),
+        }
+
+    def table(self, what: str) -> list[dict[str, Any]]:
+        """Return a table to keep, as a list of rows: {column: value}.
+
+        Parameters
+        ----------
+        what : {"scale", "policy", "answers"}
+
+        Returns
+        -------
+        list of dict
+        """
+        if what == "answers":
+            return [
+                answer_row(number, entry, self._as_put(entry), self._sentence(entry))
+                for number, entry in enumerate(self._session.log, 1)
+            ]
+        if what == "scale":
+            return [
+                {
+                    "level": row["label"],
+                    "value": round(row["value"], 2) if row["asked"] else None,
+                    "low": row["low"],
+                    "high": row["high"],
+                    "asked": row["asked"],
+                }
+                for row in self._end(False)["scale"]
+            ]
+        found = self._concluded().result
+        if found is None:
+            return []
+        return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+
+    def _concluded(self) -> Conclusion:
+        start = self._at_start()
+        return self._subject.conclude(self._session.result(), None if start is None else start.loss)
 
     def _end(self, open_still: bool) -> dict[str, Any]:
         session, subject = self._session, self._subject
         status = session.status()
         asker = session.current_asker()
         known = asker.comparator if isinstance(asker, Compares) else None
+        found = self._concluded()
+        conduct = Conduct.of([*session.log])
+        over = session.question() is None
+        left = not over or (bool(subject.least) and self._level_question() is not None)
+        caution = conduct.caution(at_end=True) if subject.least else None
+        headline, after = found.headline, found.next
+        start = self._at_start() if found.headline else None
+        if not conduct.with_verdict and start is not None and not start.finished:
+            headline = (
+                "You have not said yet which is better, so nothing is known about your values."
+            )
+        elif found.headline and caution is not None:
+            headline = "Do not rely on this result."
+        scale = (
+            []
+            if known is None
+            else [row._asdict() for row in scale_rows(known, subject.labels, session.log)]
+        )
         return {
-            "open": f"There is no finer question of whole numbers. {subject.finer}".strip()
+            "headline": printable(headline),
+            "sure": printable(found.sure),
+            "next": printable(after),
+            "before": printable(found.before),
+            "caution": caution,
+            "settled": found.settled and caution is None and over,
+            "more": left,
+            "open": f"There is no finer question in whole numbers. {subject.finer}".strip()
             if open_still
             else None,
-            "scale": []
-            if known is None
-            else [row._asdict() for row in scale_rows(known, subject.labels)],
+            "scale": scale,
             "certainty": None if known is None else certainty(known),
-            "statements": [*map(printable, subject.report(session.result())), *_repeats(status)],
+            "statements": [
+                *map(printable, found.statements),
+                *map(printable, subject.report(session.result())),
+                *_repeats(status),
+            ],
+            "changes": None if found.changes is None else asdict(found.changes),
+            "downloads": [
+                *(["scale"] if scale else []),
+                *(["policy"] if found.result is not None else []),
+                "answers",
+            ],
+            "facts": [list(pair) for pair in subject.facts.of],
+            "limits": self._limits(),
             "counts": {
                 "answered": status.answered,
                 "equal": status.equal,
@@ -448,10 +940,22 @@ class Interview(Closing):
             "conflicts": self._conflicts(),
         }
 
+    def _limits(self) -> list[str]:
+        note = self._subject.words.note
+        return [printable(one) for one in (*self._subject.facts.limits, *([note] if note else []))]
+
     def _conflicts(self) -> list[list[dict[str, Any]]]:
+        numbers = self._numbers()
         return [
-            [{"id": entry.answer.query.id, "sentence": self._sentence(entry)} for entry in among]
-            for among in self._session.conflicts()
+            [
+                {
+                    "id": entry.answer.query.id,
+                    "number": numbers[entry.answer.query.id],
+                    "sentence": self._sentence(entry),
+                }
+                for entry in among
+            ]
+            for among in self._conflicts_found()
         ]
 
     def _drawn(self, shown: Shown, number: int) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,9 +17,12 @@ import numpy as np
 
 from elicit.asking.bags import Bags
 from elicit.asking.choose_from_list import Choice, choose
+from elicit.decision.verdicts import decide
 from elicit.model.outcomes import Status
+from elicit.model.query import Verdict
 from elicit.model.scale import Floats
 from elicit.person.asker import MakeAsker
+from elicit.person.course.conclusion import Conclusion, Facts, Table, in_unit, per_hundred
 from elicit.person.interview import Subject
 from elicit.person.showing import Words
 from qlearn.experiments.catalogue import COMPARATORS, PROBLEMS
@@ -30,7 +33,6 @@ from qlearn.mdp.ordinal_mdp import OrdinalMDP
 from qlearn.mdp.planning import optimal_policy
 
 _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
-_MOST_STATES = 12  # that are listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +64,39 @@ def taught_by(
         )
 
     finer = f"For finer ones start again with --days {2 * days}: what you answered stays."
-    report, stakes = (
-        partial(_policy_report, mdp, tolerance, legend),
-        partial(_policy_stakes, tolerance),
+    names = icu_dose if problem == "icu-sepsis" else mdp.action_name
+    told = _Told(mdp.labels, words, tolerance)
+    subject = Subject(
+        mdp.labels,
+        words,
+        days,
+        stakes=partial(_policy_stakes, told),
+        finer=finer,
+        seed=seed,
+        conclude=partial(policy_conclusion, told, mdp, names, legend),
+        facts=_facts(problem, header, comparator, seed, ("Tolerance", per_hundred(tolerance))),
     )
-    return Taught(Subject(mdp.labels, words, days, report, stakes, finer, seed), make, header)
+    return Taught(subject, make, header)
+
+
+def _facts(
+    problem: str | Own, header: dict[str, Any], comparator: str, seed: int, *more: tuple[str, str]
+) -> Facts:
+    """Return the facts that a report names."""
+    name = problem if isinstance(problem, str) else problem.name
+    assumed = {
+        "polytope": "It assumes that every answer you gave is right. One wrong answer can make it "
+        "wrong.",
+        "posterior": "It allows for errors, and holds with 95% probability on average over the "
+        "scales that it assumed before your first answer.",
+    }
+    of = (
+        ("Problem", f"{name} ({header['problem']})"),
+        ("Comparator", comparator),
+        *more,
+        ("Seed", f"{seed}"),
+    )
+    return Facts(of, (assumed[comparator],) if comparator in assumed else ())
 
 
 def _header(labels: tuple[str, ...], fingerprint: str, words: Words, **more: Any) -> dict[str, Any]:
@@ -92,99 +122,172 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         preamble = "Level 1 is the worst. There is no right or wrong answer."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
-        "The patients are alike at the start. Each is then in the condition shown, all for equally "
-        "long. Mild to "
-        "critical are sepsis in intensive care: SOFA scores up to about 4.7, 6.5, 8.6, and above. "
-        "Choose the group you "
-        "would rather see, as a whole. There is no right or wrong answer. For research on "
-        "algorithms; not medical "
-        "advice."
+        "The patients are alike at the start. Choose the group that you would rather see, as a "
+        "whole. There is no right or wrong answer."
     )
     legend = (
-        "A state is a cluster of similar patients; mild to critical are quarters of them, no "
-        "clinical categories. "
-        "Doses are those of 4 hours: 0 is none, and 1 to 4 are the lowest to the highest quarter "
-        "of the doses given. "
-        "All comes from a benchmark's tables: for research on algorithms; not medical advice."
+        "A state is a cluster of similar patients. Doses are for 4 hours: low, medium, high and "
+        "very high are quarters of the doses given."
     )
-    return (
-        entry.factory(),
-        Words("patients", "fare", "ICU-Sepsis", preamble, "which is better off?"),
-        legend,
+    words = Words(
+        "patients",
+        "fare",
+        "ICU-Sepsis",
+        preamble,
+        "which is better off?",
+        duration="30 days",
+        levels=(
+            "Died in hospital",
+            "In intensive care, SOFA score above 8.6",
+            "In intensive care, SOFA score 6.5 to 8.6",
+            "In intensive care, SOFA score 4.7 to 6.5",
+            "In intensive care, SOFA score up to 4.7",
+            "Alive and out of intensive care",
+        ),
+        purpose="It works out how good each condition is to you, and plans sepsis treatment to "
+        "match. The SOFA score measures organ failure from 0 to 24, and higher is worse. The four "
+        "middle conditions are quarters of the patients in the data, not clinical categories.",
+        note="For research on algorithms. Not medical advice.",
+        loss="{n} patients dying instead of recovering",
     )
+    return entry.factory(), words, legend
 
 
-def _policy_report(mdp: OrdinalMDP, tolerance: float, legend: str, result: Result) -> list[str]:
-    """Return sentences on what the policy can lose, and where it differs from that of equal gaps
-    between the levels.
+@dataclass(frozen=True)
+class _Told:
+    """The words in which a loss is said: labels, words, and the tolerance where questions end."""
+
+    labels: tuple[str, ...]
+    words: Words
+    tolerance: float
+
+    def loss(self, share: float) -> str:
+        """Return a loss in the problem's own unit."""
+        return in_unit(share, self.words.unit, self.labels, self.words.loss)
+
+
+def policy_conclusion(
+    told: _Told,
+    mdp: OrdinalMDP,
+    action_words: Callable[[int], str],
+    legend: str,
+    result: Result,
+    before: float | None,
+) -> Conclusion:
+    """Return what a policy's result says in words, with the states in which the answers change it.
+
+    A change is listed if the policy's action is better than that of equal steps for every scale
+    still plausible, or with the comparator's confidence, when both are followed by the policy.
     """
-    bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
-    lines = [
-        f"The plan learned falls short of your best plan by at most {bound}; "
-        f"{_whole_way(mdp.labels)}."
-    ]
-    if result.status is Status.WAITING:
-        lines.append("It is not finished: more could be asked.")
-    elif result.status is Status.CONVERGED:
-        lines += [
-            f"It is finished: questions end at {100 * tolerance:g}%. What is still open about the "
-            "levels "
-            "matters less than that to the plan.",
-            f"For a smaller shortfall start again with --tolerance {tolerance / 10:g}: what you "
-            "answered stays.",
-        ]
-    elif result.status is Status.UNSURE:
-        lines.append(
-            "It is finished, but where you could not tell, two courses were taken for equally "
-            "good: so this may be "
-            f"more than the {100 * tolerance:g}% at which questions would end otherwise."
-        )
+    bound = result.loss_bound
+    settled = bound <= told.tolerance
+    most = told.loss(bound)
+    if settled:
+        headline = f"Your plan is settled. It loses at most as much as {most}."
+        after = "You can stop here. More answers would narrow the values below."
     else:
-        lines.append(f"It is {result.status.value}.")
-    equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
-    states = np.flatnonzero((equal != result.policy) & ~mdp.terminal).tolist()
-    live = int(np.count_nonzero(~mdp.terminal))
-    if not states:
-        return [*lines, "It acts as if the steps between the levels were equal."]
-    differs = (
-        f"In {len(states)} of {live} states it acts otherwise than if the steps between the levels "
-        "were equal."
+        headline = f"Your plan is not settled. It could still lose as much as {most}."
+        after = {
+            Status.CALLED_EQUAL: "What is still open, you called equally good.",
+            Status.UNSURE: "Where you could not tell, the plan follows the best guess.",
+            Status.EXHAUSTED: "Every question that would help was answered, or you could not tell.",
+        }.get(result.status, f"More answers help. We stop below {told.loss(told.tolerance)}.")
+    unasked = "" if before is None else f"Before your first answer it was {told.loss(before)}."
+    return Conclusion(
+        headline=headline,
+        sure=_sure(result.confidence),
+        next=after,
+        before=unasked,
+        changes=_changes(mdp, action_words, legend, result),
+        result=_whole_policy(mdp, action_words, result),
+        settled=settled,
     )
-    lines.append(f"{differs} {legend}".strip())
-    action = "action " if mdp.action_names is None else ""
-    for s in states[:_MOST_STATES]:
-        one, other = (mdp.action_name(int(actions[s])) for actions in (result.policy, equal))
-        lines.append(f"  state {mdp.state_name(s)}: {action}{one}, not {other}")
-    more = len(states) - _MOST_STATES
-    return [*lines, f"  and {more} more"] if more > 0 else lines
 
 
-def _whole_way(labels: tuple[str, ...]) -> str:
-    """Return a phrase on the unit of a loss."""
-    return f"100% is from all {labels[0]} to all {labels[-1]}"
+def _differing(mdp: OrdinalMDP, result: Result) -> tuple[Any, Any, Any]:
+    """Return the policy of equal steps (S,), the states in which the learned one differs from it,
+    and whether it is certainly better there.
+    """
+    equal = optimal_policy(mdp, np.linspace(0.0, 1.0, mdp.k), result.policy)
+    states = np.flatnonzero((equal != result.policy) & ~mdp.terminal)
+    d = result.q[states, result.policy[states]] - result.q[states, equal[states]]
+    holds = decide(result.comparator, d).verdicts == Verdict.BETTER if len(states) else states > 0
+    return equal, states, holds
 
 
-def _policy_stakes(tolerance: float, result: Result) -> str | None:
+def _changes(
+    mdp: OrdinalMDP, action_words: Callable[[int], str], legend: str, result: Result
+) -> Table:
+    """Return the states in which the answers change the action, for certain."""
+    equal, states, holds = _differing(mdp, result)
+    live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
+    rest = len(states) - n
+    named = "1 state" if n == 1 else f"{n} states"
+    title = f"In {named} of {live} your answers change the plan"
+    if not n:
+        title = f"In none of {live} states it is certain that your answers change the plan"
+    note = "Compared with equal steps between the levels."
+    if n:
+        note += f" {'This change holds' if n == 1 else 'These changes hold'} " + (
+            "for every scale that fits your answers."
+            if result.confidence == 1.0
+            else f"each with {result.confidence:.0%} probability."
+        )
+    if rest:
+        note += f" In {rest} more your answers may change it, but that is still open."
+    rows = tuple(
+        (mdp.state_name(s), action_words(int(equal[s])), action_words(int(result.policy[s])))
+        for s in states[holds].tolist()
+    )
+    return Table(title, ("State", "With equal steps", "With your values"), rows, f"{note} {legend}")
+
+
+def _whole_policy(mdp: OrdinalMDP, action_words: Callable[[int], str], result: Result) -> Table:
+    """Return the action in every state that is not terminal, as a table to download."""
+    equal, states, holds = _differing(mdp, result)
+    change = dict(zip(states.tolist(), holds.tolist(), strict=True))
+    words = {True: "certain", False: "open", None: "none"}
+    rows = tuple(
+        (
+            mdp.state_name(s),
+            action_words(int(result.policy[s])),
+            action_words(int(equal[s])),
+            words[change.get(s)],
+        )
+        for s in np.flatnonzero(~mdp.terminal).tolist()
+    )
+    return Table("", ("state", "action", "action_with_equal_steps", "change"), rows)
+
+
+def icu_dose(action: int) -> str:
+    """Return an action of ICU-Sepsis in words.
+
+    Examples
+    --------
+    >>> icu_dose(20)
+    'very high fluids, no vasopressor'
+    """
+    words = ("no", "low", "medium", "high", "very high")
+    return f"{words[action // 5]} fluids, {words[action % 5]} vasopressor"
+
+
+def _policy_stakes(told: _Told, result: Result) -> str | None:
     """Return a sentence on what the policy learned so far can lose."""
     if np.isnan(result.loss_bound):
         return None
     return (
-        "The plan learned so far may fall short of your best plan by up to "
-        f"{_percent(result.loss_bound)}; questions "
-        f"end at {100 * tolerance:g}%."
+        f"The plan could still lose as much as {told.loss(result.loss_bound)}. We stop below "
+        f"{told.loss(told.tolerance)}."
     )
-
-
-def _percent(share: float) -> str:
-    """Rounded up, so that it still bounds."""
-    return f"{max(0.0, np.ceil(share * 1e4 - 1e-9)) / 100:g}%"
 
 
 def _sure(confidence: float) -> str:
-    """Return a phrase on how certain a bound is."""
-    return (
-        "if your answers are right" if confidence == 1.0 else f"with {confidence:.0%} probability"
-    )
+    """Return a sentence on how certain a bound is."""
+    if confidence == 1.0:
+        return "This holds if your answers are right."
+    if np.isnan(confidence):
+        return "How sure this is cannot be stated."
+    return f"This holds with {confidence:.0%} probability."
 
 
 def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
@@ -202,33 +305,55 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         made = COMPARATORS[comparator].make(len(labels), seed)
         return choose(shares, made, names=names, labels=labels, known=known)
 
-    report, stakes = partial(_choice_report, labels), partial(_choice_stakes, labels)
     finer = (
         f"Round the numbers in {path.name} to counts of the same total, and start with a new log."
     )
-    return Taught(Subject(labels, words, days, report, stakes, finer, seed), make, header)
+    told = _Told(labels, words, 0.0)
+    subject = Subject(
+        labels,
+        words,
+        days,
+        stakes=partial(_choice_stakes, told),
+        finer=finer,
+        seed=seed,
+        conclude=partial(choice_conclusion, told, names),
+        facts=_facts(str(path), header, comparator, seed),
+    )
+    return Taught(subject, make, header)
 
 
-def _choice_report(labels: tuple[str, ...], result: Choice) -> list[str]:
-    bound = f"{_percent(result.loss_bound)} ({_sure(result.confidence)})"
-    finished = result.status is not Status.WAITING
-    status = result.status.sentence if finished else "Not finished: more could be asked."
-    return [
-        f"Your choice: {result.name}.",
-        status,
-        f"No other is better by more than {bound}; {_whole_way(labels)}.",
-    ]
+def choice_conclusion(
+    told: _Told, names: Sequence[str], result: Choice, before: float | None
+) -> Conclusion:
+    """Return what a choice says in words."""
+    most, sure = told.loss(result.loss_bound), _sure(result.confidence)
+    settled = result.status in (Status.DONE, Status.CALLED_EQUAL)
+    if result.status is Status.DONE:
+        headline = f"Your choice is “{result.name}”."
+        after = f"No other alternative is better by more than {most}."
+    elif settled:
+        headline = f"Your choice is “{result.name}”, as far as you tell them apart."
+        after = f"No other alternative is better by more than {most}."
+    else:
+        headline = f"The choice is open. The best guess so far is “{result.name}”."
+        after = f"Another alternative may be better by as much as {most}. More answers help."
+    unasked = "" if before is None else f"Before your first answer it was {told.loss(before)}."
+    rows = tuple((name, "chosen" if name == result.name else "") for name in names)
+    return Conclusion(
+        headline=headline,
+        sure=sure,
+        next=after,
+        before=unasked,
+        result=Table("", ("alternative", "choice"), rows),
+        settled=settled,
+    )
 
 
-def _choice_stakes(labels: tuple[str, ...], result: Choice) -> str | None:
+def _choice_stakes(told: _Told, result: Choice) -> str | None:
     """Return a sentence on what the choice can lose."""
     if np.isnan(result.loss_bound):
         return None
-    most = _percent(result.loss_bound)
-    return (
-        f"The best guess so far is not certain: another one may be better by up to {most}; "
-        f"{_whole_way(labels)}."
-    )
+    return f"Another alternative may still be better by as much as {told.loss(result.loss_bound)}."
 
 
 def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:

@@ -33,7 +33,7 @@ def choosing(known: Any) -> Any:
 def test_what_is_no_message_is_refused(message: Any) -> None:
     with (
         Session(choosing, AnswerLog()) as session,
-        Interview(session, Subject(("x", "y", "z"))) as interview,
+        Interview(session, Subject(("x", "y", "z"), least=0)) as interview,
     ):
         screen = interview.handle({"do": "practised", "choice": "b"})
         with pytest.raises(ValueError, match="message"):
@@ -45,7 +45,7 @@ def test_a_choice_that_there_is_not_is_refused() -> None:
     log = AnswerLog()
     with (
         Session(choosing, log) as session,
-        Interview(session, Subject(("x", "y", "z"))) as interview,
+        Interview(session, Subject(("x", "y", "z"), least=0)) as interview,
     ):
         screen = interview.handle({"do": "practised", "choice": "b"})
         with pytest.raises(ValueError, match="choice"):

@@ -180,7 +180,7 @@ def test_nothing_is_said_of_what_nothing_tells() -> None:
 
 @pytest.mark.slow
 def test_an_interview_says_it_of_the_question_on_the_screen() -> None:
-    subject = Subject(MDP.labels, stakes=lambda result: f"{result.asked} so far.")
+    subject = Subject(MDP.labels, least=0, stakes=lambda result: f"{result.asked} so far.")
     with Session(learning, AnswerLog()) as session, Interview(session, subject) as interview:
         screen = interview.handle({"do": "practised", "choice": "a"})
         for asked in range(3):

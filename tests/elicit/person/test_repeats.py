@@ -155,7 +155,7 @@ def test_an_interview_says_only_afterwards_that_it_was_one():
     notes, numbers, log = [], [], AnswerLog()
     with (
         Session(make, log, audit=0.7, seed=1) as session,
-        Interview(session, Subject(tuple("abcde"))) as interview,
+        Interview(session, Subject(tuple("abcde"), least=0)) as interview,
     ):
         screen = interview.handle({"do": "practised", "choice": "a"})
         while screen["stage"] == "question":

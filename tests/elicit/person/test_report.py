@@ -37,6 +37,7 @@ def asked(path: Path, *choices: str) -> dict[str, Any]:
     """The report of a session of three questions, of which so many were answered so."""
     subject = Subject(
         LABELS,
+        least=0,
         Words("people", title="A <title>"),
         report=lambda _: ["It is", "  one <thing>", "All."],
     )

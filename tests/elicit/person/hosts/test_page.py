@@ -319,7 +319,7 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
     violated(page)
     with served(windows.log, port=port) as server:
         name(page, "Try again").click()
-        banner.get_by_text("does not know this window").wait_for()
+        banner.get_by_text("was restarted").wait_for()
         again = windows.open(server)  # which is let in, and with it the whole browser
         at(again, "Practice")
         name(page, "Try again").click()

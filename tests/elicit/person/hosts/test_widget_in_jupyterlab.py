@@ -27,7 +27,7 @@ vectors = np.array([[3, 2, 1, 4], [0, 5, 4, 1], [3, 3, 2, 2], [5, 3, 0, 2], [4, 
 def make(known):
     return elicit.choose(vectors, elicit.PolytopeComparator(4), order=True, known=known)
 session = elicit.Session(make, "answers.jsonl")
-subject = elicit.Subject(("died", "severe", "mild", "well"), elicit.Words("patients", "fare", "Six courses"))
+subject = elicit.Subject(("died", "severe", "mild", "well"), elicit.Words("patients", "fare", "Six courses"), least=0)
 elicit.InterviewWidget(session, subject)
 """  # noqa: E501
 READS = "print('the best is', session.result().best, 'after', session.result().asked)"

@@ -1,0 +1,3 @@
+"""The course of an interview: how the person answers, what is asked once the asker is done, and
+what is concluded.
+"""
