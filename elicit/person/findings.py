@@ -73,8 +73,4 @@ def scale_rows(
 def certainty(comparator: Comparator) -> str:
     """Return a phrase on how certain each interval of ``scale_rows`` is."""
     level = trusted_share(comparator)
-    return (
-        "if your answers are right"
-        if level is None
-        else f"each interval with {level:.0%} probability"
-    )
+    return "if your answers are right" if level is None else f"each with {level:.0%} probability"

@@ -120,7 +120,7 @@ from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
 from elicit.person.report import report_page
-from elicit.person.session import Session, SessionStatus
+from elicit.person.session import Session
 from elicit.person.showing import (
     MOST_ICONS,
     Shown,
@@ -367,7 +367,11 @@ class Interview(Closing):
             self._put = shown_now.id
         self.shown = shown_now
         self._compute_beside(shown_now)
-        return {**screen, "stage": "question", "question": self._drawn(shown_now, answered + 1)}
+        return {
+            **screen,
+            "stage": "question",
+            "question": self._drawn(shown_now, len(standing) + 1),
+        }
 
     def _legend(self) -> dict[str, Any]:
         words, labels = self._subject.words, self._subject.labels
@@ -376,8 +380,7 @@ class Interview(Closing):
             {"label": printable(label), "level": level, "meaning": printable(meaning)}
             for level, (label, meaning) in enumerate(zip(labels, meanings, strict=True))
         ]
-        stays = f"Each of the {words.unit} stays in the condition shown for {words.duration}."
-        return {"duration": printable(stays) if words.duration else "", "levels": levels[::-1]}
+        return {"duration": printable(words.duration), "levels": levels[::-1]}
 
     def _welcome(self) -> dict[str, Any]:
         words, start = self._subject.words, self._at_start()
@@ -918,7 +921,6 @@ class Interview(Closing):
             "statements": [
                 *map(printable, found.statements),
                 *map(printable, subject.report(session.result())),
-                *_repeats(status),
             ],
             "changes": None if found.changes is None else asdict(found.changes),
             "downloads": [
@@ -994,10 +996,3 @@ def _in_whole_numbers(
     if _shown(subject, query).exact:
         return None
     return next((near for near in near_in_whole_numbers(query) if not answered(near)), None)
-
-
-def _repeats(status: SessionStatus) -> list[str]:
-    """Return sentences on how many repeats were answered as before."""
-    n = status.repeated
-    questions = "question was" if n == 1 else "questions were"
-    return [f"{status.alike} of {n} repeated {questions} answered as before."] if n else []

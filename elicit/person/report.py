@@ -178,17 +178,21 @@ def _counted(counts: Mapping[str, int]) -> str:
         "withdrawn": "more taken back",
     }
     among = ", ".join(f"{counts[key]} {words}" for key, words in named.items() if counts[key])
-    n = counts["answered"]
-    return f"{n} {'answer' if n == 1 else 'answers'}{f' ({among})' if among else ''}."
+    n, again = counts["answered"], counts.get("repeated", 0)
+    said = f"{n} {'answer' if n == 1 else 'answers'}{f' ({among})' if among else ''}."
+    if not again:
+        return said
+    questions = "question was" if again == 1 else "questions were"
+    return f"{said} {counts['alike']} of {again} repeated {questions} answered as before."
 
 
 def _scale(rows: Sequence[Mapping[str, Any]], certainty: str) -> Iterator[str]:
     said = (
         "Values go from 0, the worst level, to 100, the best. A level at 60 is as good to you as "
         "60 of 100 at the best level and 40 at the worst. The bar is what is still possible, and "
-        "the dot is the best guess. A dashed bar is a level that no answer is about"
+        "the dot is the best guess. A dashed bar is a level that no answer is about."
     )
-    yield f'<table class="scale">\n<caption>{said} ({_text(certainty)}).</caption>'
+    yield f'<table class="scale">\n<caption>{said} The ranges hold {_text(certainty)}.</caption>'
     marks = "".join(f'<text x="{x}%" y="14" text-anchor="middle">{x}</text>' for x in (0, 50, 100))
     axis = f'<svg height="18" font-size="13" fill="#4a5864" aria-hidden="true">{marks}</svg>'
     yield f'<thead><tr><th scope="col">Level</th><td class="drawn">{axis}</td>'

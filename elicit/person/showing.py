@@ -47,7 +47,7 @@ class Words:
     title, preamble
         Texts shown before the first question.
     duration
-        How long an outcome lasts, as in "30 days".
+        A sentence on how long an outcome lasts.
     levels
         What each of the k levels means, worst first; none if their names say it.
     purpose

@@ -8,7 +8,7 @@ import csv
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,13 +37,24 @@ _RANDOM = (30, 3, 5, 0.9)  # states, actions, levels, discount
 
 @dataclass(frozen=True, eq=False)
 class Taught:
-    """A subject; make: makes whoever asks, from what it is to know; header: what the log must
-    say.
+    """A subject that a person can teach.
+
+    Attributes
+    ----------
+    subject : Subject
+    make : MakeAsker
+        Makes whoever asks, from what it is to know.
+    header : dict
+        The fields that the header of the log must have.
+    hint : str
+        A sentence to whoever starts the program on what the problem should say; "" if nothing is
+        missing.
     """
 
     subject: Subject
     make: MakeAsker
     header: dict[str, Any]
+    hint: str = ""
 
 
 def taught_by(
@@ -119,11 +130,12 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
     entry = PROBLEMS[problem]
     if entry.factory is None:
         mdp, _ = entry.instance(seed, _RANDOM)
-        preamble = "Level 1 is the worst. There is no right or wrong answer."
+        preamble = "Level 1 is the worst."
         return mdp, Words(title="A random problem", preamble=preamble), ""
     preamble = (
         "The patients are alike at the start. Choose the group that you would rather see, as a "
-        "whole. There is no right or wrong answer."
+        "whole. The SOFA score measures organ failure from 0 to 24, and higher is worse. The four "
+        "middle conditions are quarters of the patients in the data, not clinical categories."
     )
     legend = (
         "A state is a cluster of similar patients. Doses are for 4 hours: low, medium, high and "
@@ -135,7 +147,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
         "ICU-Sepsis",
         preamble,
         "which is better off?",
-        duration="30 days",
+        duration="Each patient stays in the condition shown for 30 days.",
         levels=(
             "Died in hospital",
             "In intensive care, SOFA score above 8.6",
@@ -145,8 +157,7 @@ def _mdp(problem: str | Own, seed: int) -> tuple[OrdinalMDP, Words, str]:
             "Alive and out of intensive care",
         ),
         purpose="It works out how good each condition is to you, and plans sepsis treatment to "
-        "match. The SOFA score measures organ failure from 0 to 24, and higher is worse. The four "
-        "middle conditions are quarters of the patients in the data, not clinical categories.",
+        "match.",
         note="For research on algorithms. Not medical advice.",
         loss="{n} patients dying instead of recovering",
     )
@@ -222,19 +233,24 @@ def _changes(
     equal, states, holds = _differing(mdp, result)
     live, n = int(np.count_nonzero(~mdp.terminal)), int(holds.sum())
     rest = len(states) - n
-    named = "1 state" if n == 1 else f"{n} states"
-    title = f"In {named} of {live} your answers change the plan"
-    if not n:
-        title = f"In none of {live} states it is certain that your answers change the plan"
-    note = "Compared with equal steps between the levels."
+    some = ""
     if n:
-        note += f" {'This change holds' if n == 1 else 'These changes hold'} " + (
-            "for every scale that fits your answers."
+        title = f"In {n} of {live} states your answers change the plan"
+        hold = "This change holds" if n == 1 else "These changes hold"
+        sure = (
+            "for every scale that fits your answers"
             if result.confidence == 1.0
-            else f"each with {result.confidence:.0%} probability."
+            else f"each with {result.confidence:.0%} probability"
         )
-    if rest:
-        note += f" In {rest} more your answers may change it, but that is still open."
+        some = f" {hold} {sure}."
+    elif rest:
+        title = f"In {rest} of {live} states your answers may change the plan"
+        some = " None of these changes is certain yet."
+    else:
+        title = "Your answers do not change the plan"
+    if n and rest:
+        some += f" In {rest} more your answers may change it, but that is still open."
+    note = f"Compared with equal steps between the levels.{some}"
     rows = tuple(
         (mdp.state_name(s), action_words(int(equal[s])), action_words(int(result.policy[s])))
         for s in states[holds].tolist()
@@ -292,9 +308,8 @@ def _sure(confidence: float) -> str:
 
 def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int) -> Taught:
     labels, names, vectors = read_alternatives(path)
-    words = Words(
-        unit or "outcomes", title=path.stem, preamble="There is no right or wrong answer."
-    )
+    words, hint = _words_of(path, labels)
+    words = words if unit is None else replace(words, unit=unit)
     content = json.dumps([labels, names, vectors.tolist()]).encode()
     header = _header(labels, hashlib.blake2b(content, digest_size=16).hexdigest(), words)
 
@@ -319,7 +334,43 @@ def _choice(path: Path, comparator: str, days: int, unit: str | None, seed: int)
         conclude=partial(choice_conclusion, told, names),
         facts=_facts(str(path), header, comparator, seed),
     )
-    return Taught(subject, make, header)
+    return Taught(subject, make, header, hint)
+
+
+def _words_of(path: Path, labels: tuple[str, ...]) -> tuple[Words, str]:
+    """Return the words of a CSV file, which stand in a JSON file beside it, and a sentence on what
+    to write there if that file is missing.
+
+    Raises ValueError that says what is wrong with it, and OSError."""
+    beside = path.with_suffix(".words.json")
+    if not beside.exists():
+        example = {"title": "A title", "unit": "patients", "preamble": "What a count stands for."}
+        hint = (
+            f"{path.name} does not say what its counts stand for, so they are called outcomes. "
+            f"Write it in {beside.name}, for example {json.dumps(example)}"
+        )
+        return Words("outcomes", title=path.stem.replace("_", " ").replace("-", " ")), hint
+    try:
+        said = json.loads(beside.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{beside} is no JSON: {error}") from None
+    known = [field.name for field in fields(Words)]
+    if not isinstance(said, dict) or not set(said) <= set(known):
+        raise ValueError(
+            f"{beside} must hold one object with some of the names {', '.join(known)}, and levels "
+            "as an object of texts by the names of levels"
+        )
+    meanings = said.pop("levels", {})
+    if not isinstance(meanings, dict) or not set(meanings) <= set(labels):
+        raise ValueError(
+            f"levels in {beside} must be an object of texts by the names of levels, some of "
+            f"{', '.join(labels)}"
+        )
+    wrong = [name for name, text in [*said.items(), *meanings.items()] if type(text) is not str]
+    if wrong:
+        raise ValueError(f"{wrong[0]!r} in {beside} must be a text")
+    levels = tuple(meanings.get(label, "") for label in labels) if meanings else ()
+    return Words(**{"unit": "outcomes", "title": path.stem, **said}, levels=levels), ""
 
 
 def choice_conclusion(
@@ -384,6 +435,12 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
         raise ValueError(
             f"{path} names levels, but no alternative to choose from: add a line for each"
         )
+    if all(map(_is_number, header)):
+        raise ValueError(
+            f"the first line of {path} holds numbers: it must name a column of names and then the "
+            "levels, worst first, such as name,died,ill,well"
+        )
+    unnamed = all(_is_number(cells[0]) for _, cells in rows[1:])
     vectors = []
     for number, cells in rows[1:]:
         where = f"line {number} of {path}"
@@ -391,6 +448,12 @@ def read_alternatives(path: Path) -> tuple[tuple[str, ...], list[str], Floats]:
             raise ValueError(f"{where} has {len(cells)} cells, but the header has {len(header)}")
         vectors.append([_number(cell, where) for cell in cells[1:]])
         total, first = sum(vectors[-1]), sum(vectors[0])
+        if unnamed and first > 0 and abs(total - first) > 1e-9 * first:
+            raise ValueError(
+                f"the first column of {path}, {header[0]!r}, holds numbers, and without it the "
+                f"totals differ: it must hold the names of the alternatives. If {header[0]!r} is a "
+                "level, put a column of names in front of it"
+            )
         if not first > 0 or abs(total - first) > 1e-9 * first:
             raise ValueError(
                 f"{where} has the total {total:g}, and the first alternative {first:g}: give all "
@@ -404,6 +467,14 @@ def _rows(reader: Any) -> Iterator[tuple[int, list[str]]]:
     """The number of each line, and its cells."""
     for cells in reader:
         yield reader.line_num, [cell.strip() for cell in cells]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _number(cell: str, where: str) -> float:

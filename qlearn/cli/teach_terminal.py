@@ -201,11 +201,7 @@ class Terminal:
         )
 
     def _report(self, screen: dict[str, Any]) -> None:
-        for line in report_lines(screen, self._width):
-            if line.startswith("    "):  # a row of the scale, which fits
-                print(line)
-            else:
-                self._say(line)
+        say_report(screen, self._width)
         self._say(f"\nAll answers are in {self._log.path}.")
 
     def _leave(self, code: int) -> int:
@@ -238,19 +234,32 @@ class Terminal:
                 self._say(f"{said[:40]!r} is no answer here. {keys}")
 
     def _say(self, text: str) -> None:
-        """A paragraph, wrapped, further lines of an item ("  - ...") indented; empty lines at its
-        ends stay.
-        """
-        before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
-        item = len(text) - len(text.lstrip(" -"))
-        further = " " * (item + 2 * (item == 2))
-        said = textwrap.wrap(
-            printable(text.strip("\n")),
-            self._width,
-            subsequent_indent=further,
-            break_on_hyphens=False,
-        )
-        print("\n" * before + "\n".join(said) + "\n" * (after if said else 0), flush=True)
+        say(text, self._width)
+
+
+def say(text: str, width: int) -> None:
+    """Print a paragraph, wrapped.
+
+    Further lines of an item ("  - ...") are indented, and empty lines at its ends stay."""
+    before, after = len(text) - len(text.lstrip("\n")), len(text) - len(text.rstrip("\n"))
+    item = len(text) - len(text.lstrip(" -"))
+    further = " " * (item + 2 * (item == 2))
+    said = textwrap.wrap(
+        printable(text.strip("\n")),
+        width,
+        subsequent_indent=further,
+        break_on_hyphens=False,
+    )
+    print("\n" * before + "\n".join(said) + "\n" * (after if said else 0), flush=True)
+
+
+def say_report(screen: dict[str, Any], width: int) -> None:
+    """Print what was learned, by the screen at the end."""
+    for line in report_lines(screen, width):
+        if line.startswith("    "):  # a row of the scale, which fits
+            print(line)
+        else:
+            say(line, width)
 
 
 def _answers(n: int) -> str:
@@ -269,6 +278,11 @@ def report_lines(screen: dict[str, Any], width: int) -> list[str]:
     )
     among = ", ".join(f"{counts[n]} {name}" for n, name in kinds if counts[n])
     lines = [f"\n{_answers(counts['answered'])}{f' ({among})' if among else ''}\n"]
+    if counts["repeated"]:
+        questions = "question was" if counts["repeated"] == 1 else "questions were"
+        lines.append(
+            f"{counts['alike']} of {counts['repeated']} repeated {questions} answered as before."
+        )
     said = (end["headline"], end["caution"], end["sure"], end["before"], end["next"])
     lines += [sentence for sentence in said if sentence]
     if end["scale"]:

@@ -222,7 +222,7 @@ export function mount(root, send, options = {}) {
   function yours() {
     const made = button("link", "Your answers", list);
     const n = screen.open_conflicts;
-    if (n) made.append(part("span", "badge", {}, [`${n} in conflict`]));
+    if (n) made.append(" ", part("span", "badge", {}, [`${n} in conflict`]));
     return made;
   }
 
@@ -421,12 +421,13 @@ export function mount(root, send, options = {}) {
     const top = [part("p", settled ? "status good" : "status", {}, [settled ? "✓ Settled" : "Not settled"])];
     if (caution) top.push(part("p", "caution", {}, [caution]));
     const facts = [
-      ["How sure", screen.end.sure], ["At first", screen.end.before], ["Now", screen.end.next], ["You gave", given],
+      ["How sure", screen.end.sure], ["Before", screen.end.before], ["Next", screen.end.next], ["You gave", given],
+      ["Checks", checks(counts)],
     ].filter(([, text]) => text);
     top.push(part("dl", "facts", {}, facts.flatMap(([a, b]) => [part("dt", "", {}, [a]), part("dd", "", {}, [b])])));
     const doing = [button("pick", "Download report", keep)];
     if (more) doing.push(button("alt", "Ask me more", () => show({ do: "more" })));
-    top.push(part("div", "mid", {}, [...doing, undoing()]));
+    top.push(part("div", "mid closing", {}, [...doing, undoing()]));
     const parts = [part("section", "panel", {}, top)];
     if (open) parts.push(part("p", "same", {}, [open]));
     parts.push(...conflicts.map(conflict));
@@ -434,8 +435,9 @@ export function mount(root, send, options = {}) {
     if (changes) parts.push(changed(changes));
     if (statements.length) parts.push(section("What else follows", lines(statements)));
     parts.push(section("Downloads", [files(screen.end.downloads)]));
-    const rest = [...screen.end.limits, ...screen.end.facts.map(([a, b]) => `${a}: ${b}.`)];
-    parts.push(...rest.map((line) => part("p", "soft small", {}, [line])));
+    const named = screen.end.facts.map(([a, b]) => `${a}: ${b}`).join(" · ");
+    const rest = [...screen.end.limits, named].filter(Boolean).map((line) => part("p", "soft small", {}, [line]));
+    parts.push(part("div", "part", {}, rest));
     return [{ heading: [screen.end.headline || "There are no more questions"], name: "Result", more: "" }, ...parts];
   }
 
@@ -706,9 +708,9 @@ function worth(scale, certainty) {
   const said =
     "From 0, the worst level, to 100, the best. A level at 60 is as good to you as 60 of 100 at the best level and 40 " +
     "at the worst. The bar is what is still possible, and the dot is the best guess. A dashed bar is a level that no " +
-    "answer is about";
+    "answer is about.";
   const table = part("table", "worth", {}, [
-    part("caption", "soft", {}, [`${said} (${certainty}).`]),
+    part("caption", "soft", {}, [`${said} The ranges hold ${certainty}.`]),
     part("thead", "", {}, [part("tr", "", {}, head)]),
     part("tbody", "", {}, rows),
   ]);
@@ -747,6 +749,11 @@ function toCome(range, seconds) {
   const time = `, up to ${minutes} ${minutes === 1 ? "minute" : "minutes"}`;
   if (least === most) return `about ${most} more${time}`;
   return least === 0 ? `at most ${most} more${time}` : `about ${least} to ${most} more${time}`;
+}
+
+function checks({ repeated, alike }) {
+  if (!repeated) return "";
+  return `${alike} of ${repeated} repeated ${repeated === 1 ? "question was" : "questions were"} answered as before.`;
 }
 
 const thousands = (n) => n.toLocaleString("en-US");

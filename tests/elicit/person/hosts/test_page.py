@@ -80,8 +80,14 @@ def click(page: Any, choice: str) -> None:
     page.click(f"[data-choice='{choice}']")
 
 
-def practise(page: Any) -> None:
+def start(page: Any) -> None:
+    at(page, "Welcome")
+    name(page, "Start").click()
     at(page, "Practice")
+
+
+def practise(page: Any) -> None:
+    start(page)
     click(page, "a")
     at(page, "Question 1")
 
@@ -116,10 +122,10 @@ TRUTH = [("q0", 1), ("q1", -1), ("q2", 1), ("q3", -1), ("q4", -1)]
 def test_a_session_by_mouse(windows: Windows) -> None:
     with served(windows.log) as server:
         page = windows.open(server)
-        at(page, "Practice")
+        start(page)
         click(page, truthfully(page))
         at(page, "Question 1")
-        assert page.inner_text(".note") == "Just so. Now the questions that count."
+        assert page.inner_text(".note") == "Right. Now the real questions."
         for n in range(1, 6):
             at(page, f"Question {n}")
             assert page.title() == f"Question {n} - ICU-Sepsis"
@@ -127,7 +133,7 @@ def test_a_session_by_mouse(windows: Windows) -> None:
                 "Nothing answered yet" if n == 1 else "saved on this computer"
             )
             click(page, truthfully(page))
-        at(page, "Finished")
+        at(page, "Result")
         assert page.evaluate("document.activeElement.tagName") == "H1"
         assert "The plan rests on 5 answers and may lose at most 0.8%." in page.inner_text(".body")
         assert page.locator(".worth tbody tr").all_inner_texts()[0].split() == [
@@ -136,8 +142,8 @@ def test_a_session_by_mouse(windows: Windows) -> None:
             "fixed",
         ]
         with page.expect_download() as kept:
-            name(page, "Keep a report").click()
-        page.locator("button:focus", has_text="Keep a report").wait_for()
+            name(page, "Download report").click()
+        page.locator("button:focus", has_text="Download report").wait_for()
         assert re.fullmatch(
             r"icu-sepsis-report-\d{4}-\d\d-\d\d\.html", kept.value.suggested_filename
         )
@@ -151,12 +157,12 @@ def test_a_session_by_keyboard(windows: Windows) -> None:
     keys = {"a": ("ArrowLeft", "a"), "b": ("ArrowRight", "B"), "equal": ("ArrowDown",)}
     with served(windows.log) as server:
         page = windows.open(server)
-        at(page, "Practice")
+        start(page)
         page.keyboard.press(keys[truthfully(page)][0])
         for n in range(1, 6):
             at(page, f"Question {n}")
             page.keyboard.press(keys[truthfully(page)][n % 2])
-        at(page, "Finished")
+        at(page, "Result")
         page.keyboard.press("u")
         at(page, "Question 5")
         page.keyboard.press("Control+z")
@@ -164,7 +170,7 @@ def test_a_session_by_keyboard(windows: Windows) -> None:
         page.keyboard.press("Shift+?")
         at(page, "Question 5")
         page.keyboard.press("ArrowDown")
-        at(page, "Finished")
+        at(page, "Result")
         # what is no key is reached by Tab, from the heading on
         for _ in range(9):
             page.keyboard.press("Tab")
@@ -268,7 +274,7 @@ def test_a_question_in_two_tabs_is_answered_once(windows: Windows) -> None:
         click(other, "b")
         at(other, "Question 2")
         assert other.inner_text(".note").startswith(
-            "That question was answered already, perhaps in another window: "
+            "That question was already answered, perhaps in another window: "
         )
         click(other, "a")
         at(other, "Question 3")
@@ -286,18 +292,14 @@ def test_what_does_not_go_together_is_said_and_mended(windows: Windows) -> None:
         click(page, truthfully(page))
         at(page, "Question 3")
         click(page, "equal")
-        at(page, "Finished")
-        assert page.inner_text(".note").startswith("This does not go together with earlier answers")
+        at(page, "Result")
         box = page.locator(".conflict")
-        assert (
-            box.locator("h2").inner_text()
-            == "These two answers do not go together: which would you change?"
-        )
+        assert box.locator("h2").inner_text() == "These two answers contradict each other"
         assert box.locator("li span").all_inner_texts() == list(CONFLICTING)
         box.get_by_role("button", name=f"Take back: {CONFLICTING[0]}").click()
         at(page, "Question 3")
         click(page, truthfully(page))
-        at(page, "Finished")
+        at(page, "Result")
         assert not page.locator(".conflict").count()
     stands = [(id, verdict) for id, verdict, stands in windows.entries() if stands]
     assert stands == [("q1", -1), ("q2", 0), ("q0", 1)]
@@ -321,7 +323,7 @@ def test_nothing_is_lost_when_the_program_stops(windows: Windows) -> None:
         name(page, "Try again").click()
         banner.get_by_text("was restarted").wait_for()
         again = windows.open(server)  # which is let in, and with it the whole browser
-        at(again, "Practice")
+        at(again, "Welcome")
         name(page, "Try again").click()
         at(page, "Question 2")
         assert not banner.count()
@@ -411,7 +413,7 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
 
     with served(windows.log, QUESTIONS[:3]) as server:
         page = windows.open(server, size)
-        at(page, "Practice")
+        at(page, "Welcome")
         check()
         practise(page)
         page.click("summary")
@@ -424,7 +426,7 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
         at(page, "Question 2")
         click(page, "cannot tell")
         at(page, "Question 3")
-        name(page, "Pause, go on later").click()
+        name(page, "Pause").click()
         at(page, "Paused")
         assert "start the same command again" in page.inner_text(".body")
         check()
@@ -435,14 +437,14 @@ def test_every_screen_is_open_to_everybody_and_fits(windows: Windows, size: dict
         click(page, "a" if "10 moderate" in page.locator(".card").first.inner_text() else "b")
         at(page, "Question 3")
         click(page, "equal")
-        at(page, "Finished")
+        at(page, "Result")
         check()
-        name(page, "Your answers").click()
+        name(page, "Your answers 1 in conflict").click()
         at(page, "Your answers")
         check()
-        name(page, "Back to what came out").click()
+        name(page, "Back to the result").click()
         with page.expect_download() as kept:
-            name(page, "Keep a report").click()
+            name(page, "Download report").click()
         report = windows.log.with_name(kept.value.suggested_filename)
         kept.value.save_as(report)
         page.goto(report.as_uri())
@@ -497,7 +499,7 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(
         click(page, "b")
         at(page, "Question 2")
         click(page, "cannot tell")
-        at(page, "Finished")
+        at(page, "Result")
         page.set_viewport_size(NARROW)
         fits(page)
         violated(page)
@@ -506,6 +508,7 @@ def test_odd_names_many_levels_and_large_numbers_are_only_shown(
 def test_the_sides_are_named_as_the_problem_says(windows: Windows) -> None:
     with served(windows.log, labels=LABELS, words=Words("days", side="holiday")) as server:
         page = windows.open(server)
+        start(page)
         assert page.inner_text("h1").endswith(
             "Two holidays of 10 days: which would you rather have?"
         )
@@ -531,9 +534,9 @@ def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows
         click(
             page, "b" if "10 recovered" in clean(page.locator(".card").first.inner_text()) else "a"
         )
-        at(page, "Finished")
+        at(page, "Result")
         assert page.inner_text(".conflict h2").startswith(
-            "This answer does not go with the order of the levels"
+            "This answer goes against the order of the levels"
         )
         page.locator(".conflict").get_by_role("button").click()
         at(page, "Question 1")

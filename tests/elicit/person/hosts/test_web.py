@@ -23,6 +23,7 @@ from tests.interpreter import run
 from tests.web_person import Visitor, answer_all
 
 LABELS = ("died", "worse", "ill", "well")
+SUBJECT = Subject(LABELS, least=0)
 VALUES = {"died": 0.0, "worse": 0.2, "ill": 0.3, "well": 1.0}
 VECTORS = np.random.default_rng(0).multinomial(10, [0.25] * 4, 8)
 
@@ -47,7 +48,10 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture(scope="module")
 def server(page: None) -> Iterator[WebServer]:
     """A page on which nobody answers."""
-    with Session(make, AnswerLog(k=4)) as session, WebServer(session, Subject(LABELS, least=0)) as server:
+    with (
+        Session(make, AnswerLog(k=4)) as session,
+        WebServer(session, SUBJECT) as server,
+    ):
         yield server
 
 
@@ -67,7 +71,7 @@ def session(tmp_path: Path) -> Iterator[Session]:
 @pytest.fixture
 def host(session: Session) -> Iterator[WebServer]:
     """Its page."""
-    with WebServer(session, Subject(LABELS, least=0)) as server:
+    with WebServer(session, SUBJECT) as server:
         yield server
 
 
@@ -540,7 +544,7 @@ def test_a_clock_that_goes_backwards_matters_to_no_answer(tmp_path: Path, sessio
     seconds = iter(range(2_000_000_000, 0, -10_000_000))
     with (
         Session(make, tmp_path / "backwards.jsonl", clock=lambda: next(seconds)) as backwards,
-        WebServer(backwards, Subject(LABELS, least=0)) as server,
+        WebServer(backwards, SUBJECT) as server,
     ):
         answer_all(Visitor(server.new_address()), VALUES)
         found = [entry.answer for entry in backwards.log]
@@ -548,7 +552,7 @@ def test_a_clock_that_goes_backwards_matters_to_no_answer(tmp_path: Path, sessio
     assert times == sorted(times, reverse=True)
     with Session(make, tmp_path / "backwards.jsonl") as again:
         assert again.question() is None
-    with WebServer(session, Subject(LABELS, least=0)) as server:
+    with WebServer(session, SUBJECT) as server:
         answer_all(Visitor(server.new_address()), VALUES)
     assert [(a.query.id, a.verdict) for a in found] == [
         (entry.answer.query.id, entry.answer.verdict) for entry in session.log
@@ -561,19 +565,19 @@ def test_others_are_let_in_only_where_that_is_said(session: Session) -> None:
             ValueError,
             match=f"{host} can be reached by other machines, and what is sent there is not",
         ):
-            WebServer(session, Subject(LABELS, least=0), host)
+            WebServer(session, SUBJECT, host)
     with pytest.raises(OSError, match=r"cannot listen on 192\.0\.2\.1, port 0"):
-        WebServer(session, Subject(LABELS, least=0), "192.0.2.1", let_others_in=True)
+        WebServer(session, SUBJECT, "192.0.2.1", let_others_in=True)
     with pytest.raises(ValueError, match=r"0\.0\.0\.0 is no address to open"):
-        WebServer(session, Subject(LABELS, least=0), "0.0.0.0", let_others_in=True)
+        WebServer(session, SUBJECT, "0.0.0.0", let_others_in=True)
     with pytest.raises(ValueError, match="'no name' is no address of this machine"):
-        WebServer(session, Subject(LABELS, least=0), "no name")
+        WebServer(session, SUBJECT, "no name")
 
 
 def test_the_other_loopback_address(session: Session) -> None:
     with (
         suppress(OSError),
-        WebServer(session, Subject(LABELS, least=0), "::1") as server,
+        WebServer(session, SUBJECT, "::1") as server,
     ):  # where there is one
         visitor = Visitor(server.new_address())
         assert visitor.at.netloc == f"[::1]:{server.port}"
@@ -594,15 +598,15 @@ def test_a_port_in_use_is_said(session: Session, server: WebServer) -> None:
     with pytest.raises(
         OSError, match=f"cannot listen on 127.0.0.1, port {server.port}: Address already in use"
     ):
-        WebServer(session, Subject(LABELS, least=0), port=server.port)
+        WebServer(session, SUBJECT, port=server.port)
 
 
 def test_after_close_nothing_listens_and_the_session_goes_on(session: Session) -> None:
-    with WebServer(session, Subject(LABELS, least=0)) as server:
+    with WebServer(session, SUBJECT) as server:
         answer_all(Visitor(server.new_address()), VALUES, most=2)
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", server.port))
-    with WebServer(session, Subject(LABELS, least=0), port=server.port) as again:
+    with WebServer(session, SUBJECT, port=server.port) as again:
         visitor = Visitor(again.new_address())
         assert visitor.screen()["answered"] == 1
         assert visitor.cookie.split("=")[0] == f"elicit-{server.port}"
