@@ -80,7 +80,7 @@ class Facts:
 def per_hundred(share: float) -> str:
     """Return a share of the value range as a number in a hundred, rounded up to two digits.
 
-    It is rounded up so that it still bounds.
+    It is rounded up so that it still bounds. The least number above 0 is 0.001.
 
     Parameters
     ----------
@@ -95,6 +95,7 @@ def per_hundred(share: float) -> str:
     hundred = 100.0 * share
     if not hundred > 0:
         return "0 in 100"
+    hundred = max(hundred, 0.001)
     digits = max(0, 1 - math.floor(math.log10(hundred)))
     up = math.ceil(hundred * 10**digits - 1e-9) / 10**digits
     return f"{up:g} in 100"

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from elicit.person.course.conduct import choice_of
 from elicit.tutors.answer_log import Entry
 
-_FORMULA = ("=", "+", "-", "@", "\t", "\r")  # with which a spreadsheet begins a formula
+_FORMULA = ("=", "+", "-", "@", "\t")  # with which a spreadsheet begins a formula
 
 
 class ShowsCounts(Protocol):
@@ -84,6 +84,7 @@ def answer_row(number: int, entry: Entry, shown: ShowsCounts, sentence: str) -> 
 
 
 def _cell(value: Any) -> Any:
-    if isinstance(value, str) and value.startswith(_FORMULA):
-        return f"'{value}"
+    if isinstance(value, str):
+        value = value.replace("\r", " ")  # which ends a line where it is read
+        return f"'{value}" if value.startswith(_FORMULA) else value
     return "" if value is None else value

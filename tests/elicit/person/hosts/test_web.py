@@ -371,7 +371,7 @@ def test_a_message_is_json_and_short(server: WebServer, visitor: Visitor) -> Non
     for message in (*bad, *worse, '{"do": "answer", "id": "x"}'):
         assert visitor.post(message)[0] == 400, message
     for id in ("x" * 9000, "\ud800", "\x00", "../../x"):
-        assert "not open any more" in visitor.screen("answer", id=id, choice="a")["note"]
+        assert "no longer open" in visitor.screen("answer", id=id, choice="a")["note"]
         assert visitor.post({"do": "outlook", "id": id})[0] == 200
     assert visitor.screen()["answered"] == 0
 
@@ -516,7 +516,7 @@ def test_two_browsers_on_one_question(session: Session, host: WebServer) -> None
     assert other.screen()["question"] == question
     after = one.screen("answer", id=question["id"], choice="a")
     told = other.screen("answer", id=question["id"], choice="b")
-    assert "answered already, perhaps in another window" in told["note"]
+    assert "already answered, perhaps in another window" in told["note"]
     assert told["question"] == after["question"]
     assert other.screen("answer", id=question["id"], choice="a")["note"] is None
     assert len(session.log) == 1
@@ -536,7 +536,7 @@ def test_answers_out_of_order_change_nothing(session: Session, person: Visitor) 
         reply = person.screen("answer", id=id, choice="cannot tell")
         assert reply["note"]
         assert reply["question"] == screen["question"]
-    assert "not the last answer" in person.screen("undo", id=ids[0])["note"]
+    assert "no longer the last answer" in person.screen("undo", id=ids[0])["note"]
     assert [entry.answer for entry in session.log] == before
 
 
