@@ -610,7 +610,7 @@ class Interview(Closing):
         return {
             "id": again.answer.query.id,
             "heading": "You answered this question differently before",
-            "text": "This happens to most people. Which do you mean?",
+            "text": "That can happen. Which do you mean?",
             "answers": [
                 self._as_shown(first, "Before"),
                 self._as_shown(again, "Now"),
@@ -631,7 +631,7 @@ class Interview(Closing):
             choices = [{"choice": f"withdraw:{among[0].answer.query.id}", "label": "Take it back"}]
         elif len(among) == 2:
             heading = "These two answers contradict each other"
-            text = "This happens to most people. Which one do you mean now?"
+            text = "That can happen. Which one do you mean now?"
             ids = [entry.answer.query.id for entry in among]
             choices = [
                 {"choice": f"withdraw:{other}", "label": f"Keep answer {numbers[one]}"}
@@ -639,7 +639,7 @@ class Interview(Closing):
             ]
         else:
             heading = f"These {len(among)} answers contradict each other"
-            text = "This happens to most people. Withdrawing any one of them fixes it."
+            text = "That can happen. Withdrawing any one of them fixes it."
             choices = [
                 {
                     "choice": f"withdraw:{entry.answer.query.id}",
@@ -683,7 +683,7 @@ class Interview(Closing):
         if choice == "later":
             among = next(found for found in self._conflicts_found() if last in found)
             self._passed.add(frozenset(entry.answer.query.id for entry in among))
-            return self._screen("Both answers are kept. You find them under “Your answers”.")
+            return self._screen("Nothing was changed. You find this under “Your answers”.")
         if last.repeat:
             first = standing[last.metadata[REPEATS]]
             if choice == "first" and not self._session.makes_askers:
@@ -892,7 +892,7 @@ class Interview(Closing):
         over = session.question() is None
         left = not over or (bool(subject.least) and self._level_question() is not None)
         caution = conduct.caution(at_end=True) if subject.least else None
-        headline, after = found.headline, found.next
+        headline, after, said = found.headline, found.next, [*found.statements]
         start = self._at_start() if found.headline else None
         if not conduct.with_verdict and start is not None and not start.finished:
             headline = (
@@ -900,6 +900,8 @@ class Interview(Closing):
             )
         elif found.headline and caution is not None:
             headline = "Do not rely on this result."
+            after = "Take back what you do not mean, or answer more questions."
+            said.append(f"If every answer is meant as it was given: {found.headline}")
         scale = (
             []
             if known is None
@@ -919,7 +921,7 @@ class Interview(Closing):
             "scale": scale,
             "certainty": None if known is None else certainty(known),
             "statements": [
-                *map(printable, found.statements),
+                *map(printable, said),
                 *map(printable, subject.report(session.result())),
             ],
             "changes": None if found.changes is None else asdict(found.changes),

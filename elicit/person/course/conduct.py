@@ -26,7 +26,7 @@ _UNSURE = 12  # answers "cannot tell" in a row after which the questions are sai
 _EQUAL = 10  # answers "equally good" in a row
 _SIDE = 12  # choices of one side in a row: by chance 1 in 2,048, for sides are shuffled
 _FEW = 3  # answers of one kind that are worth a remark at the end
-_SIDE_AT_END = 6
+_SIDE_AT_END = 8
 _DIFFERED = 2  # checks answered otherwise that are worth a remark
 _CHANCE = 0.4  # share of them, of which half is expected of answers by chance
 

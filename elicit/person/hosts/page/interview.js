@@ -330,8 +330,9 @@ export function mount(root, send, options = {}) {
       const heading = part("h2", "", {}, [asked.sides[i]]);
       const rows = part("ul", "rows", {}, asked.rows.map((row) => level(asked, row, row[side], most)));
       const [key, shortcut] = i ? ["→", "ArrowRight B"] : ["←", "ArrowLeft A"];
-      const card = part("section", "card", { "aria-label": asked.sides[i] }, [heading, rows]);
-      if (chosen === null) {
+      const live = chosen === null;
+      const card = part(live ? "section" : "div", "card", live ? { "aria-label": asked.sides[i] } : {}, [heading, rows]);
+      if (live) {
         const pick = button("pick", words, () => answer(side, words), key, shortcut);
         pick.dataset.choice = side;
         card.append(pick); // its ::after covers the card, so that the whole card is the button
@@ -340,7 +341,7 @@ export function mount(root, send, options = {}) {
         card.classList.add("chosen");
         heading.append(part("span", "tag", {}, ["You chose this"]));
       }
-      card.style.gridRow = `span ${asked.rows.length + (chosen === null ? 2 : 1)}`; // aligns the rows of both sides
+      card.style.gridRow = `span ${asked.rows.length + (live ? 2 : 1)}`; // aligns the rows of both sides
       rows.style.gridRow = `span ${Math.max(1, asked.rows.length)}`;
       pair.append(card);
     }

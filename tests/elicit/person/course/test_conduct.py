@@ -52,7 +52,7 @@ def test_a_long_run_of_one_answer_is_said(choice: str, fewer: int, more: int, sa
 
 
 def test_at_the_end_a_few_answers_are_enough_if_there_are_no_others() -> None:
-    for choice, n in (("cannot tell", 3), ("equal", 3), ("a", 6)):
+    for choice, n in (("cannot tell", 3), ("equal", 3), ("a", 8)):
         alike, mixed = conduct(log_of(*[choice] * n)), conduct(log_of("b", *[choice] * n))
         assert alike.caution() is None
         assert alike.caution(at_end=True) is not None

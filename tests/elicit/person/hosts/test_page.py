@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from elicit import AnswerLog, Verdict, Words
+from elicit.person.course.conclusion import Conclusion, Table
 from tests.browser_cases import LABELS, QUESTIONS, Listed, bags, browser, executable, served
 
 WIDE = {"width": 1100, "height": 760}
@@ -540,3 +541,150 @@ def test_an_answer_against_the_order_of_the_levels_stands_alone(windows: Windows
         )
         page.locator(".conflict").get_by_role("button").click()
         at(page, "Question 1")
+
+
+DARK = {"color_scheme": "dark"}
+
+
+def stage(page: Any, wanted: str) -> None:
+    """Wait until this stage is drawn and takes answers."""
+    page.wait_for_selector(f".sheet[data-stage={wanted}]:not([aria-busy]) .body button:enabled")
+
+
+@pytest.mark.parametrize(
+    ("size", "how"),
+    [
+        pytest.param(WIDE, {}, id="wide", marks=pytest.mark.slow),
+        pytest.param(WIDE, DARK, id="dark"),
+        pytest.param(NARROW, DARK, id="narrow", marks=pytest.mark.slow),
+    ],
+)
+def test_a_conflict_an_offer_and_an_early_end_are_open_to_everybody_and_fit(
+    windows: Windows, size: dict[str, int], how: dict[str, str]
+) -> None:
+    def check() -> None:
+        violated(page)
+        fits(page)
+
+    with served(windows.log, QUESTIONS[:2] + QUESTIONS[3:], least=5) as server:
+        page = windows.open(server, size, **how)
+        check()
+        practise(page)
+        click(page, "b" if truthfully(page) == "a" else "a")  # worse than 4 in 10
+        stage(page, "question")
+        page.wait_for_selector("h1:has-text('Question 2')", state="attached")
+        click(page, truthfully(page))
+        page.wait_for_selector("h1:has-text('Question 3')", state="attached")
+        name(page, "What the levels mean").count()
+        for _ in range(3):
+            at(page, page.inner_text(".place b"))
+            click(page, "cannot tell")
+            page.wait_for_timeout(400)
+        stage(page, "offer")
+        check()
+        name(page, "Finish now and show the result").click()
+        stage(page, "end")
+        check()
+        name(page, "Ask me more").click()
+        stage(page, "question")
+        name(page, "Finish now").click()
+        stage(page, "end")
+        with page.expect_download() as kept:
+            page.get_by_role("button", name="Scale as CSV").click()
+        assert "moderate" in Path(kept.value.path()).read_text()
+
+
+def contradicts(page: Any) -> None:
+    """Say that moderate is worse than 4 in 10, and then that it is better than 6 in 10."""
+    for _ in range(2):
+        rows = " ".join(page.locator(".card").first.inner_text().split())
+        moderate_is_a = "10 moderate" in rows
+        worse = "4 recovered" in page.inner_text(".pair").replace("\n", " ")
+        click(page, "a" if moderate_is_a != worse else "b")
+        page.wait_for_timeout(500)
+
+
+@pytest.mark.parametrize("size", [WIDE, pytest.param(NARROW, marks=pytest.mark.slow)])
+def test_a_contradiction_is_brought_up_at_once_and_mended_with_one_tap(
+    windows: Windows, size: dict[str, int]
+) -> None:
+    with served(windows.log, QUESTIONS[:2], least=1) as server:
+        page = windows.open(server, size, **DARK)
+        practise(page)
+        contradicts(page)
+        stage(page, "conflict")
+        assert page.inner_text("h1") == "These two answers contradict each other"
+        assert page.locator(".panel .card.chosen").count() == 2
+        assert "1 in conflict" in page.inner_text(".nav")
+        violated(page)
+        fits(page)
+        page.reload()
+        stage(page, "conflict")
+        page.locator("[data-keep]").nth(1).click()
+        page.wait_for_selector(".sheet:not([data-stage=conflict])")
+        assert "conflict" not in page.inner_text(".nav")
+    assert [(id, stands) for id, _, stands in windows.entries()][:2] == [
+        ("q0", False),
+        ("q1", True),
+    ]
+
+
+def test_the_whole_card_answers(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        page.locator(".card").nth(1).click(position={"x": 30, "y": 60})
+        at(page, "Question 2")
+    assert len(windows.entries()) == 1
+
+
+def test_single_letters_can_be_switched_off_and_stay_off(windows: Windows) -> None:
+    with served(windows.log) as server:
+        page = windows.open(server)
+        practise(page)
+        name(page, "Letter keys: on").click()
+        assert page.evaluate("document.activeElement.textContent") == "Letter keys: off"
+        for key in ("a", "b", "?", "u"):
+            page.keyboard.press(key)
+        page.reload()
+        at(page, "Question 1")
+        page.keyboard.press("a")
+        page.wait_for_timeout(400)
+        at(page, "Question 1")
+        page.keyboard.press("ArrowLeft")
+        at(page, "Question 2")
+
+
+def test_a_name_and_a_budget_are_sent_with_the_start(windows: Windows) -> None:
+    words = Words("patients", levels=("Gone", "", "Well <again>"), duration="Each for a year.")
+    with served(windows.log, words=words, least=1) as server:
+        page = windows.open(server)
+        at(page, "Welcome")
+        assert "Well <again>" in page.inner_text(".legend")
+        assert "Each for a year." in page.inner_text(".panel")
+        page.fill("#elicit-who", "Ann")
+        page.get_by_label("8 questions").check()
+        start(page)
+        click(page, "a")
+        at(page, "Question 1")
+        click(page, "a")
+        page.wait_for_timeout(400)
+    assert AnswerLog.read(windows.log)[0].metadata["who"] == "Ann"
+
+
+def test_a_long_table_of_changes_is_folded_and_filtered(windows: Windows) -> None:
+    rows = tuple((f"state {i}", "old", f"new {i % 7}") for i in range(40))
+    table = Table("In 40 of 99 states your answers change the plan", ("State", "A", "B"), rows)
+    concluded = Conclusion(headline="Your plan is settled.", changes=table, settled=True)
+    with served(windows.log, QUESTIONS[:1], conclude=lambda *_: concluded) as server:
+        page = windows.open(server)
+        practise(page)
+        click(page, truthfully(page))
+        at(page, "Result")
+        assert page.inner_text("h1") == "Your plan is settled."
+        assert not page.is_visible(".changes")
+        page.click("text=Show the 40 states")
+        page.fill("#elicit-filter", "new 3")
+        assert page.inner_text(".filter p") == "6 of 40 shown"
+        assert page.locator(".changes tbody tr:visible").count() == 6
+        violated(page)

@@ -523,7 +523,7 @@ def test_two_browsers_on_one_question(session: Session, host: WebServer) -> None
     taken = other.screen("undo", id=question["id"])
     assert (taken["answered"], taken["question"]) == (0, question)
     assert one.screen("answer", id=after["question"]["id"], choice="a")["note"].startswith(
-        "That question is not open"
+        "That question is no longer open"
     )
     assert [entry.retracted for entry in session.log] == [True]
 
