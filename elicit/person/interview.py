@@ -115,7 +115,7 @@ from elicit.person.background import Background
 from elicit.person.course.conclusion import Conclusion, Facts, in_unit
 from elicit.person.course.conduct import ORDER, Conduct, choice_of, differs
 from elicit.person.course.files import answer_row, as_csv, as_json
-from elicit.person.course.further import level_question, order_question
+from elicit.person.course.further import known_question, level_question, order_question
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
@@ -496,13 +496,15 @@ class Interview(Closing):
         """Return the question to put when the asker has none, or None at the end."""
         conduct, start = Conduct.of([*self._session.log]), self._at_start()
         needed = start is not None and not start.finished
-        if self._more or (needed and conduct.with_verdict < self._subject.least):
-            found = self._level_question()
-            if found is not None:
-                return found
+        few = needed and conduct.with_verdict < self._subject.least
+        if (self._more or few) and (found := self._level_question(few)) is not None:
+            return found
         return self._session.confirming() if needed or self._more else None
 
-    def _level_question(self) -> Query | None:
+    def _level_question(self, known: bool = False) -> Query | None:
+        """Return a question about a level that is open; else, with ``known``, one whose answer
+        follows from others.
+        """
         asker = self._session.current_asker()
         if not isinstance(asker, Compares):
             return None
@@ -512,7 +514,10 @@ class Interview(Closing):
             return bool(said) and bool(same_pairs(tail_sums(query.d), np.array(said)).any())
 
         asked = asked_levels(self._session.log)
-        return level_question(asker.comparator, self._subject.of, answered, asked)
+        found = level_question(asker.comparator, self._subject.of, answered, asked)
+        if found is None and known:
+            return known_question(asker.comparator, self._subject.of, answered)
+        return found
 
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
         """Return what the person is offered before the next question, or None."""

@@ -17,6 +17,7 @@ from elicit.model.scale import Floats
 from elicit.person.course.conduct import ORDER
 
 _NARROW = 0.02  # width of an interval, from 0 (worst) to 1 (best), that is not worth a question
+_APART = 0.05  # difference, of the same scale, that a question about what is known has at least
 _GRID = 1e-6  # on which widths are compared, so that no rounding decides
 
 
@@ -68,6 +69,39 @@ def level_question(
     return None
 
 
+def known_question(
+    comparator: Comparator, of: int, answered: Callable[[Query], bool]
+) -> Query | None:
+    """Return a question whose answer follows from earlier ones, to see whether it is given.
+
+    It compares a level with the nearest mixture of best and worst that is certainly not as good.
+
+    Parameters
+    ----------
+    comparator : Comparator
+    of : int
+        Number of outcomes on either side.
+    answered : callable
+        Returns whether a query's difference was answered before.
+
+    Returns
+    -------
+    Query or None
+    """
+    counts = np.arange(1, of)
+    found: list[tuple[int, int, int]] = []
+    for level in range(1, comparator.k - 1):
+        least, most = bounds_of(comparator, _differences(comparator.k, level, _Pair(0, -1), of))
+        apart = np.rint(np.maximum(least, -most) / _GRID)  # above 0 where the answer is known
+        known = np.flatnonzero(apart * _GRID >= _APART)
+        found += [(int(apart[row]), level, int(counts[row])) for row in known]
+    for _, level, count in sorted(found):
+        query = _query(comparator.k, level, _Pair(0, comparator.k - 1), count, of)
+        if not answered(query):
+            return query
+    return None
+
+
 def value_bounds(comparator: Comparator) -> tuple[Floats, Floats]:
     """Return bounds (k,) on each level's value, from 0 for the worst to 1 for the best."""
     ends = np.eye(comparator.k) - np.eye(comparator.k)[0]
@@ -95,23 +129,30 @@ def order_question(k: int, level: int) -> Query:
 def _about(comparator: Comparator, level: int, pair: _Pair, of: int) -> Iterator[Query]:
     """Return the questions about a level whose answer is open, the most open first."""
     for total in dict.fromkeys((of, 10 * of)):
-        counts = np.arange(1, total)
-        d = np.zeros((len(counts), comparator.k))
-        d[:, level] = 1.0
-        d[:, pair.high] -= counts / total
-        d[:, pair.low] -= 1.0 - counts / total
-        least, most = bounds_of(comparator, d)
-        open_still = np.minimum(-least, most)
-        found = False
-        width = np.rint(open_still / _GRID)
-        for row in np.argsort(-width, kind="stable"):
-            if open_still[row] <= _GRID:
-                break
-            found = True
-            mixture = np.zeros(comparator.k)
-            mixture[pair.high] = counts[row] / total
-            mixture[pair.low] = (total - counts[row]) / total
-            name = f"level/{level}/{pair.low}-{pair.high}/{counts[row]} of {total}"
-            yield Query(name, np.eye(comparator.k)[level], mixture)
-        if found:
+        least, most = bounds_of(comparator, _differences(comparator.k, level, pair, total))
+        width = np.rint(np.minimum(-least, most) / _GRID)
+        open_still = [row for row in np.argsort(-width, kind="stable").tolist() if width[row] > 1]
+        for row in open_still:
+            yield _query(comparator.k, level, pair, row + 1, total)
+        if open_still:
             return
+
+
+def _differences(k: int, level: int, pair: _Pair, total: int) -> Floats:
+    """Return the differences (total - 1, k) of a level and the mixtures with 1, 2, ... outcomes of
+    the higher level.
+    """
+    shares = np.arange(1, total) / total
+    d = np.zeros((len(shares), k))
+    d[:, level] = 1.0
+    d[:, pair.high] -= shares
+    d[:, pair.low] -= 1.0 - shares
+    return d
+
+
+def _query(k: int, level: int, pair: _Pair, count: int, total: int) -> Query:
+    mixture = np.zeros(k)
+    mixture[pair.high] = count / total
+    mixture[pair.low] = (total - count) / total
+    name = f"level/{level}/{pair.low}-{pair.high}/{count} of {total}"
+    return Query(name, np.eye(k)[level], mixture)

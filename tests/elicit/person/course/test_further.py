@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 
 from elicit import Answer, Answers, PolytopeComparator, PosteriorComparator, Query, Verdict
 from elicit.model.comparator import bounds_of
-from elicit.person.course.further import level_question, order_question, value_bounds
+from elicit.person.course.further import (
+    known_question,
+    level_question,
+    order_question,
+    value_bounds,
+)
 from elicit.person.showing import show
 
 
@@ -66,6 +71,24 @@ def test_it_ends_where_everything_is_known_or_nothing_can_be() -> None:
     knows = PolytopeComparator(3, tie=0.0)
     equal = Answer(Query("q", [0, 1, 0], [0.5, 0, 0.5]), Verdict.EQUAL)
     assert level_question(knows.update(Answers.of([equal], 3)), 10, never) is None
+
+
+def test_a_known_question_has_one_answer_and_is_not_too_easy() -> None:
+    knows, seen = PolytopeComparator(4), set[str]()
+    assert known_question(knows, 10, never) is None  # nothing is known yet
+    for level, n in ((1, 3), (2, 6)):
+        mixture = np.array([10 - n, 0, 0, n]) / 10
+        equal = Answer(Query(f"{level}", np.eye(4)[level], mixture), Verdict.EQUAL)
+        knows = knows.update(Answers.of([equal], 4))
+    apart = []
+    while query := known_question(knows, 10, lambda query: query.id in seen):
+        seen.add(query.id)
+        (least,), (most,) = bounds_of(knows, query.d[None, :])
+        assert least > 0 or most < 0
+        apart.append(max(least, -most))
+    assert np.round(apart, 6).tolist() == sorted(np.round(apart, 6).tolist())
+    assert apart[0] >= 0.05
+    assert len(apart) == 16
 
 
 def test_a_posterior_is_asked_as_well() -> None:
