@@ -119,6 +119,7 @@ from elicit.person.course.further import known_question, level_question, order_q
 from elicit.person.findings import asked_levels, certainty, scale_rows
 from elicit.person.look_ahead import LookAhead
 from elicit.person.outlook import Outlook
+from elicit.person.repeats import LEAST_CHECKS
 from elicit.person.report import report_page
 from elicit.person.session import Session
 from elicit.person.showing import (
@@ -136,7 +137,6 @@ _MORE_AFTER_CAUTION = 10  # answers until a caution that the person passed over 
 _BUDGETS = ((8, "about 3 minutes"), (15, "about 5 minutes"), (30, "about 10 minutes"))
 _ORDER_AFTER = 4  # answers before the question about the order of two levels
 _LONGEST_NAME = 80
-_NO_CONFLICT: tuple[Entry, ...] = ()
 
 
 def _no_more(_: Any) -> list[str]:
@@ -251,6 +251,7 @@ class Interview(Closing):
         self._beside: _Beside | None = None
         self._since: list[Verdict | None] = []  # verdicts since then
         self._start: _Start | None = None  # computed when it is first needed
+        self._needed = (0, 0)  # answers and checks that must still come after this question
         self._stopped = False  # the person wants the result now
         self._more = False  # the person wants more questions than needed
         self._other = False  # the person wants another kind of question
@@ -366,6 +367,7 @@ class Interview(Closing):
             session.shown(shown_now.id, shown_now.swapped, shown=shown_now.record())
             self._put = shown_now.id
         self.shown = shown_now
+        self._needed = self._still_needed(conduct)
         self._compute_beside(shown_now)
         return {
             **screen,
@@ -519,6 +521,13 @@ class Interview(Closing):
             return known_question(asker.comparator, self._subject.of, answered)
         return found
 
+    def _still_needed(self, conduct: Conduct) -> tuple[int, int]:
+        """Return how many answers, and checks besides, must come after this question."""
+        if not self._subject.least:
+            return 0, 0
+        checks = max(0, LEAST_CHECKS - conduct.checks) if self._session.audits else 0
+        return max(0, self._subject.least - conduct.with_verdict - 1), checks
+
     def _offer(self, conduct: Conduct) -> dict[str, Any] | None:
         """Return what the person is offered before the next question, or None."""
         n = conduct.answered
@@ -591,7 +600,7 @@ class Interview(Closing):
             if first is None or not differs(last) or self._is_passed((first, last)):
                 return None
             return self._repeat_conflict(first, last)
-        among = next((found for found in self._conflicts_found() if last in found), _NO_CONFLICT)
+        among = self._session.contradiction()
         if not among or self._is_passed(among):
             return None
         return self._contradiction(among)
@@ -686,7 +695,7 @@ class Interview(Closing):
         last = standing[id]
         self._forget()
         if choice == "later":
-            among = next(found for found in self._conflicts_found() if last in found)
+            among = self._session.contradiction()
             self._passed.add(frozenset(entry.answer.query.id for entry in among))
             return self._screen("Nothing was changed. You find this under “Your answers”.")
         if last.repeat:
@@ -702,7 +711,7 @@ class Interview(Closing):
             }[choice]
             self._session.settle(id, meant)
             return self._screen("Thank you. That is what counts from now on.")
-        among = next(found for found in self._conflicts_found() if last in found)
+        among = self._session.contradiction()
         if not self._session.makes_askers:
             self._passed.add(frozenset(entry.answer.query.id for entry in among))
             return self._screen("This program cannot take answers back.")
@@ -788,7 +797,12 @@ class Interview(Closing):
         if outlook is None:
             return {"id": id, "why": [], "to_come": None, "ready": True}
         ready = outlook.ready  # read first: whatever is there by then stays
-        to_come = None if outlook.to_come is None else [*outlook.to_come]
+        answers, checks = self._needed
+        to_come = (
+            None
+            if outlook.to_come is None
+            else [max(answers, number) + checks for number in outlook.to_come]
+        )
         return {"id": id, "why": [*outlook.why], "to_come": to_come, "ready": ready}
 
     def _numbers(self) -> dict[str, int]:

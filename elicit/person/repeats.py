@@ -11,7 +11,8 @@ from elicit.tutors.answer_log import REPEATS, AnswerLog
 
 _AGAIN = " again"  # suffix of the id of a query that is put again
 _EVERY = 4  # answers for each check, where the interview wants some
-_LEAST = 4  # checks before the end; who answers by chance passes so many in 1 of 16 cases
+LEAST_CHECKS = 4
+"""Checks before the end. Who answers by chance passes so many in 1 of 16 cases."""
 _TIMES = 3  # more checks answered alike than otherwise, at least, before the end
 
 
@@ -48,7 +49,7 @@ class Repeats:
         log = [*self._log]
         conduct, again = Conduct.of(log), repeats_in(log)
         agreed = conduct.checks - conduct.differed
-        if conduct.checks >= _LEAST and agreed > _TIMES * conduct.differed:
+        if conduct.checks >= LEAST_CHECKS and agreed > _TIMES * conduct.differed:
             return None
         if conduct.like_chance or conduct.differed > 2:
             return None

@@ -113,6 +113,8 @@ class Session(Closing):
         """
         self.further: Callable[[], Query | None] | None = None
         """Chooses a question once the asker has none, for a session that makes its askers."""
+        # a comparator that takes all for true, what it was offered, and the answers that it took
+        self._consistent: tuple[PolytopeComparator, list[Any], list[Entry]] | None = None
         self.audits = audit is None or audit > 0
         """False if the session was told to put no question again."""
         self.seed = seed_of(seed)
@@ -391,6 +393,37 @@ class Session(Closing):
                 found.append(tuple(rest[row] for row in rows))
                 rest = [entry for row, entry in enumerate(rest) if row not in rows]
         return tuple(found)
+
+    def contradiction(self) -> tuple[Entry, ...]:
+        """Return a set of answers that contradict each other, with the last one among them.
+
+        It is empty if the last answer contradicts none, whether the comparator errs or not. One
+        more answer takes far less time than all ``conflicts``."""
+        rest = [entry for entry in self._log if counts(entry) and entry.answer.verdict is not None]
+        standing = [entry for entry in self._log if not entry.retracted]
+        if not rest or rest[-1] is not standing[-1]:
+            return ()
+        *earlier, last = rest
+        said = [(entry.answer.query.id, entry.answer.verdict) for entry in rest]
+        if self._consistent is not None and self._consistent[1] == said[:-1]:
+            comparator, _, kept = self._consistent
+        else:
+            comparator, kept = self._reliable(len(last.answer.query.left)), []
+            for entry in earlier:
+                try:
+                    comparator = comparator.update(Answers.of([entry.answer], comparator.k))
+                    kept = [*kept, entry]
+                except InconsistentAnswers:
+                    pass  # brought up when it was the last one
+        among: tuple[Entry, ...] = ()
+        try:
+            comparator = comparator.update(Answers.of([last.answer], comparator.k))
+            kept = [*kept, last]
+        except InconsistentAnswers as error:
+            told = [*kept, last]
+            among = tuple(told[row] for row in sorted({row for row, _ in error.answers}))
+        self._consistent = comparator, said, kept
+        return among
 
     def status(self) -> SessionStatus:
         """Return where the session stands. Computing it may take a second, for it looks for the

@@ -37,7 +37,7 @@ def add_to(commands: Any) -> None:
         "question, and says at the end what was learned. Leave at any moment, and start the same "
         "command to go on. "
         "Answers are lines of standard input: a, b, e (equal), ? (cannot tell), u (undo), w (why), "
-        "q (quit).",
+        "f (finish now), q (quit).",
     )
     command.set_defaults(command=run)
     command.add_argument(
@@ -49,7 +49,8 @@ def add_to(commands: Any) -> None:
         "tuple, perhaps with "
         "elicit.Words for its questions; a CSV lists alternatives to choose from: its header names "
         "the levels, "
-        "worst first, after a first column with the alternatives' names [%(default)s]",
+        "worst first, after a first column with the alternatives' names, and FILE.words.json says "
+        "what its counts stand for [%(default)s]",
     )
     command.add_argument(
         "--comparator",
@@ -98,8 +99,7 @@ def add_to(commands: Any) -> None:
         default=_AUDIT,
         metavar="X",
         help="in front of this share of the questions an earlier one is put again, to see whether "
-        "the answers agree; "
-        "nothing is learned from it [%(default)s]",
+        "the answers agree, and more where too few were; 0: none [%(default)s]",
     )
     page = command.add_argument_group(
         "in the browser", "The answers stay on this machine, and only it is listened to."
